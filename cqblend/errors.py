@@ -1,0 +1,49 @@
+"""Everything cqblend raises.
+
+One root, :class:`CqblendError`. Each error also subclasses the builtin a caller would expect, so ``except ValueError`` keeps
+working. Messages name the thing (edge 14, face 3), the number and the way out.
+"""
+
+
+class CqblendError(Exception):
+    """Root of all errors that cqblend raises."""
+
+
+class InputError(CqblendError, ValueError):
+    """An argument is of the wrong type, not a number, out of range, or contradicts another one."""
+
+
+class SelectionError(CqblendError, ValueError):
+    """An edge or face cannot be used: foreign to the solid, a seam, degenerate, smooth already, or not on two faces."""
+
+
+class SizeError(CqblendError, ValueError):
+    """The asked radius or width does not fit; the message says the largest that does, where that is known."""
+
+
+class DegreeError(CqblendError, ValueError):
+    """The exact result has a degree that OCCT cannot hold (more than 25)."""
+
+
+class GeometryError(CqblendError, ArithmeticError):
+    """The geometry is singular or a solver did not converge; the message names the parameter."""
+
+
+class TopologyError(CqblendError, RuntimeError):
+    """The faces around the edge are arranged in a way the topology surgery cannot handle."""
+
+
+class VerificationError(CqblendError, RuntimeError):
+    """A result was computed but failed verification, and is withheld."""
+
+
+class UnsupportedError(CqblendError, NotImplementedError):
+    """The option exists in the interface but is not built yet."""
+
+
+class StepError(CqblendError, OSError):
+    """A STEP file is missing, damaged, empty, or could not be written."""
+
+
+class InstallationError(CqblendError, ImportError):
+    """The installation is broken; the message names the repair."""
