@@ -173,7 +173,8 @@ class TestSmoothEdges:
 
     @pytest.mark.parametrize("nurbs", [False, True])
     def test_seams_are_smooth(self, nurbs):
-        for workplane in (cq.Workplane().circle(4).extrude(9), cq.Workplane().sphere(4)):
+        # At a share d of the way from a NURBS pole, a normal is known to eps/d only; the nearest sample has d = 1e-5.
+        for workplane, limit in ((cq.Workplane().circle(4).extrude(9), 1e-12), (cq.Workplane().sphere(4), 2e-11)):
             shape = wrapped(workplane)
             if nurbs:
                 shape = BRepBuilderAPI_NurbsConvert(shape, True).Shape()
@@ -185,7 +186,7 @@ class TestSmoothEdges:
             assert len(seams) == 1
             measured = continuity(shape, seams[0])
             assert measured.kind == "smooth"
-            assert measured.angle < 1e-12
+            assert measured.angle < limit
             assert measured.gap < 1e-13
             assert measured.curvature_jump < 1e-7
             assert measured.samples >= 1000
