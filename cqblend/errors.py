@@ -1,7 +1,7 @@
 """Everything cqblend raises.
 
-One root, :class:`CqblendError`. Each error also subclasses the builtin a caller would expect, so ``except ValueError`` keeps
-working. Messages name the thing (edge 14, face 3), the number and the way out.
+One root, :class:`CqblendError`. Each error also subclasses the builtin a caller would expect, so ``except ValueError``
+keeps working. Messages name the thing (edge 14, face 3), the number and the way out.
 """
 
 
@@ -47,3 +47,9 @@ class StepError(CqblendError, OSError):
 
 class InstallationError(CqblendError, ImportError):
     """The installation is broken; the message names the repair."""
+
+
+def shown(value: object) -> str:
+    """Return a value as a message names it: in full if that is short, else by its type."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"a {type(value).__name__}"

@@ -1,0 +1,186 @@
+"""What a blend says about itself: the certificate.
+
+Holds frozen records of numbers that somebody else measured, and prints them. It exists so that the core, the front
+doors, the command line and the tests talk about exactness in the same words and units. It must not know how to measure
+anything, and nothing of OCP.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Form = Literal["exact", "compact"]
+
+
+@dataclass(frozen=True, slots=True)
+class RailRecord:
+    """How well a blend face meets one of its two neighbours, measured along the whole rail on the final faces.
+
+    Attributes
+    ----------
+    side : int
+        1 or 2; side 1 is the face given as ``first=``, else the one with the lower index.
+    face, edge : int
+        The neighbour and the blended edge: 1-based indices in the face map and the edge map of the *input* shape
+        (the order of ``TopExp::MapShapes``, which is that of ``shape.Faces()`` in CadQuery, from 1).
+    gap : float
+        Largest distance between blend and neighbour, mm.
+    angle : float
+        Largest angle between their normals, rad, as ``atan2(|n1 x n2|, n1 . n2)``.
+    curvature_jump : float
+        Largest jump of the normal curvature across the rail, 1/mm.
+    direction : float
+        Largest angle between the cross direction and the one asked for by ``tangents``, rad.
+    length : float
+        Largest deviation of the length of the cross derivative from what was asked, relative.
+    tolerance : float
+        Largest tolerance of an edge on the rail, mm.
+    """
+
+    side: int
+    face: int
+    edge: int
+    gap: float
+    angle: float
+    curvature_jump: float
+    direction: float
+    length: float
+    tolerance: float
+
+
+_COLUMNS = (
+    # attribute, title, unit
+    ("side", "side", ""),
+    ("face", "face", ""),
+    ("edge", "edge", ""),
+    ("gap", "gap", "mm"),
+    ("angle", "angle", "rad"),
+    ("curvature_jump", "curvature jump", "1/mm"),
+    ("direction", "direction", "rad"),
+    ("length", "length", "rel."),
+    ("tolerance", "tolerance", "mm"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """How exact a blend is: one record a rail, and what holds for the whole of it.
+
+    The properties ``gap``, ``angle``, ``curvature_jump``, ``direction``, ``length`` and ``tolerance`` are the largest
+    over all rails, in the units of `RailRecord`.
+
+    Attributes
+    ----------
+    rails : tuple of RailRecord
+        Two for each blended edge.
+    form : {"exact", "compact"}
+        ``exact``: rails and tangent planes are those of the neighbours, to rounding; ``compact``: a spline of least
+        degree within the asked tolerances.
+    degree : tuple of int
+        Along the rail and across, largest over the blend faces.
+    poles : tuple of int
+        Number of control points along the rail and across, largest over the blend faces.
+    rational : bool
+        Whether any blend face has weights.
+    inner_crease : float
+        Largest angle inside the blend, across a section where the neighbour is not smooth enough, rad.
+    method : str
+        How the blend came into the solid: ``"wire substitution"``, or the fallback by its name.
+    valid : bool
+        Whether the result passed verification.
+    width : tuple of float
+        Smallest and largest straight distance from rail to rail, mm.
+    stations : int
+        Points at which each rail was measured, least over the rails.
+
+    Examples
+    --------
+    >>> rail = RailRecord(1, 2, 7, gap=0.0, angle=1e-16, curvature_jump=0.4, direction=0.0, length=2e-9, tolerance=1e-7)
+    >>> print(Certificate((rail,), "exact", (1, 3), (2, 4), False, 0.0, "wire substitution", True, (3.5, 3.5), 1000))
+    valid blend, exact, degree 1 x 3, 2 x 4 poles, by wire substitution
+    width 3.5 mm, inner crease 0.0e+00 rad, 1000 stations a rail
+    side  face  edge      gap    angle  curvature jump  direction   length  tolerance
+                           mm      rad            1/mm        rad     rel.         mm
+       1     2     7  0.0e+00  1.0e-16         4.0e-01    0.0e+00  2.0e-09    1.0e-07
+    """
+
+    rails: tuple[RailRecord, ...]
+    form: Form
+    degree: tuple[int, int]
+    poles: tuple[int, int]
+    rational: bool
+    inner_crease: float
+    method: str
+    valid: bool
+    width: tuple[float, float]
+    stations: int
+
+    @property
+    def gap(self) -> float:
+        """Largest distance between blend and neighbour, mm."""
+        return max(rail.gap for rail in self.rails)
+
+    @property
+    def angle(self) -> float:
+        """Largest angle between the normals of blend and neighbour, rad."""
+        return max(rail.angle for rail in self.rails)
+
+    @property
+    def curvature_jump(self) -> float:
+        """Largest jump of the normal curvature across a rail, 1/mm."""
+        return max(rail.curvature_jump for rail in self.rails)
+
+    @property
+    def direction(self) -> float:
+        """Largest angle between the cross direction and the one asked for, rad."""
+        return max(rail.direction for rail in self.rails)
+
+    @property
+    def length(self) -> float:
+        """Largest deviation of the cross derivative's length from what was asked, relative."""
+        return max(rail.length for rail in self.rails)
+
+    @property
+    def tolerance(self) -> float:
+        """Largest tolerance of an edge on a rail, mm."""
+        return max(rail.tolerance for rail in self.rails)
+
+    @classmethod
+    def merge(cls, certificates: Sequence["Certificate"]) -> "Certificate":
+        """One certificate for several blends in one solid: all rails, and the worst of everything else."""
+        return cls(
+            rails=tuple(rail for one in certificates for rail in one.rails),
+            form="exact" if all(one.form == "exact" for one in certificates) else "compact",
+            degree=(max(one.degree[0] for one in certificates), max(one.degree[1] for one in certificates)),
+            poles=(max(one.poles[0] for one in certificates), max(one.poles[1] for one in certificates)),
+            rational=any(one.rational for one in certificates),
+            inner_crease=max(one.inner_crease for one in certificates),
+            method=", ".join(dict.fromkeys(one.method for one in certificates)),
+            valid=all(one.valid for one in certificates),
+            width=(min(one.width[0] for one in certificates), max(one.width[1] for one in certificates)),
+            stations=min(one.stations for one in certificates),
+        )
+
+    def __str__(self) -> str:
+        low, high = (f"{value:.4g}" for value in self.width)
+        state = "valid" if self.valid else "INVALID"
+        degree, poles = (f"{along} x {across}" for along, across in (self.degree, self.poles))
+        rational = ", rational" if self.rational else ""
+        width = low if low == high else f"{low} to {high}"
+        head = (
+            f"{state} blend, {self.form}, degree {degree}, {poles} poles{rational}, by {self.method}",
+            f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail",
+        )
+        return "\n".join((*head, *_table(self.rails)))
+
+
+def _table(rails: Sequence[RailRecord]) -> list[str]:
+    """Lines of the table of rails, numbers right-aligned under their title and unit."""
+    rows = [[title for _, title, _ in _COLUMNS], [unit for _, _, unit in _COLUMNS]]
+    rows += [[_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+
+
+def _cell(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.1e}"
