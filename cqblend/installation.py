@@ -1,0 +1,65 @@
+"""What can be wrong with the packages below cqblend, and how to repair it.
+
+Two distributions write the same folder ``OCP``: cadquery-ocp, which CadQuery needs, and cadquery-ocp-novtk, which
+build123d asks for. Whichever is installed last wins; if it is the one without VTK, ``import cadquery`` fails with a
+message that names neither. This module sees the clash from the files alone and says what to do. It must not import
+what it inspects, and must cost next to nothing: it runs at every ``import cqblend``.
+"""
+
+import sys
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+
+from cqblend.errors import InstallationError
+
+REPAIR = "pip install --force-reinstall --no-deps cadquery-ocp"
+
+
+def is_overwritten(packages: Path) -> bool:
+    """Whether the library in `packages` / OCP is another one than cadquery-ocp installed.
+
+    Compares the size of the binary with the one that cadquery-ocp put on record.
+    """
+    if not any(packages.glob("cadquery_ocp_novtk-*.dist-info")):
+        return False
+    for record in packages.glob("cadquery_ocp-*.dist-info/RECORD"):
+        for line in record.read_text(encoding="utf-8").splitlines():
+            name, _, size = line.rsplit(",", 2)
+            if name.startswith("OCP/OCP.") and size.isdigit():
+                binary = packages / name
+                return not binary.exists() or binary.stat().st_size != int(size)
+    return False
+
+
+class _NoCadQuery(MetaPathFinder):
+    """Fails the import of cadquery with the reason, where it would fail without one."""
+
+    def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
+        if fullname == "cadquery":
+            raise InstallationError(
+                "CadQuery cannot be imported: cadquery-ocp-novtk, which build123d asks for, was installed after "
+                f"cadquery-ocp and has overwritten it; repair it with: {REPAIR}"
+            )
+        return None
+
+
+def explain_clash() -> None:
+    """Let a later ``import cadquery`` say what is wrong, if cadquery-ocp has been overwritten."""
+    if "cadquery" in sys.modules:
+        return
+    spec = find_spec("OCP")
+    for folder in (spec and spec.submodule_search_locations) or ():
+        if is_overwritten(Path(folder).parent):
+            sys.meta_path.insert(0, _NoCadQuery())
+            return
+
+
+def explain_failure(error: ImportError) -> InstallationError:
+    """Say what repairs a failed import of OCP."""
+    if "shared object" in str(error):
+        way_out = "install the system library it names; on Debian and Ubuntu: apt-get install libgl1"
+    else:
+        way_out = f"repair it with: {REPAIR}"
+    return InstallationError(f"the OCCT binding OCP cannot be imported ({error}); {way_out}")

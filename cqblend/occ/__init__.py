@@ -1,0 +1,12 @@
+"""Everything that touches OCCT: the only part of cqblend that imports OCP.
+
+Conversion between OCCT's geometry and `cqblend.splines`, surgery on topology, measurement of finished shapes, and STEP.
+Below this line nothing knows OCCT; above it nothing needs to import it.
+"""
+
+try:
+    import OCP.Standard  # noqa: F401  (fails here, in one place, if the binding is missing or cannot be loaded)
+except ImportError as error:
+    from cqblend.installation import explain_failure
+
+    raise explain_failure(error) from error
