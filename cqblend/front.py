@@ -1,0 +1,225 @@
+"""The functions that cqblend offers to scripts.
+
+Thin: each takes shapes of the caller's library, checks the arguments, hands TopoDS and a `BlendRequest` to the core,
+and gives back shapes of the same library. Must not compute anything.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cqblend.certificate import Certificate
+from cqblend.edges import blend_shape
+from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
+from cqblend.occ import convert, measure, verification
+from cqblend.request import BlendRequest
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face
+
+    from cqblend.occ.measure import Continuity
+    from cqblend.occ.verification import Verification
+    from cqblend.splines.surface import Surface
+
+
+@dataclass(frozen=True, slots=True)
+class BlendResult:
+    """A blended shape, and what is known about it.
+
+    Attributes
+    ----------
+    shape : cadquery.Shape, build123d.Shape or TopoDS_Shape
+        The whole, in the library of the input.
+    faces : tuple of faces
+        The blend faces in it, in the order of the edges, in the library of the input.
+    certificate : Certificate
+        How exact the blend is. ``print`` it.
+    """
+
+    shape: Any
+    faces: tuple[Any, ...]
+    certificate: Certificate
+
+
+def blend_edges(
+    shape: Any,
+    edges: Any,
+    radius: float | None = None,
+    *,
+    width: float | tuple[float, float] | None = None,
+    continuity: str | None = None,
+    tangents: str = "perpendicular",
+    bulge: float = 1.0,
+    section: str = "hermite",
+    form: str = "auto",
+    tolerance: float = 1e-7,
+    angular_tolerance: float = 1e-5,
+    first: Any = None,
+) -> BlendResult:
+    """Replace sharp edges of a solid by blend faces that meet their neighbours with exact tangent continuity.
+
+    The result is verified before it is returned. The input is left as it was.
+
+    Parameters
+    ----------
+    shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
+        The solid, or a compound of solids.
+    edges : an edge, or an iterable of edges
+        Edges of that very shape. A Workplane with edges on its stack, a ShapeList and a compound of edges will do.
+    radius : float, optional
+        Of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or `width`.
+    width : float or pair of float, optional
+        Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair for side 1 and side 2.
+    continuity : {None, "G1"}
+        Order to which the blend meets its neighbours. None is G1.
+    tangents : {"perpendicular"}
+        Direction in which the blend leaves its neighbours: perpendicular to the rail.
+    bulge : float
+        Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller.
+    section : {"hermite"}
+        How the interior is filled: cubic Hermite across.
+    form : {"auto", "exact", "compact"}
+        ``"exact"``: exact rails and tangent planes; ``"compact"``: the spline of least degree within the tolerances;
+        ``"auto"``: exact where that has degree 7 at most, else compact.
+    tolerance, angular_tolerance : float
+        Of the compact form, in position (mm) and in angle (rad).
+    first : a face, optional
+        The face that counts as side 1; by default the one with the lower index in the shape.
+
+    Returns
+    -------
+    BlendResult
+        With shape and faces in the library of `shape`, and the certificate.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, out of range, or contradicts another one.
+    SelectionError
+        An edge is foreign to the shape, a seam, degenerate, smooth already, or not between two faces.
+    SizeError
+        The radius or the width does not fit.
+    DegreeError
+        ``form="exact"`` would need a degree above 25.
+    GeometryError, TopologyError, VerificationError
+        The blend cannot be computed, cannot be built into the shape, or failed verification.
+    UnsupportedError
+        The option is not built yet.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> box = cadquery.Solid.makeBox(30, 20, 10)
+    >>> result = cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), radius=2)
+    >>> result.certificate.valid, result.certificate.form
+    (True, 'exact')
+    >>> result.certificate.angle < 1e-10
+    True
+    """
+    request = BlendRequest.checked(
+        radius,
+        width=width,
+        continuity=continuity,
+        tangents=tangents,
+        bulge=bulge,
+        section=section,
+        form=form,
+        tolerance=tolerance,
+        angular_tolerance=angular_tolerance,
+        first=None if first is None else face_of(first, "first"),
+    )
+    native = native_shape(shape)
+    whole, faces, certificate = blend_shape(to_topods(native), edges_of(edges), request)
+    return BlendResult(
+        shape=wrapped_like(native, whole),
+        faces=tuple(wrapped_like(native, face) for face in faces),
+        certificate=certificate,
+    )
+
+
+def continuity(shape: Any, edge: Any) -> "Continuity":
+    """Measure how smoothly two faces of a shape meet along an edge. Any shape, not only a blended one.
+
+    Parameters
+    ----------
+    shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
+        A shape of any kind that contains the edge and its two faces.
+    edge : an edge
+        One edge of that very shape.
+
+    Returns
+    -------
+    Continuity
+        The largest gap (mm), angle (rad) and curvature jump (1/mm) along the edge.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, or several edges are given.
+    SelectionError
+        The edge is foreign to the shape, degenerate, or not between two faces.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> box = cadquery.Solid.makeBox(30, 20, 10)
+    >>> round(cqblend.continuity(box, box.Edges()[0]).angle, 6)
+    1.570796
+    """
+    return measure.continuity(to_topods(native_shape(shape)), edge_of(edge))
+
+
+def verify(shape: Any, faces: Any = None) -> "Verification":
+    """Check a solid harder than ``isValid`` does.
+
+    Exact BRepCheck, OCCT's own analysis of continuity around the faces, a cut and a common with a box that add up, and
+    a round trip through STEP.
+
+    Parameters
+    ----------
+    shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
+        The solid.
+    faces : a face or an iterable of faces, optional
+        The blend faces of it, as in ``BlendResult.faces``.
+
+    Returns
+    -------
+    Verification
+        ``ok``, and the figures.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> cqblend.verify(cadquery.Solid.makeBox(30, 20, 10)).ok
+    True
+    """
+    return verification.verify(to_topods(native_shape(shape)), None if faces is None else faces_of(faces))
+
+
+def to_surface(face: Any) -> "Surface":
+    """Return the surface of a face, cut to its parameter bounds, as a symbolic spline.
+
+    Parameters
+    ----------
+    face : cadquery.Face, build123d.Face or TopoDS_Face
+        A face on a surface of any type.
+
+    Raises
+    ------
+    InputError
+        It is not a face.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> cqblend.to_surface(cadquery.Solid.makeBox(30, 20, 10).Faces()[0]).degrees
+    (1, 1)
+    """
+    return convert.to_surface(face_of(face, "face"))
+
+
+def to_face(surface: "Surface") -> "TopoDS_Face":
+    """Return the face that covers the whole of a symbolic spline surface, as a TopoDS face.
+
+    Wrap it with ``cadquery.Face(...)`` or ``build123d.Face(...)``.
+    """
+    return convert.to_face(surface)

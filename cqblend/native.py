@@ -1,0 +1,149 @@
+"""In and out of the caller's own library.
+
+CadQuery, build123d and plain OCP shapes go in; what comes out belongs to the same library. The library is read off the
+classes of the objects themselves, so that none is ever imported here, and objects of modules that CQ-editor has thrown
+away are still understood. Must not know what is done with the shapes.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from cqblend.errors import InputError, shown
+from cqblend.occ.kinds import children, downcast, is_topods, kind
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+
+def native_shape(thing: Any) -> Any:
+    """Return the shape that is meant: the thing itself, or the solid of a Workplane.
+
+    Raises
+    ------
+    InputError
+        It is no shape, is null, or a Workplane without a solid.
+    """
+    if _is_workplane(thing):
+        try:
+            thing = thing.findSolid()
+        except ValueError as error:
+            raise InputError("shape is a Workplane with no solid on its stack or in its parents") from error
+    if _topods(thing) is None:
+        raise InputError(f"shape must be a CadQuery, build123d or TopoDS shape, not {_shown(thing)}")
+    return thing
+
+
+def to_topods(shape: Any) -> "TopoDS_Shape":
+    """Return the TopoDS shape of a shape that `native_shape` returned."""
+    topods = _topods(shape)
+    if topods is None:
+        raise InputError(f"a CadQuery, build123d or TopoDS shape is needed, not {_shown(shape)}")
+    return topods
+
+
+def edges_of(things: Any) -> "list[TopoDS_Edge]":
+    """Return the edges in an edge, a Workplane, a ShapeList, a compound, or nested iterables of those, once each.
+
+    Raises
+    ------
+    InputError
+        There is none, or something else among them.
+    """
+    edges: list[TopoDS_Edge] = []
+    for edge in _flattened(things):
+        if not any(edge.IsSame(other) for other in edges):
+            edges.append(edge)
+    if not edges:
+        raise InputError("edges is empty: select at least one edge")
+    return edges
+
+
+def face_of(thing: Any, name: str) -> "TopoDS_Face":
+    """Return the TopoDS face of a face; `name` is what the caller calls it."""
+    topods = _topods(thing)
+    if topods is None or kind(topods) != "face":
+        raise InputError(f"{name} must be a face, not {_shown(thing)}")
+    return topods
+
+
+def edge_of(thing: Any) -> "TopoDS_Edge":
+    """Return the TopoDS edge of one edge, or of a Workplane or an iterable with one edge."""
+    edges = edges_of(thing)
+    if len(edges) > 1:
+        raise InputError(f"edge must be one edge, not {len(edges)}")
+    return edges[0]
+
+
+def faces_of(things: Any) -> "list[TopoDS_Face]":
+    """Return the TopoDS faces of a face, a Workplane with faces on its stack, or an iterable of faces."""
+    if _topods(things) is not None:
+        return [face_of(things, "faces")]
+    if _is_workplane(things):
+        things = things.vals()
+    if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
+        raise InputError(f"faces must be faces, not {_shown(things)}")
+    return [face_of(thing, "faces") for thing in things]
+
+
+def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:
+    """Return a result as a shape of the library of `model`, a shape that `native_shape` returned.
+
+    The class follows from the kind of the result; but what comes of a build123d ``Part`` is a ``Part``. The whole of a
+    build123d shape keeps its label and its color.
+    """
+    if is_topods(model):
+        return downcast(result)
+    shape = type(model).cast(result)
+    if kind(result) in ("solid", "compsolid", "compound") and _library(model) == "build123d":
+        part = next((base for base in type(model).__mro__ if base.__name__ == "Part"), None)
+        if part is not None:
+            shape = part([shape]) if kind(result) == "solid" else part(downcast(result))
+        shape.label, shape.color = model.label, model.color
+    return shape
+
+
+def _flattened(things: Any) -> "Iterable[TopoDS_Edge]":
+    topods = _topods(things)
+    if topods is not None and kind(topods) == "edge":
+        yield topods
+        return
+    if topods is not None and kind(topods) == "compound":
+        things = children(topods)
+    elif _is_workplane(things):
+        things = things.vals()
+    elif topods is not None or isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
+        raise InputError(f"edges must be edges, not {_shown(things)}")
+    for thing in things:
+        yield from _flattened(thing)
+
+
+def _topods(thing: Any) -> "TopoDS_Shape | None":
+    """Return the TopoDS shape in a CadQuery, build123d or TopoDS shape, None if there is none."""
+    inner = _wrapped(thing) if _library(thing) else thing
+    return downcast(inner) if is_topods(inner) else None
+
+
+def _wrapped(thing: Any) -> Any:
+    """Return what a shape of a library wraps; build123d asserts that there is something."""
+    try:
+        return thing.wrapped
+    except (AttributeError, AssertionError):
+        return None
+
+
+def _library(thing: Any) -> str | None:
+    """Return which library the class of a thing, or a class it derives from, comes from."""
+    roots = {base.__module__.partition(".")[0] for base in type(thing).__mro__}
+    return next((name for name in ("cadquery", "build123d") if name in roots), None)
+
+
+def _is_workplane(thing: Any) -> bool:
+    return _library(thing) == "cadquery" and hasattr(thing, "findSolid")
+
+
+def _shown(thing: Any) -> str:
+    """Return a thing as an error message names it."""
+    topods = _topods(thing)
+    if topods is not None:
+        return f"a {kind(topods)}"
+    return shown(thing)

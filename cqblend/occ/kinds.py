@@ -1,0 +1,47 @@
+"""What kind of thing a TopoDS shape is, and its parts.
+
+Holds the few questions that every front door asks of a shape before anything is computed. OCP hands shapes out as plain
+``TopoDS_Shape``; `downcast` makes them what they are.
+"""
+
+from typing import Literal, TypeGuard, cast
+
+from OCP.TopoDS import TopoDS, TopoDS_Iterator, TopoDS_Shape
+
+Kind = Literal["compound", "compsolid", "solid", "shell", "face", "wire", "edge", "vertex"]
+
+_DOWNCAST = {
+    "compound": TopoDS.Compound_s,
+    "compsolid": TopoDS.CompSolid_s,
+    "solid": TopoDS.Solid_s,
+    "shell": TopoDS.Shell_s,
+    "face": TopoDS.Face_s,
+    "wire": TopoDS.Wire_s,
+    "edge": TopoDS.Edge_s,
+    "vertex": TopoDS.Vertex_s,
+}
+
+
+def is_topods(thing: object) -> TypeGuard[TopoDS_Shape]:
+    """Whether a thing is a TopoDS shape that is not null."""
+    return isinstance(thing, TopoDS_Shape) and not thing.IsNull()
+
+
+def kind(shape: TopoDS_Shape) -> Kind:
+    """Return the kind of a shape that is not null, as a word."""
+    return cast(Kind, shape.ShapeType().name.removeprefix("TopAbs_").lower())
+
+
+def downcast(shape: TopoDS_Shape) -> TopoDS_Shape:
+    """Return the same shape as an object of its own class."""
+    return _DOWNCAST[kind(shape)](shape)
+
+
+def children(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+    """Return the direct parts of a shape, each with the location and the orientation it has in there."""
+    parts = []
+    iterator = TopoDS_Iterator(shape)
+    while iterator.More():
+        parts.append(downcast(iterator.Value()))
+        iterator.Next()
+    return parts
