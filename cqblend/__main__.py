@@ -1,0 +1,188 @@
+"""The command line.
+
+Exists so that a STEP file can be blended and measured without a script. Holds the arguments, the exit codes and what is
+printed where: results on stdout, progress and errors on stderr. Starts fast: OCCT is loaded when there is work for it.
+"""
+
+import argparse
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from cqblend import __version__
+from cqblend.errors import CqblendError, InputError, StepError
+
+OK, FAILED, USAGE = 0, 1, 2
+
+Command = Callable[[argparse.Namespace], None]
+
+_EPILOG = f"""exit codes:
+  {OK}  done
+  {FAILED}  the shape could not be blended or measured; one line on stderr says why
+  {USAGE}  wrong usage, or a file that is missing, damaged or cannot be written
+"""
+
+_PATIENCE = 1.0
+"""Seconds after which a step announces itself."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; by default those of the process.
+    """
+    options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
+    try:
+        options.run(options)
+    except (StepError, InputError) as error:
+        return _failed(error, USAGE)
+    except CqblendError as error:
+        return _failed(error, FAILED)
+    return OK
+
+
+def _failed(error: CqblendError, code: int) -> int:
+    message = " ".join(str(error).split())
+    print(f"cqblend: error: {message}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="cqblend",
+        description="Exactly smooth blends on the edges of STEP solids.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"cqblend {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    blend = _command(commands, "blend", _blend, "blend edges of the solid in a STEP file and print the certificate")
+    blend.add_argument("input", type=Path, metavar="IN.step")
+    blend.add_argument("output", type=Path, metavar="OUT.step", help="replaced only when the new one is complete")
+    _add_near(blend, repeatable=True)
+    size = blend.add_mutually_exclusive_group(required=True)
+    size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
+    size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
+    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help="default: %(default)s")
+
+    continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
+    continuity.add_argument("input", type=Path, metavar="FILE.step")
+    _add_near(continuity, repeatable=False)
+
+    demo = _command(commands, "demo", _demo, "blend an edge, write the result as STEP and print the certificate")
+    demo.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: the working directory")
+    return parser
+
+
+def _command(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: Command, text: str
+) -> argparse.ArgumentParser:
+    parser = commands.add_parser(
+        name, help=text, description=text, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
+def _add_near(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
+    """Add ``--near``; seams, degenerate and smooth edges are never meant."""
+    parser.add_argument(
+        "--near",
+        type=_point,
+        metavar="X,Y,Z",
+        required=True,
+        action="append" if repeatable else "store",
+        help="the sharp edge nearest to this point, mm" + ("; may be repeated" if repeatable else ""),
+    )
+
+
+def _point(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected three numbers X,Y,Z, not {text!r}") from None
+    if not all(map(math.isfinite, (x, y, z))):
+        raise argparse.ArgumentTypeError(f"the numbers must be finite, not {text!r}")
+    return x, y, z
+
+
+def _attached(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with every point attached to its ``--near``: argparse takes ``-1,2,3`` for an option."""
+    attached: list[str] = []
+    for argument in arguments:
+        if attached and attached[-1] == "--near":
+            attached[-1] = f"--near={argument}"
+        else:
+            attached.append(argument)
+    return attached
+
+
+def _blend(options: argparse.Namespace) -> None:
+    from cqblend.edges import blend_shape
+    from cqblend.occ.picking import nearest_sharp_edge
+    from cqblend.occ.step import read_step, write_step
+    from cqblend.request import BlendRequest
+
+    request = BlendRequest.checked(options.radius, width=options.width, form=options.form)
+    with _step(f"reading {options.input}"):
+        shape = read_step(options.input)
+    with _step("looking for the edges"):
+        picked = [nearest_sharp_edge(shape, point) for point in options.near]
+    for one in picked:
+        print(f"edge {one.index}, {one.distance:.3g} mm from the point")
+    with _step("blending"):
+        result, _, certificate = blend_shape(shape, [one.edge for one in picked], request)
+    with _step(f"writing {options.output}"):
+        write_step(result, options.output)
+    print(certificate)
+
+
+def _continuity(options: argparse.Namespace) -> None:
+    from cqblend.occ.measure import continuity
+    from cqblend.occ.picking import nearest_sharp_edge
+    from cqblend.occ.step import read_step
+
+    with _step(f"reading {options.input}"):
+        shape = read_step(options.input)
+    with _step("measuring"):
+        picked = nearest_sharp_edge(shape, options.near)
+        measured = continuity(shape, picked.edge)
+    print(f"edge {picked.index}, {picked.distance:.3g} mm from the point")
+    print(measured)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from cqblend.demo import run
+
+    with _step("blending"):
+        result, path = run(options.output)
+    print(result.certificate)
+    print(f"written to {path}")
+
+
+@contextmanager
+def _step(what: str) -> Iterator[None]:
+    """Announce on stderr a step that takes longer than `_PATIENCE`, and how long it took."""
+    start = time.monotonic()
+    timer = threading.Timer(_PATIENCE, lambda: print(f"cqblend: {what} ...", file=sys.stderr, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        elapsed = time.monotonic() - start
+        if elapsed > _PATIENCE:
+            print(f"cqblend: {what}: {elapsed:.1f} s", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

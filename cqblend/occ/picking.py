@@ -1,0 +1,67 @@
+"""From a point in space to the edge that is meant.
+
+Exists for the command line, where nobody can click on an edge but everybody can read off coordinates. Must not know
+what the edge is wanted for.
+"""
+
+from dataclasses import dataclass
+
+from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from cqblend.errors import CqblendError, SelectionError
+from cqblend.occ.measure import continuity_between, edge_sides
+
+Point = tuple[float, float, float]
+
+_SAMPLES = 50
+"""Along an edge, to tell whether it is sharp anywhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class PickedEdge:
+    """An edge, its 1-based index in the shape's edge map, and its distance from the point it was picked by, mm."""
+
+    edge: TopoDS_Edge
+    index: int
+    distance: float
+
+
+def nearest_sharp_edge(shape: TopoDS_Shape, point: Point) -> PickedEdge:
+    """Return the sharp edge nearest to a point.
+
+    An edge is sharp if it has two different faces on its two sides that meet at an angle somewhere. Seams, degenerate,
+    free and smooth edges are passed over.
+
+    Raises
+    ------
+    SelectionError
+        The shape has no sharp edge.
+    """
+    vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
+    index = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_EDGE, index)
+    edges = [TopoDS.Edge_s(index.FindKey(i)) for i in range(1, index.Extent() + 1)]
+    picked = [
+        PickedEdge(edge, number, BRepExtrema_DistShapeShape(vertex, edge).Value())
+        for number, edge in enumerate(edges, 1)
+        if not BRep_Tool.Degenerated_s(edge)
+    ]
+    for candidate in sorted(picked, key=lambda one: one.distance):
+        if _is_sharp(shape, candidate.edge):
+            return candidate
+    raise SelectionError(f"the shape has {len(edges)} edges, but none is sharp between two faces")
+
+
+def _is_sharp(shape: TopoDS_Shape, edge: TopoDS_Edge) -> bool:
+    try:
+        sides = edge_sides(shape, edge)
+        return not sides[0][0].IsSame(sides[1][0]) and continuity_between(sides, _SAMPLES).kind != "smooth"
+    except CqblendError:
+        return False
