@@ -1,0 +1,230 @@
+"""Bernstein arithmetic on bare arrays: product, composition, subdivision, degree changes, evaluation.
+
+Every function takes coefficients with the degree axis first and the batch of pieces last, and is a sum of products of
+weights of one sign as long as parameters stay inside the pieces: that is why nothing here loses digits, at degree 48 as
+at degree 3. Arrays may hold float64, or Python objects (``fractions.Fraction``, ``mpmath.mpf``): run on those, the same
+code is its own oracle. This module must not know breaks, knots, curves, or which component is a weight.
+"""
+
+from functools import lru_cache
+from math import comb
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@lru_cache(maxsize=512)
+def _binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
+    """Tensor of products of binomials C(p1, i1) C(p2, i2) .., with `trailing` axes of length one; cached, read-only."""
+    table = np.array(1, dtype=object)
+    for degree in degrees:
+        table = np.multiply.outer(table, np.array([comb(degree, i) for i in range(degree + 1)], dtype=object))
+    table = np.asarray(table).reshape(*(degree + 1 for degree in degrees), *(1,) * trailing)
+    if not exact:
+        table = table.astype(np.float64)
+    table.setflags(write=False)
+    return table
+
+
+def _weights(coefs: Array, directions: int = 1) -> Array:
+    """Binomials that turn `coefs` into coefficients of the scaled basis t^i (1-t)^(p-i), ready to multiply."""
+    degrees = tuple(n - 1 for n in coefs.shape[:directions])
+    return _binomials(degrees, coefs.ndim - directions, coefs.dtype == object)
+
+
+def _convolve(a: Array, b: Array, directions: int = 1) -> Array:
+    """Product in the scaled basis: plain convolution over the leading axes, broadcasting over the others."""
+    if a.shape[:directions] > b.shape[:directions]:
+        a, b = b, a
+    sizes = [m + n - 1 for m, n in zip(a.shape[:directions], b.shape[:directions], strict=True)]
+    rest = np.broadcast_shapes(a.shape[directions:], b.shape[directions:])
+    if a.shape[:directions] == (1,) * directions:
+        return a * b
+    out = np.zeros((*sizes, *rest), dtype=np.result_type(a, b))
+    for index in np.ndindex(a.shape[:directions]):
+        window = tuple(slice(i, i + n) for i, n in zip(index, b.shape[:directions], strict=True))
+        out[window] += a[index] * b
+    return out
+
+
+def product(a: Array, b: Array, directions: int = 1) -> Array:
+    r"""Multiply Bernstein polynomials, of one variable or of two.
+
+    .. math:: c_k = \binom{p+q}{k}^{-1} \sum_{i+j=k} \binom{p}{i} a_i \binom{q}{j} b_j
+
+    Parameters
+    ----------
+    a, b
+        Coefficients (p+1, ..) and (q+1, ..); with ``directions=2`` (p1+1, p2+1, ..) and (q1+1, q2+1, ..). The remaining
+        axes (components, pieces) broadcast against each other; both arrays have the same number of axes.
+    directions
+        How many leading axes are degree axes.
+
+    Returns
+    -------
+    Array
+        Coefficients of the product, of degree p + q.
+
+    Examples
+    --------
+    >>> product(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
+    array([0. , 0.5, 0. ])
+    """
+    out = _convolve(a * _weights(a, directions), b * _weights(b, directions), directions)
+    return np.asarray(out / _weights(out, directions))
+
+
+def elevate(coefs: Array, amount: int) -> Array:
+    """Raise the degree by `amount` (>= 0) along axis 0: the product with a one of that degree.
+
+    Examples
+    --------
+    >>> elevate(np.array([[0.0], [1.0]]), 1).ravel()
+    array([0. , 0.5, 1. ])
+    """
+    if amount == 0:
+        return coefs
+    one = np.ones((amount + 1,) + (1,) * (coefs.ndim - 1), dtype=coefs.dtype)
+    return product(coefs, one)
+
+
+def reduce(coefs: Array) -> Array:
+    """Lower the degree by one along axis 0, right if the polynomials really are of lower degree.
+
+    In the scaled basis elevation is multiplication by (1 + x); this divides by (1 + x) from both ends towards the middle,
+    where the binomials grow and errors fade (4e-16 at degree 47; from one end 3e-3). The caller checks the remainder by
+    elevating the result.
+    """
+    scaled = coefs * _weights(coefs)
+    out = np.empty_like(scaled[1:])
+    n = len(out)
+    half = (n + 1) // 2
+    for i in range(half):
+        out[i] = scaled[i] - out[i - 1] if i else scaled[0]
+    for i in range(n - 1, half - 1, -1):
+        out[i] = scaled[i + 1] - out[i + 1] if i < n - 1 else scaled[n]
+    return np.asarray(out / _weights(out))
+
+
+def derivative(coefs: Array) -> Array:
+    """Derivative with respect to the local parameter in [0, 1] along axis 0; a constant stays a constant, zero."""
+    degree = len(coefs) - 1
+    return degree * np.diff(coefs, axis=0) if degree else np.zeros_like(coefs)
+
+
+def restrict(coefs: Array, x0: Array, x1: Array) -> Array:
+    """Coefficients over the part [x0, x1] of each piece, 0 <= x0 < x1 <= 1 (or outside, as polynomial continuation).
+
+    Parameters
+    ----------
+    coefs
+        (p+1, .., n).
+    x0, x1
+        (n,) local parameters, x0 < 1. Where x0 = 0 and x1 = 1 the piece comes back bit for bit.
+    """
+    out = coefs.copy()
+    p = len(out) - 1
+    t, s = x0, 1 - x0
+    for r in range(p):
+        out[: p - r] = s * out[: p - r] + t * out[1 : p - r + 1]
+    t, s = (x1 - x0) / (1 - x0), (1 - x1) / (1 - x0)
+    for r in range(p):
+        out[r + 1 :] = s * out[r:-1] + t * out[r + 1 :]
+    return out
+
+
+def blossom(coefs: Array, arguments: Array) -> Array:
+    """Polar form of each piece at p local arguments.
+
+    Parameters
+    ----------
+    coefs
+        (p+1, .., n).
+    arguments
+        (p, n) local arguments; zeros and ones select coefficients without rounding, so pass those first.
+
+    Returns
+    -------
+    Array
+        (.., n).
+    """
+    for x in arguments:
+        coefs = (1 - x) * coefs[:-1] + x * coefs[1:]
+    return coefs[0]
+
+
+def basis(degree: int, s: Array, t: Array) -> Array:
+    """Bernstein polynomials C(p, i) s^(p-i) t^i, shape (p+1, ..); ordinary for s = 1 - t.
+
+    Pass s and t each computed from the ends of its piece, and both ends are met without rounding.
+    """
+    out = np.empty((degree + 1, *np.shape(t)), dtype=np.result_type(s, t))
+    out[0] = 1
+    for i in range(degree):
+        np.multiply(out[i], t, out=out[i + 1])
+    power = s
+    for i in range(degree - 1, -1, -1):
+        out[i] *= power
+        power = power * s
+    if degree > 1:
+        out *= _weights(out)
+    return out
+
+
+def evaluate(coefs: Array, values: Array) -> Array:
+    """Contract the degree axis: coefs (p+1, .., n) with basis values (p+1, n), one column for each entry of the batch."""
+    return np.asarray(np.einsum("i...,i...->...", coefs, values.reshape(len(values), *(1,) * (coefs.ndim - 2), -1)))
+
+
+def _horner(terms: Array, x: Array, y: Array) -> Array:
+    """Sum of C(p, i) x^(p-i) y^i terms[i], all polynomials in the scaled basis: terms (p+1, k+1, .., n), x, y (m+1, n)."""
+    p = len(terms) - 1
+    middle = (1,) * (terms.ndim - 3)
+    x = x.reshape(len(x), *middle, -1)
+    y = y.reshape(len(y), *middle, -1)
+    total = terms[0]
+    power = y
+    for i in range(1, p + 1):
+        total = _convolve(total, x) + comb(p, i) * _convolve(terms[i], power)
+        if i < p:
+            power = _convolve(power, y)
+    return total
+
+
+def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
+    r"""Composition of patches with barycentric coordinate functions, by Bernstein-Horner.
+
+    .. math:: \sum_{i,j} \binom{p}{i} \binom{q}{j} P_{ij}\, \alpha^{p-i} \beta^i \gamma^{q-j} \delta^j
+
+    For an ordinary curve alpha = 1 - u, beta = u; for a rational one, u = U / w, alpha = w - U, beta = U up to a common
+    factor, and the result carries the weight of the patch times w^p. Nothing is divided, so (alpha, beta) is a projective
+    parameter and alpha may pass through zero. Likewise (gamma, delta) for v.
+
+    Parameters
+    ----------
+    patch
+        (p+1, q+1, dim, n), homogeneous if the surface is rational.
+    alpha, beta
+        (m+1, n) Bernstein coefficients.
+    gamma, delta
+        (k+1, n) Bernstein coefficients.
+
+    Returns
+    -------
+    Array
+        (m p + k q + 1, dim, n) Bernstein coefficients.
+    """
+    alpha, beta, gamma, delta = (f * _weights(f) for f in (alpha, beta, gamma, delta))
+    rows = _horner(np.moveaxis(patch, 1, 0)[:, None], gamma, delta)  # (k q + 1, p+1, dim, n)
+    out = _horner(np.moveaxis(rows, 1, 0), alpha, beta)
+    return np.asarray(out / _weights(out))
+
+
+def compose_curve(coefs: Array, alpha: Array, beta: Array) -> Array:
+    """Composition of polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose`."""
+    alpha, beta = alpha * _weights(alpha), beta * _weights(beta)
+    out = _horner(coefs[:, None], alpha, beta)
+    return np.asarray(out / _weights(out))

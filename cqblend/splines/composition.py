@@ -1,0 +1,143 @@
+"""Following a curve through the pieces of what it is composed with.
+
+A curve in the parameter plane crosses knot lines, touches them, runs along them, turns back, or stands still. `follow`
+cuts it so that every piece lies in one patch and says which; the rest of composition is arithmetic (`bernstein.compose`).
+Decisions are made on Bernstein coefficients with a tolerance of a few roundings, and every wrong side of that tolerance
+costs rounding only, because patches continue as polynomials. This module must not know what is composed.
+"""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from cqblend.splines.bernstein import Array
+from cqblend.splines.roots import sign_changes
+from cqblend.splines.spline import Spline
+
+S = TypeVar("S", bound=Spline)
+_EPS = float(np.finfo(float).eps)
+
+_MERGE = 1e-9
+"""Crossings of C1 lines closer than this (relative to the domain) are one break: continuing the wrong patch over such a
+distance errs by its square, while a piece so short would have derivatives of rounding noise."""
+
+
+def _coordinates(curve: Spline) -> tuple[Array, Array]:
+    """Numerator (m+1, k, n) and weight (m+1, n) of a curve; the weight of a polynomial one is (1, n), all ones."""
+    numerator, denominator = curve._parts()
+    return numerator, np.ones((1, numerator.shape[-1])) if denominator is None else denominator[:, 0]
+
+
+def _tolerance(coordinate: Array, weight: Array, lines: Array) -> float:
+    """Values of coordinate - line * weight up to this are zero to rounding."""
+    return float(16 * _EPS * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
+
+
+def _candidates(breaks: Array, coordinate: Array, weight: Array, lines: Array, order: Array) -> tuple[Array, Array]:
+    """Parameters where a coordinate may cross an interior line, and how far each may be moved."""
+    inner = lines[1:-1]
+    if not len(inner):
+        return np.empty(0), np.empty(0)
+    tolerance = _tolerance(coordinate, weight, lines)
+    quotient = coordinate / weight
+    lo, hi = np.searchsorted(inner, (quotient.min() - tolerance, quotient.max() + tolerance))
+    if lo == hi:
+        return np.empty(0), np.empty(0)
+    reached = np.arange(lo, hi)
+    f = coordinate[:, None, :] - inner[reached, None] * weight[:, None, :]
+    column, x = sign_changes(f.reshape(len(f), -1), tolerance)
+    line, piece = np.divmod(column, len(breaks) - 1)
+    start, end = breaks[piece], breaks[piece + 1]
+    size = max(abs(breaks[0]), abs(breaks[-1]))
+    slack = np.where(order[reached[line]] >= 1, _MERGE * (breaks[-1] - breaks[0]), 4 * _EPS * size)
+    return start + x * (end - start), slack
+
+
+def _merged(fixed: Array, candidates: Array, slack: Array) -> Array:
+    """The fixed breaks and those candidates that are not within their slack of a break already chosen."""
+    chosen = fixed
+    for i in np.lexsort((candidates, slack)):
+        at = int(np.searchsorted(chosen, candidates[i]))
+        if all(abs(candidates[i] - b) > slack[i] for b in chosen[max(at - 1, 0) : at + 1]):
+            chosen = np.insert(chosen, at, candidates[i])
+    inside = (chosen >= fixed[0]) & (chosen <= fixed[-1])
+    return chosen[inside]
+
+
+def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
+    """Index of the interval between lines that each piece lies in; a piece on a line stays with its neighbour's interval."""
+    inner = lines[1:-1]
+    mean, mean_weight = coordinate.mean(axis=0), weight.mean(axis=0)
+    index = np.searchsorted(inner, mean / mean_weight, "right")
+    if not len(inner):
+        return index
+    nearest = np.abs(np.subtract.outer(mean / mean_weight, inner)).argmin(axis=1)
+    undecided = np.abs(mean - inner[nearest] * mean_weight) <= _tolerance(coordinate, weight, lines)
+    if undecided.any():
+        decided = ~undecided
+        for j in np.flatnonzero(undecided):
+            beside = (nearest[j], nearest[j] + 1)
+            before, after = index[j - 1] if j else -1, index[j + 1] if j + 1 < len(index) and decided[j + 1] else -1
+            index[j] = before if before in beside else after if after in beside else index[j]
+    return index
+
+
+def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S, Array, Array]:
+    """Cut a curve at the lines it crosses.
+
+    Parameters
+    ----------
+    curve
+        Curve of dim k, polynomial or rational.
+    lines
+        For each coordinate the increasing values that separate the pieces of what the curve runs through, both ends
+        included; beyond the ends the end pieces go on.
+    orders
+        For each coordinate the continuity at the interior lines.
+
+    Returns
+    -------
+    cut, index, continuity
+        The curve with a break at every crossing, the (k, n) indices of the piece that each of its n pieces runs through,
+        and the (n - 1,) orders of continuity that a composition has. A line that is only touched gives no break.
+    """
+    (breaks,) = curve._breaks
+    numerator, weight = _coordinates(curve)
+    found = [
+        _candidates(breaks, numerator[:, k], weight, line, order)
+        for k, (line, order) in enumerate(zip(lines, orders, strict=True))
+    ]
+    candidates = np.concatenate([t for t, _ in found])
+    if len(candidates):
+        merged = _merged(breaks, candidates, np.concatenate([slack for _, slack in found]))
+    else:
+        merged = breaks
+    cut = curve._cut(0, merged)
+    numerator, weight = _coordinates(cut)
+    index = np.array([_pieces(numerator[:, k], weight, line) for k, line in enumerate(lines)])
+    changed = (index[:, 1:] != index[:, :-1]).any(axis=0)
+    needed = changed | np.isin(merged[1:-1], breaks)
+    if not needed.all():
+        kept = np.concatenate([[True], needed])
+        cut, index = curve._cut(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
+    continuity = cut._continuity[0].copy()
+    for k, order in enumerate(orders):
+        for j in np.flatnonzero(index[k, 1:] != index[k, :-1]):
+            low, high = sorted(index[k, j : j + 2])
+            continuity[j] = min(continuity[j], order[low:high].min())
+    return cut, index, continuity
+
+
+def barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
+    """Barycentric coordinate functions (m+1, n) of coordinate k in the interval that each piece of `cut` runs through.
+
+    A polynomial coordinate that is constant on every piece comes back with degree 0, which keeps isoparametric curves at
+    the degree they have.
+    """
+    numerator, weight = _coordinates(cut)
+    u = numerator[:, k]
+    if len(weight) == 1 and (u == u[:1]).all():
+        u = u[:1]
+    start, end = lines[index], lines[index + 1]
+    return (end * weight - u) / (end - start), (u - start * weight) / (end - start)

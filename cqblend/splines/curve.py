@@ -1,0 +1,277 @@
+"""Symbolic spline curves: evaluation, algebra, composition, and the way from and to B-splines.
+
+The class everything in the package that depends on one parameter is made of: rails in a parameter plane, space curves,
+weight and length functions. It must not know B-spline knots except at its door, nor any geometry kernel.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import InputError
+from cqblend.splines import bernstein, knots as door
+from cqblend.splines.bernstein import Array
+from cqblend.splines.composition import barycentric, follow
+from cqblend.splines.evaluation import Side, locate, quotient
+from cqblend.splines.spline import Spline, _elevated, union
+
+BSplineCurve = tuple[int, Array, Array, Array | None]
+
+
+class Curve(Spline):
+    r"""A piecewise polynomial or rational curve of one parameter, with values in any dimension.
+
+    On the piece between ``breaks[j]`` and ``breaks[j+1]``, with x running from 0 to 1,
+
+    .. math:: f = \sum_i \binom{p}{i} (1-x)^{p-i} x^i\; c_{i \cdot j}
+
+    and divided by its last component if rational. Splines are values: frozen, compared by content. ``+ - *`` and the
+    methods mean what they mean for the functions, exactly; numbers and vectors of dim numbers act as constants. Operands
+    need the same domain, not the same breaks, degree or rationality.
+
+    Parameters
+    ----------
+    breaks
+        (n + 1,) strictly increasing.
+    coefs
+        (p + 1, dim, n), or (p + 1, dim + 1, n) homogeneous (w x, w y, .., w) if rational.
+    rational
+        Whether the last component is a weight.
+    continuity
+        (n - 1,) order of continuity known at the interior breaks, of the homogeneous coefficients; by default 0 where the
+        pieces meet, else -1. It decides how few knots :meth:`to_bspline` needs; a break at which the polynomial goes on
+        unchanged has ``knots.SMOOTH``.
+
+    Raises
+    ------
+    InputError
+        On shapes that do not fit, breaks that do not increase, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> f = Curve.bezier([[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]])
+    >>> f([0.0, 0.5])
+    array([[0., 0.],
+           [1., 1.]])
+    >>> f.dot(f).degree
+    4
+    """
+
+    __slots__ = ()
+    _directions: ClassVar[int] = 1
+
+    def __init__(
+        self, breaks: ArrayLike, coefs: ArrayLike, *, rational: bool = False, continuity: ArrayLike | None = None
+    ) -> None:
+        super().__init__((breaks,), coefs, rational=rational, continuity=(continuity,))
+
+    @classmethod
+    def bezier(
+        cls, poles: ArrayLike, weights: ArrayLike | None = None, domain: tuple[float, float] = (0.0, 1.0)
+    ) -> Self:
+        """Single polynomial or rational piece from poles (p + 1, dim)."""
+        array = np.array(poles, dtype=np.float64)
+        if array.ndim != 2:
+            raise InputError(f"poles have {array.ndim} axes, expected (p + 1, dim)")
+        ends = np.repeat(np.array(domain, dtype=np.float64), len(array))
+        return cls.from_bspline(len(array) - 1, ends, array, weights)
+
+    @classmethod
+    def from_bspline(cls, degree: int, knots: ArrayLike, poles: ArrayLike, weights: ArrayLike | None = None) -> Self:
+        """Curve of a B-spline or NURBS with full knot vector.
+
+        Parameters
+        ----------
+        degree
+            p.
+        knots
+            (n + p + 1,), repeated knots written out; clamped or not, the domain is knots[p] .. knots[n].
+        poles
+            (n, dim).
+        weights
+            (n,), or None for a polynomial curve.
+
+        Raises
+        ------
+        InputError
+            If the arrays do not fit each other, or are not finite.
+        """
+        knots, poles = np.array(knots, dtype=np.float64), np.array(poles, dtype=np.float64)
+        if poles.ndim != 2:
+            raise InputError(f"poles have {poles.ndim} axes, expected (n, dim)")
+        door.validate(degree, knots, len(poles))
+        homogeneous = door.homogeneous(poles, weights)
+        breaks, coefs, continuity = door.extract(degree, knots, homogeneous)
+        source = None
+        if door.clamped(degree, knots):
+            source = (degree, knots, poles, None if weights is None else np.array(weights, dtype=np.float64))
+        return cls._new((breaks,), coefs, weights is not None, (continuity,), source)
+
+    def to_bspline(self) -> BSplineCurve:
+        """Degree, full clamped knot vector, poles (n, dim), and weights (n,) or None.
+
+        A curve that came from a clamped B-spline gives it back as it was. Otherwise knots are as few as the known continuity
+        allows without losing digits; see :func:`cqblend.splines.knots.assemble`.
+
+        Raises
+        ------
+        GeometryError
+            If a pole's weight is not positive.
+        """
+        if self._source is not None:
+            degree, knots, poles, weights = self._source
+            return degree, knots.copy(), poles.copy(), None if weights is None else weights.copy()
+        knots, homogeneous = door.assemble(self._breaks[0], self._coefs, self._continuity[0])
+        return (self.degree, knots, *self._poles(homogeneous))
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree p."""
+        return self._coefs.shape[0] - 1
+
+    @property
+    def breaks(self) -> Array:
+        """Ends of the pieces, (n + 1,), read-only."""
+        return self._breaks[0]
+
+    @property
+    def continuity(self) -> Array:
+        """Known order of continuity at the interior breaks, (n - 1,)."""
+        return self._continuity[0]
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last break."""
+        return float(self.breaks[0]), float(self.breaks[-1])
+
+    # -- evaluation
+
+    def _derivatives(self, t: Array, orders: Sequence[int], side: Side) -> Array:
+        """Homogeneous derivatives (len(orders), dim_h, N) at flat t; orders increase."""
+        piece, s, x, length = locate(self.breaks, t, side)
+        gathered = self._coefs.take(piece, axis=-1)
+        out = np.zeros((len(orders), self._coefs.shape[1], len(t)))
+        taken = 0
+        for row, order in enumerate(orders):
+            if order > self.degree:
+                break
+            for _ in range(order - taken):
+                gathered = bernstein.derivative(gathered)
+            taken = order
+            out[row] = bernstein.evaluate(gathered, bernstein.basis(len(gathered) - 1, s, x))
+            if order:
+                out[row] /= length**order
+        return out
+
+    def __call__(self, t: ArrayLike, k: int = 0, *, side: Side = "right") -> Array:
+        """Values of the k-th derivative, shape (.., dim).
+
+        At a break the piece to the right counts (at the last break the last piece), or the one on `side`. Beyond the domain
+        the end pieces go on as polynomials.
+        """
+        t = np.asarray(t, dtype=np.float64)
+        if self._rational:
+            values = self.jet(t, k, side=side)[k]
+            return np.asarray(values)
+        values = self._derivatives(t.ravel(), [k], side)[0]
+        return np.moveaxis(values, 0, -1).reshape(*t.shape, self.dim)
+
+    def jet(self, t: ArrayLike, order: int, *, side: Side = "right") -> Array:
+        """Derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
+        t = np.asarray(t, dtype=np.float64)
+        jets = self._derivatives(t.ravel(), range(order + 1), side)
+        if self._rational:
+            jets = quotient(jets[:, None])[:, 0]
+        return np.moveaxis(jets, 1, -1).reshape(order + 1, *t.shape, self.dim)
+
+    # -- algebra of one parameter
+
+    def derivative(self, k: int = 1) -> Self:
+        """k-th derivative as a curve; of degree p - k, or (k + 1) p if rational."""
+        return self._derive((k,))
+
+    def elevate(self, amount: int = 1) -> Self:
+        """The same curve with its degree raised by `amount`."""
+        return self._elevate((amount,))
+
+    def reduce(self, amount: int | None = None, *, tolerance: float = 1e-12) -> Self:
+        """The same curve with its degree lowered by `amount`, or as far as it goes.
+
+        Parameters
+        ----------
+        amount
+            None for as much as changes no coefficient by more than the tolerance.
+        tolerance
+            Relative to the largest coefficient.
+
+        Raises
+        ------
+        GeometryError
+            If the curve is not of that degree to the tolerance.
+        """
+        return self._reduce((amount,), tolerance)
+
+    def clip(self, t0: float, t1: float) -> Self:
+        """The part over [t0, t1], which must lie inside the domain."""
+        return self._clipped(0, t0, t1)
+
+    def cut(self, breaks: ArrayLike) -> Self:
+        """The same curve with further breaks; those outside the domain or present already are ignored."""
+        return self._inserted(0, breaks)
+
+    def reverse(self) -> Self:
+        """The curve run backwards over the same domain."""
+        return self._reversed(0)
+
+    def reparametrized(self, t0: float, t1: float) -> Self:
+        """The same pieces over the domain [t0, t1], by an affine change of parameter."""
+        if not t0 < t1:
+            raise InputError(f"the domain [{t0}, {t1}] is empty")
+        a, b = self.domain
+        breaks = t0 + (self.breaks - a) * ((t1 - t0) / (b - a))
+        breaks[-1] = t1
+        return self._new((breaks,), self._coefs, self._rational, self._continuity)
+
+    def join(self, other: Self, *, continuity: int = 0) -> Self:
+        """This curve followed by another whose domain starts where this one's ends.
+
+        Parameters
+        ----------
+        other
+            Curve of the same dim.
+        continuity
+            Order of continuity known at the joint, of the homogeneous coefficients.
+
+        Raises
+        ------
+        InputError
+            If the dims differ, or the domains are not consecutive.
+        """
+        a, b = self.domain[1], other.domain[0]
+        if self.dim != other.dim:
+            raise InputError(f"cannot join curves of dim {self.dim} and {other.dim}")
+        if abs(a - b) > 1e-14 * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
+            raise InputError(f"cannot join: the first domain ends at {a:.17g}, the second starts at {b:.17g}")
+        first, second = (
+            (self, other) if self._rational is other._rational else (self._rationalised(), other._rationalised())
+        )
+        degree = max(first.degree, second.degree)
+        coefs = np.concatenate([_elevated(first._coefs, [degree]), _elevated(second._coefs, [degree])], axis=-1)
+        order = np.concatenate([first.continuity, [continuity], second.continuity])
+        return self._new((np.concatenate([first.breaks, second.breaks[1:]]),), coefs, first._rational, (order,))
+
+    def compose(self, parameter: "Curve") -> Self:
+        """f(g(t)) for a scalar curve g, polynomial or rational; of degree p m.
+
+        Where g runs beyond the domain of f, the end pieces of f go on as polynomials.
+        """
+        if parameter.dim != 1:
+            raise InputError(f"the parameter of a curve has dim 1, not {parameter.dim}")
+        cut, index, continuity = follow(parameter, self._breaks, self._continuity)
+        alpha, beta = barycentric(cut, 0, self.breaks, index[0])
+        rational = self._rational or parameter._rational
+        frame = self._rationalised() if rational else self
+        coefs = bernstein.compose_curve(frame._coefs[..., index[0]], alpha, beta)
+        return self._new(cut._breaks, coefs, rational, (continuity,))

@@ -1,0 +1,67 @@
+"""Where a parameter lies among the pieces, and how values and derivatives come out of homogeneous coefficients.
+
+Shared by curves and surfaces, on bare arrays. Derivatives are differences of coefficients first (so a plane has exactly
+zero second derivatives), then a contraction with Bernstein polynomials. This module must not know spline objects.
+"""
+
+from math import comb
+from typing import Literal
+
+import numpy as np
+
+from cqblend.splines import bernstein
+from cqblend.splines.bernstein import Array
+
+Side = Literal["left", "right"]
+
+
+def locate(breaks: Array, t: Array, side: Side = "right") -> tuple[Array, Array, Array, Array]:
+    """Piece of each parameter, its barycentric coordinates (s, x) there, and the piece's length.
+
+    At a break the piece on `side` is taken; beyond the ends the end piece, as polynomial continuation.
+    """
+    piece = np.searchsorted(breaks[1:-1], t, side)
+    start, end = breaks[piece], breaks[piece + 1]
+    length = end - start
+    return piece, (end - t) / length, (t - start) / length, length
+
+
+def design(breaks: Array, degree: int, t: Array, k: int) -> Array:
+    """Matrix (len(t), (degree + 1) n) from coefficients (p+1, n) of all pieces to k-th derivatives at t."""
+    piece, s, x, length = locate(breaks, t)
+    n = len(breaks) - 1
+    out = np.zeros((len(t), degree + 1, n))
+    if k <= degree:
+        values = bernstein.basis(degree - k, s, x)
+        for _ in range(k):  # transpose of taking differences
+            wider = np.zeros((len(values) + 1, len(t)))
+            wider[1:] += values
+            wider[:-1] -= values
+            values = len(values) / length * wider
+        out[np.arange(len(t)), :, piece] = values.T
+    return out.reshape(len(t), -1)
+
+
+def quotient(jets: Array) -> Array:
+    """Euclidean partial derivatives from homogeneous ones, by the Leibniz rule for x = (w x) / w.
+
+    Parameters
+    ----------
+    jets
+        (K+1, L+1, dim+1, ..) homogeneous derivatives of orders 0..K by 0..L, weight last.
+
+    Returns
+    -------
+    Array
+        (K+1, L+1, dim, ..).
+    """
+    weight = jets[:, :, -1:]
+    out = jets[:, :, :-1].copy()
+    for k in range(out.shape[0]):
+        for m in range(out.shape[1]):
+            for i in range(k + 1):
+                for j in range(m + 1):
+                    if i or j:
+                        out[k, m] -= comb(k, i) * comb(m, j) * weight[i, j] * out[k - i, m - j]
+            out[k, m] /= weight[0, 0]
+    return out

@@ -1,0 +1,516 @@
+"""What curves and surfaces have in common: a frozen tensor product of Bernstein pieces, and its algebra.
+
+A spline of k parameters holds ``breaks`` for each, one read-only coefficient array (degrees, component, pieces) with the
+pieces last, whether the last component is a weight, and the continuity order known at each interior break. All algebra is
+written here once, for k = 1 and k = 2, on homogeneous coefficients, with the meaning it has for the Euclidean functions.
+Evaluation and what belongs to one k only is in `curve` and `surface`. This module must not know where splines come from.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import GeometryError, InputError
+from cqblend.splines import bernstein
+from cqblend.splines.bernstein import Array
+from cqblend.splines.knots import SMOOTH
+
+_EPS = float(np.finfo(float).eps)
+
+
+def along(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions: int) -> Array:
+    """Apply a kernel of (p+1, .., n) arrays to parameter `axis` of a coefficient array with `directions` parameters."""
+    if directions == 1:
+        return kernel(coefs)
+    there, here = (axis, directions + 1 + axis), (0, -1)
+    return np.moveaxis(kernel(np.moveaxis(coefs, there, here)), here, there)
+
+
+def union(first: Array, second: Array) -> Array:
+    """Both sets of breaks; one of the second that equals one of the first to rounding gives way."""
+    nearest = np.abs(second[:, None] - first).min(axis=1)
+    tolerance = 4 * _EPS * max(abs(first[0]), abs(first[-1]))
+    return np.sort(np.concatenate([first, second[nearest > tolerance]]))
+
+
+class Spline:
+    """Base of :class:`~cqblend.splines.curve.Curve` and :class:`~cqblend.splines.surface.Surface`."""
+
+    __slots__ = ("_breaks", "_coefs", "_continuity", "_rational", "_source")
+    _breaks: tuple[Array, ...]
+    _coefs: Array
+    _rational: bool
+    _continuity: tuple[Array, ...]
+    _source: tuple[Any, ...] | None
+    _directions: ClassVar[int]
+
+    def __init__(
+        self,
+        breaks: Sequence[ArrayLike],
+        coefs: ArrayLike,
+        *,
+        rational: bool = False,
+        continuity: Sequence[ArrayLike | None] | None = None,
+    ) -> None:
+        k = self._directions
+        name = type(self).__name__
+        try:
+            arrays = tuple(np.array(b, dtype=np.float64) for b in breaks)
+            values = np.array(coefs, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{name}: breaks and coefficients must be arrays of numbers: {error}") from error
+        if len(arrays) != k:
+            raise InputError(f"{name}: {len(arrays)} sets of breaks, expected {k}")
+        for b in arrays:
+            if b.ndim != 1 or len(b) < 2 or not np.isfinite(b).all() or (np.diff(b) <= 0).any():
+                raise InputError(f"{name}: breaks must be at least two finite, strictly increasing numbers, not {b}")
+        if values.ndim != 2 * k + 1:
+            raise InputError(f"{name}: coefficients have {values.ndim} axes, expected {2 * k + 1}")
+        expected = tuple(len(b) - 1 for b in arrays)
+        if values.shape[k + 1 :] != expected:
+            raise InputError(f"{name}: coefficients for {values.shape[k + 1 :]} pieces, breaks for {expected}")
+        if min(values.shape) < 1 or values.shape[k] < 1 + rational:
+            raise InputError(f"{name}: coefficients of shape {values.shape} leave no component")
+        if not np.isfinite(values).all():
+            raise InputError(f"{name}: a coefficient is not a finite number")
+        orders = []
+        for axis in range(k):
+            given = None if continuity is None else continuity[axis]
+            order = _met(values, axis, k) if given is None else np.array(given, dtype=int)
+            if order.shape != (expected[axis] - 1,):
+                raise InputError(f"{name}: continuity of shape {order.shape}, expected {(expected[axis] - 1,)}")
+            orders.append(order)
+        self._set(arrays, values, bool(rational), tuple(orders), None)
+
+    def _set(
+        self,
+        breaks: tuple[Array, ...],
+        coefs: Array,
+        rational: bool,
+        continuity: tuple[Array, ...],
+        source: tuple[Any, ...] | None,
+    ) -> None:
+        coefs = np.ascontiguousarray(coefs)
+        degrees = coefs.shape[: self._directions]
+        continuity = tuple(np.where(c >= n - 1, SMOOTH, c) for c, n in zip(continuity, degrees, strict=True))
+        for array in (*breaks, coefs, *continuity):
+            array.setflags(write=False)
+        for name, value in zip(Spline.__slots__, (breaks, coefs, continuity, rational, source), strict=True):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def _new(
+        cls,
+        breaks: tuple[Array, ...],
+        coefs: Array,
+        rational: bool,
+        continuity: tuple[Array, ...],
+        source: tuple[Any, ...] | None = None,
+    ) -> Self:
+        """Construct without validation; takes over the arrays and freezes them."""
+        self = object.__new__(cls)
+        self._set(breaks, coefs, rational, continuity, source)
+        return self
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self._breaks, self._coefs, self._rational, self._continuity, self._source)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Spline) or type(other) is not type(self):
+            return NotImplemented
+        return (
+            self._rational == other._rational
+            and all(np.array_equal(a, b) for a, b in zip(self._breaks, other._breaks, strict=True))
+            and np.array_equal(self._coefs, other._coefs)
+        )
+
+    def __hash__(self) -> int:
+        return hash((type(self), self._rational, self._coefs.shape, *(float(b[-1]) for b in self._breaks)))
+
+    def __repr__(self) -> str:
+        k = self._directions
+        degree = " x ".join(str(n - 1) for n in self._coefs.shape[:k])
+        pieces = " x ".join(str(n) for n in self._coefs.shape[k + 1 :])
+        domain = " x ".join(f"[{b[0]:g}, {b[-1]:g}]" for b in self._breaks)
+        kind = "rational " if self._rational else ""
+        return f"<{kind}{type(self).__name__} of degree {degree}, dim {self.dim}, {pieces} pieces on {domain}>"
+
+    @property
+    def dim(self) -> int:
+        """Number of Euclidean components."""
+        return int(self._coefs.shape[self._directions]) - self._rational
+
+    @property
+    def coefs(self) -> Array:
+        """Read-only Bernstein coefficients: degree axes, component (weight last if rational), pieces."""
+        return self._coefs
+
+    @property
+    def rational(self) -> bool:
+        """Whether the coefficients are homogeneous, (w x, w y, .., w)."""
+        return self._rational
+
+    # -- parts and alignment
+
+    def _parts(self) -> tuple[Array, Array | None]:
+        """Numerator and weight coefficients (component axis kept); the weight of a polynomial spline is None."""
+        if not self._rational:
+            return self._coefs, None
+        before = (slice(None),) * self._directions
+        return self._coefs[(*before, slice(None, -1))], self._coefs[(*before, slice(-1, None))]
+
+    def _like(self, numerator: Array, weight: Array | None) -> Self:
+        """Spline on the same breaks from a numerator and a weight of possibly different degrees."""
+        if weight is None:
+            return self._new(self._breaks, numerator, False, self._continuity)
+        k = self._directions
+        degrees = [max(m, n) - 1 for m, n in zip(numerator.shape[:k], weight.shape[:k], strict=True)]
+        numerator, weight = _elevated(numerator, degrees), _elevated(weight, degrees)
+        return self._new(self._breaks, np.concatenate([numerator, weight], axis=k), True, self._continuity)
+
+    def _cut(self, axis: int, breaks: Array) -> Self:
+        """Subdivide at `breaks`, which contain the present ones."""
+        old = self._breaks[axis]
+        if len(breaks) == len(old):
+            return self
+        piece = np.searchsorted(old, breaks[:-1], "right") - 1
+        start, length = old[piece], old[piece + 1] - old[piece]
+        x0, x1 = (breaks[:-1] - start) / length, (breaks[1:] - start) / length
+        coefs = along(lambda c: bernstein.restrict(c[..., piece], x0, x1), self._coefs, axis, self._directions)
+        order = np.full(len(breaks) - 2, SMOOTH)
+        order[np.searchsorted(breaks, old[1:-1]) - 1] = self._continuity[axis]
+        return self._new(_with(self._breaks, axis, breaks), coefs, self._rational, _with(self._continuity, axis, order))
+
+    def _refine(self, axis: int, breaks: Array) -> Self:
+        """Like `_cut`, but present breaks move to those of `breaks` they equal to rounding."""
+        old = self._breaks[axis]
+        moved = breaks[np.abs(old[:, None] - breaks).argmin(axis=1)]
+        self = self._new(_with(self._breaks, axis, moved), self._coefs, self._rational, self._continuity)
+        return self._cut(axis, breaks)
+
+    def _aligned(self, other: Self) -> tuple[Self, Self]:
+        """Both splines on the union of their breaks, sharing the lesser continuity."""
+        first, second = self, other
+        for axis, (a, b) in enumerate(zip(self._breaks, other._breaks, strict=True)):
+            if a is b or np.array_equal(a, b):
+                continue
+            slack = 4 * _EPS * max(abs(a[0]), abs(a[-1]))
+            if abs(a[0] - b[0]) > slack or abs(a[-1] - b[-1]) > slack:
+                raise InputError(
+                    f"the domains [{a[0]:.17g}, {a[-1]:.17g}] and [{b[0]:.17g}, {b[-1]:.17g}] differ: clip one of them"
+                )
+            breaks = union(a, b)
+            first, second = first._refine(axis, breaks), second._refine(axis, breaks)
+        lesser = tuple(np.minimum(c, d) for c, d in zip(first._continuity, second._continuity, strict=True))
+        return (
+            first._new(first._breaks, first._coefs, first._rational, lesser),
+            second._new(first._breaks, second._coefs, second._rational, lesser),
+        )
+
+    def _paired(self, other: Self) -> tuple[Self, Array, Array, Array | None]:
+        """Aligned numerators on a common denominator's degree, for sums: (frame, numerator, numerator, weight)."""
+        a, b = self._aligned(other)
+        (x, v), (y, w) = a._parts(), b._parts()
+        weight: Array | None
+        if v is None and w is None:
+            weight = None
+        elif v is not None and w is not None and v.shape == w.shape and np.array_equal(v, w):
+            weight = v
+        else:
+            weight = a._times(v, w)
+            x, y = (x if w is None else a._product(x, w)), (y if v is None else a._product(y, v))
+        k = self._directions
+        degrees = [max(m, n) - 1 for m, n in zip(x.shape[:k], y.shape[:k], strict=True)]
+        return a, _elevated(x, degrees), _elevated(y, degrees), weight
+
+    def _product(self, a: Array, b: Array) -> Array:
+        return bernstein.product(a, b, self._directions)
+
+    def _times(self, v: Array | None, w: Array | None) -> Array | None:
+        """Product of two weights, None standing for one."""
+        if v is None or w is None:
+            return w if v is None else v
+        return self._product(v, w)
+
+    def _vector(self, value: object) -> Array | None:
+        """A number, or one per component, shaped to broadcast against a numerator; None if `value` is neither."""
+        if isinstance(value, Spline):
+            return None
+        try:
+            array = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError):
+            return None
+        if array.ndim > 1 or (array.ndim == 1 and len(array) != self.dim):
+            return None
+        return array.reshape(*(1,) * self._directions, -1, *(1,) * self._directions)
+
+    # -- algebra
+
+    def __neg__(self) -> Self:
+        numerator, weight = self._parts()
+        return self._like(-numerator, weight)
+
+    def __add__(self, other: object) -> Self:
+        if isinstance(other, type(self)):
+            if self.dim != other.dim:
+                raise InputError(f"cannot add splines of dim {self.dim} and {other.dim}")
+            frame, x, y, weight = self._paired(other)
+            return frame._like(x + y, weight)
+        vector = self._vector(other)
+        if vector is None:
+            return NotImplemented
+        numerator, weight = self._parts()
+        return self._like(numerator + (vector if weight is None else vector * weight), weight)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: object) -> Self:
+        if isinstance(other, type(self)):
+            return self + (-other)
+        vector = self._vector(other)
+        return (
+            NotImplemented if vector is None else self + (-vector.ravel() if vector.size > 1 else -float(vector.item()))
+        )
+
+    def __rsub__(self, other: object) -> Self:
+        return (-self) + other
+
+    def __mul__(self, other: object) -> Self:
+        if isinstance(other, type(self)):
+            if 1 not in (self.dim, other.dim):
+                raise InputError(f"cannot multiply splines of dim {self.dim} and {other.dim}: use dot or cross")
+            return self._bilinear(other, self._product)
+        vector = self._vector(other)
+        if vector is None:
+            return NotImplemented
+        numerator, weight = self._parts()
+        return self._like(numerator * vector, weight)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: object) -> Self:
+        vector = self._vector(other)
+        if vector is None:
+            return NotImplemented
+        numerator, weight = self._parts()
+        return self._like(numerator / vector, weight)
+
+    def _bilinear(self, other: Self, kernel: Callable[[Array, Array], Array]) -> Self:
+        a, b = self._aligned(other)
+        (x, v), (y, w) = a._parts(), b._parts()
+        return a._like(kernel(x, y), a._times(v, w))
+
+    def dot(self, other: Self) -> Self:
+        """Scalar product, a spline of dim 1."""
+        if self.dim != other.dim:
+            raise InputError(f"no scalar product of splines of dim {self.dim} and {other.dim}")
+        k = self._directions
+        return self._bilinear(other, lambda x, y: self._product(x, y).sum(axis=k, keepdims=True))
+
+    def cross(self, other: Self) -> Self:
+        """Vector product: dim 3 for dim 3, and the determinant as dim 1 for dim 2."""
+        if self.dim != other.dim or self.dim not in (2, 3):
+            raise InputError(f"no vector product of splines of dim {self.dim} and {other.dim}: both need 3, or both 2")
+        k = self._directions
+        i, j = ([1, 2, 0], [2, 0, 1]) if self.dim == 3 else ([0], [1])
+
+        def kernel(x: Array, y: Array) -> Array:
+            return self._product(x.take(i, k), y.take(j, k)) - self._product(x.take(j, k), y.take(i, k))
+
+        return self._bilinear(other, kernel)
+
+    def __getitem__(self, index: int | slice) -> Self:
+        """Components: an int gives a spline of dim 1."""
+        numerator, weight = self._parts()
+        chosen = np.atleast_1d(np.arange(self.dim)[index])
+        if not len(chosen):
+            raise InputError(f"{index} chooses none of the {self.dim} components")
+        return self._like(numerator.take(chosen, self._directions), weight)
+
+    @classmethod
+    def stack(cls, splines: Sequence[Self]) -> Self:
+        """One spline with the components of several, in their order.
+
+        Raises
+        ------
+        InputError
+            If there are none, or their domains differ.
+        """
+        if not splines:
+            raise InputError("stack needs at least one spline")
+        result = splines[0]
+        for other in splines[1:]:
+            frame, x, y, weight = result._paired(other)
+            result = frame._like(np.concatenate([x, y], axis=cls._directions), weight)
+        return result
+
+    def _derive(self, orders: Sequence[int]) -> Self:
+        """Mixed partial derivative. For N / w^m the quotient rule keeps (N, w, m): (N' w - m N w') / w^(m+1)."""
+        if any(order < 0 for order in orders):
+            raise InputError(f"derivative orders {tuple(orders)} must not be negative")
+        k = self._directions
+        numerator, weight = self._parts()
+        power = 1
+        for axis, order in enumerate(orders):
+            lengths = np.diff(self._breaks[axis]).reshape(-1, *(1,) * (k - 1 - axis))
+
+            def slope(c: Array, axis: int = axis, lengths: Array = lengths) -> Array:
+                return along(bernstein.derivative, c, axis, k) / lengths
+
+            for _ in range(order):
+                if weight is None:
+                    numerator = slope(numerator)
+                else:
+                    left = self._product(slope(numerator), weight)
+                    right = self._product(numerator, slope(weight))
+                    numerator = left - power * right
+                    power += 1
+        continuity = tuple(
+            np.where(c >= SMOOTH, SMOOTH, np.maximum(c - order, -1))
+            for c, order in zip(self._continuity, orders, strict=True)
+        )
+        denominator = weight
+        for _ in range(power - 1):
+            denominator = self._times(denominator, weight)
+        result = self._like(numerator, denominator)
+        return self._new(result._breaks, result._coefs, result._rational, continuity)
+
+    def _elevate(self, amounts: Sequence[int]) -> Self:
+        if any(amount < 0 for amount in amounts):
+            raise InputError(f"cannot elevate by {tuple(amounts)}: use reduce to lower the degree")
+        degrees = [n - 1 + amount for n, amount in zip(self._coefs.shape[: self._directions], amounts, strict=True)]
+        return self._new(self._breaks, _elevated(self._coefs, degrees), self._rational, self._continuity)
+
+    def _reduce(self, amounts: Sequence[int | None], tolerance: float) -> Self:
+        k = self._directions
+        coefs = self._coefs
+        scale = np.abs(coefs).max()
+        for axis, amount in enumerate(amounts):
+            degree = self._coefs.shape[axis] - 1
+            if amount is not None and not 0 <= amount <= degree:
+                raise InputError(f"cannot reduce degree {degree} by {amount}")
+            for step in range(degree if amount is None else amount):
+                lower = along(bernstein.reduce, coefs, axis, k)
+                back = along(lambda c, s=step + 1: bernstein.elevate(c, s), lower, axis, k)  # type: ignore[misc]
+                back = _elevated(back, [n - 1 for n in self._coefs.shape[:k]])
+                error = np.abs(back - self._coefs).max()
+                if error > tolerance * scale:
+                    if amount is None:
+                        break
+                    raise GeometryError(
+                        f"not of degree {degree - step - 1}: reducing changes a coefficient by {error:.3g}, "
+                        f"more than {tolerance:g} of the largest, {scale:.3g}"
+                    )
+                coefs = lower
+        return self._new(self._breaks, coefs, self._rational, self._continuity)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Box around the convex hull of the control points, widened by the rounding of an evaluation.
+
+        Returns
+        -------
+        lo, hi
+            (dim,) each; every value of the spline lies between them.
+
+        Raises
+        ------
+        GeometryError
+            If a weight coefficient is not positive: there is no hull.
+        """
+        k = self._directions
+        numerator, weight = self._parts()
+        if weight is not None:
+            if weight.min() <= 0:
+                raise GeometryError(
+                    f"no convex hull: a weight coefficient is {weight.min():.3g}; cut the pieces smaller"
+                )
+            numerator = numerator / weight
+        points = np.moveaxis(numerator, k, 0).reshape(self.dim, -1)
+        slack = 4 * _EPS * (1 + sum(self._coefs.shape[:k])) * np.abs(points).max(axis=1)
+        return points.min(axis=1) - slack, points.max(axis=1) + slack
+
+    def _clipped(self, axis: int, start: float, end: float) -> Self:
+        old = self._breaks[axis]
+        slack = 4 * _EPS * max(abs(old[0]), abs(old[-1]))
+        if not (old[0] - slack <= start < end <= old[-1] + slack):
+            raise InputError(
+                f"cannot clip to [{start:.17g}, {end:.17g}]: the domain is [{old[0]:.17g}, {old[-1]:.17g}]"
+            )
+        lo, hi = (old[np.abs(old - x).argmin()] if np.abs(old - x).min() <= slack else x for x in (start, end))
+        if lo == hi:
+            raise InputError(f"cannot clip to [{start:.17g}, {end:.17g}]: it is empty to rounding")
+        cut = self._cut(axis, union(old, np.array([lo, hi])))
+        breaks = cut._breaks[axis]
+        i, j = int(np.searchsorted(breaks, lo)), int(np.searchsorted(breaks, hi))
+        coefs = along(lambda c: c[..., i:j], cut._coefs, axis, self._directions)
+        order = cut._continuity[axis][i : j - 1]
+        return self._new(
+            _with(self._breaks, axis, breaks[i : j + 1]), coefs, self._rational, _with(self._continuity, axis, order)
+        )
+
+    def _inserted(self, axis: int, breaks: ArrayLike) -> Self:
+        old = self._breaks[axis]
+        new = np.unique(np.asarray(breaks, dtype=np.float64).ravel())
+        if not np.isfinite(new).all():
+            raise InputError("cannot cut at a break that is not a finite number")
+        new = new[(new > old[0]) & (new < old[-1])]
+        return self._cut(axis, union(old, new)) if len(new) else self
+
+    def _reversed(self, axis: int) -> Self:
+        old = self._breaks[axis]
+        coefs = along(lambda c: c[::-1, ..., ::-1], self._coefs, axis, self._directions)
+        breaks = old[0] + old[-1] - old[::-1]
+        return self._new(
+            _with(self._breaks, axis, breaks),
+            coefs,
+            self._rational,
+            _with(self._continuity, axis, self._continuity[axis][::-1].copy()),
+        )
+
+    def _rationalised(self) -> Self:
+        """The same spline with a weight component, one if it had none."""
+        return self if self._rational else self._like(self._coefs, self._one())
+
+    def _one(self) -> Array:
+        k = self._directions
+        return np.ones((*(1,) * (k + 1), *self._coefs.shape[k + 1 :]))
+
+    def _poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
+        """Poles and weights of assembled homogeneous poles (.., dim_h)."""
+        if not self._rational:
+            return homogeneous, None
+        weights = homogeneous[..., -1]
+        if weights.min() <= 0:
+            raise GeometryError(
+                f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first"
+            )
+        return homogeneous[..., :-1] / weights[..., None], weights
+
+
+def _rebuild(cls: type[Spline], *state: Any) -> Spline:
+    return cls._new(*state)
+
+
+def _with(items: tuple[Array, ...], axis: int, item: Array) -> tuple[Array, ...]:
+    return (*items[:axis], item, *items[axis + 1 :])
+
+
+def _elevated(coefs: Array, degrees: Sequence[int]) -> Array:
+    """Raise every degree of a coefficient array to the given one."""
+    for axis, degree in enumerate(degrees):
+        amount = degree + 1 - coefs.shape[axis]
+        if amount:
+            coefs = along(lambda c, a=amount: bernstein.elevate(c, a), coefs, axis, len(degrees))  # type: ignore[misc]
+    return coefs
+
+
+def _met(coefs: Array, axis: int, directions: int) -> Array:
+    """Continuity order where none is known: 0 where neighbouring pieces meet to rounding, else -1."""
+    lead = np.moveaxis(coefs, (axis, directions + 1 + axis), (0, -1))
+    jump = np.abs(lead[-1, ..., :-1] - lead[0, ..., 1:]).max(axis=tuple(range(lead.ndim - 2)))
+    return np.where(jump <= 64 * _EPS * np.abs(coefs).max(), 0, -1)

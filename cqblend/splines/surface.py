@@ -1,0 +1,374 @@
+"""Symbolic spline surfaces: evaluation, algebra, composition with curves, and the way from and to B-splines.
+
+Primary surfaces, ribbons and blends are made of this class. It must not know B-spline knots except at its door, nor any
+geometry kernel.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import InputError
+from cqblend.splines import bernstein, knots as door
+from cqblend.splines.bernstein import Array
+from cqblend.splines.composition import barycentric, follow
+from cqblend.splines.curve import Curve
+from cqblend.splines.evaluation import Side, design, locate, quotient
+from cqblend.splines.spline import Spline, _with, along
+
+BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
+
+
+class Surface(Spline):
+    """A piecewise polynomial or rational tensor product of two parameters, with values in any dimension.
+
+    Everything said of :class:`~cqblend.splines.curve.Curve` holds for each direction.
+
+    Parameters
+    ----------
+    breaks
+        Pair of (nu + 1,) and (nv + 1,), strictly increasing.
+    coefs
+        (p + 1, q + 1, dim, nu, nv), or dim + 1 homogeneous components if rational.
+    rational
+        Whether the last component is a weight.
+    continuity
+        Pair of (nu - 1,) and (nv - 1,), known orders of continuity across the interior knot lines; None as for curves.
+
+    Raises
+    ------
+    InputError
+        On shapes that do not fit, breaks that do not increase, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> saddle = Surface(([0, 1], [0, 1]), np.array([[0.0, 0.0], [0.0, 1.0]]).reshape(2, 2, 1, 1, 1))
+    >>> saddle(0.5, [0.0, 0.5, 1.0]).ravel()
+    array([0.  , 0.25, 0.5 ])
+    >>> diagonal = Curve.bezier([[0.0, 0.0], [1.0, 1.0]])
+    >>> saddle.compose(diagonal).coefs.ravel()
+    array([0., 0., 1.])
+    """
+
+    __slots__ = ()
+    _directions: ClassVar[int] = 2
+
+    def __init__(
+        self,
+        breaks: Sequence[ArrayLike],
+        coefs: ArrayLike,
+        *,
+        rational: bool = False,
+        continuity: Sequence[ArrayLike | None] | None = None,
+    ) -> None:
+        super().__init__(breaks, coefs, rational=rational, continuity=continuity)
+
+    @classmethod
+    def from_bspline(
+        cls,
+        degrees: tuple[int, int],
+        knots: tuple[ArrayLike, ArrayLike],
+        poles: ArrayLike,
+        weights: ArrayLike | None = None,
+    ) -> Self:
+        """Surface of a B-spline or NURBS with full knot vectors.
+
+        Parameters
+        ----------
+        degrees
+            (p, q).
+        knots
+            Pair of full knot vectors (nu + p + 1,) and (nv + q + 1,); clamped or not, the domain is knots[p] .. knots[n].
+        poles
+            (nu, nv, dim).
+        weights
+            (nu, nv), or None for a polynomial surface.
+
+        Raises
+        ------
+        InputError
+            If the arrays do not fit each other, or are not finite.
+        """
+        pair = tuple(np.array(k, dtype=np.float64) for k in knots)
+        poles = np.array(poles, dtype=np.float64)
+        if poles.ndim != 3 or len(pair) != 2 or len(degrees) != 2:
+            raise InputError(f"poles have {poles.ndim} axes and there are {len(pair)} knot vectors, expected 3 and 2")
+        for degree, vector, count in zip(degrees, pair, poles.shape, strict=False):
+            door.validate(degree, vector, count)
+        homogeneous = door.homogeneous(poles, weights)
+        (p, q), (ku, kv) = degrees, pair
+        bu, rows, cu = door.extract(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
+        bv, coefs, cv = door.extract(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
+        source = None
+        if door.clamped(p, ku) and door.clamped(q, kv):
+            source = ((p, q), (ku, kv), poles, None if weights is None else np.array(weights, dtype=np.float64))
+        return cls._new((bu, bv), np.swapaxes(coefs, 0, 1), weights is not None, (cu, cv), source)
+
+    @classmethod
+    def from_rows(cls, rows: Sequence[Curve], domain: tuple[float, float] = (0.0, 1.0)) -> Self:
+        """Surface (t, v) of degree len(rows) - 1 in v whose Bernstein rows in v are curves in t with a common domain.
+
+        If any row is rational all are taken homogeneously, weight and all: the row's own weight is the weight of that row.
+
+        Raises
+        ------
+        InputError
+            If the domains or dims differ.
+        """
+        dims = {row.dim for row in rows}
+        if len(dims) != 1:
+            raise InputError(f"rows of a surface need one dim, not {sorted(dims)}")
+        rational = any(row.rational for row in rows)
+        plain = [row._rationalised() if rational else row for row in rows]
+        homogeneous = [Curve._new(row._breaks, row._coefs, False, row._continuity) for row in plain]
+        together = Curve.stack(homogeneous)
+        p, _, n = together.coefs.shape
+        coefs = together.coefs.reshape(p, len(rows), -1, n)[..., None]
+        breaks = np.array(domain, dtype=np.float64)
+        if not breaks[0] < breaks[1]:
+            raise InputError(f"the domain [{breaks[0]}, {breaks[1]}] is empty")
+        return cls._new((together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int)))
+
+    def to_bspline(self) -> BSplineSurface:
+        """Degrees, full clamped knot vectors, poles (nu, nv, dim), and weights (nu, nv) or None; see the curve's method.
+
+        Raises
+        ------
+        GeometryError
+            If a pole's weight is not positive.
+        """
+        if self._source is not None:
+            degrees, (ku, kv), poles, weights = self._source
+            return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
+        ku, rows = door.assemble(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        # (Nu, q+1, dim, nv)
+        kv, poles = door.assemble(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
+        return (self.degree, (ku, kv), *self._poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
+
+    @property
+    def degree(self) -> tuple[int, int]:
+        """Polynomial degrees (p, q)."""
+        return self._coefs.shape[0] - 1, self._coefs.shape[1] - 1
+
+    @property
+    def breaks(self) -> tuple[Array, Array]:
+        """Knot lines in u and in v, ends included, read-only."""
+        return self._breaks[0], self._breaks[1]
+
+    @property
+    def continuity(self) -> tuple[Array, Array]:
+        """Known orders of continuity across the interior knot lines in u and in v."""
+        return self._continuity[0], self._continuity[1]
+
+    @property
+    def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """((u0, u1), (v0, v1))."""
+        (u, v) = self._breaks
+        return (float(u[0]), float(u[-1])), (float(v[0]), float(v[-1]))
+
+    # -- evaluation
+
+    def _partials(self, u: Array, v: Array, ku: int, kv: int, total: int, side: Side) -> Array:
+        """Homogeneous partial derivatives (ku+1, kv+1, dim_h, N) up to the total order, zero above it, at flat u, v."""
+        (p, q), n = self.degree, len(u)
+        iu, su, xu, hu = locate(self._breaks[0], u, side)
+        iv, sv, xv, hv = locate(self._breaks[1], v, side)
+        shape = self._coefs.shape
+        patches = self._coefs.reshape(*shape[:3], -1).take(iu * shape[4] + iv, axis=-1)
+        columns = np.moveaxis(patches, 1, 0)
+        basis_u = [bernstein.basis(p - i, su, xu) for i in range(min(ku, p) + 1)]
+        out = np.zeros((ku + 1, kv + 1, shape[2], n))
+        for j in range(min(kv, q) + 1):
+            if j:
+                columns = bernstein.derivative(columns) / hv
+            rows = bernstein.evaluate(columns, bernstein.basis(q - j, sv, xv))
+            for i in range(min(ku, p, total - j) + 1):
+                if i:
+                    rows = bernstein.derivative(rows) / hu
+                out[i, j] = bernstein.evaluate(rows, basis_u[i])
+        return out
+
+    def __call__(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0, *, side: Side = "right") -> Array:
+        """Values of a partial derivative at scattered points, shape (.., dim); u and v broadcast.
+
+        At a knot line the piece to the right counts (at the last line the last piece), or the one on `side`. Beyond the
+        domain the end patches go on as polynomials.
+        """
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        jets = self._partials(u.ravel(), v.ravel(), ku, kv, ku + kv, side)
+        values = (quotient(jets) if self._rational else jets)[ku, kv]
+        return np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim)
+
+    def jet(self, u: ArrayLike, v: ArrayLike, order: int, *, side: Side = "right") -> Array:
+        """All partial derivatives up to a total order at scattered points.
+
+        Returns
+        -------
+        Array
+            (order + 1, order + 1, .., dim): entry [i, j] is the derivative of order i by u and j by v; zero for i + j > order.
+        """
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        jets = self._partials(u.ravel(), v.ravel(), order, order, order, side)
+        if self._rational:
+            jets = quotient(jets)
+            high = np.add.outer(np.arange(order + 1), np.arange(order + 1)) > order
+            jets[high] = 0
+        return np.moveaxis(jets, 2, -1).reshape(order + 1, order + 1, *u.shape, self.dim)
+
+    def grid(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0) -> Array:
+        """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
+        u, v = np.asarray(u, dtype=np.float64).ravel(), np.asarray(v, dtype=np.float64).ravel()
+        (p, q), dim_h = self.degree, self._coefs.shape[2]
+        arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
+        arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
+        orders_u, orders_v = (range(ku + 1), range(kv + 1)) if self._rational else ((ku,), (kv,))
+        jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
+        designs = [design(self._breaks[1], q, v, j).T for j in orders_v]
+        for i, order in enumerate(orders_u):
+            rows = (design(self._breaks[0], p, u, order) @ arranged).reshape(len(u), dim_h, -1)
+            for j, matrix in enumerate(designs):
+                jets[i, j] = np.moveaxis((rows.reshape(len(u) * dim_h, -1) @ matrix).reshape(len(u), dim_h, -1), 1, 0)
+        values = (quotient(jets) if self._rational else jets)[-1, -1]
+        return np.moveaxis(values, 0, -1)
+
+    # -- algebra of two parameters
+
+    def derivative(self, ku: int, kv: int) -> Self:
+        """Partial derivative as a surface; of degree (p - ku, q - kv), or (1 + ku + kv)(p, q) if rational."""
+        return self._derive((ku, kv))
+
+    def elevate(self, amount_u: int, amount_v: int) -> Self:
+        """The same surface with its degrees raised."""
+        return self._elevate((amount_u, amount_v))
+
+    def reduce(self, amount_u: int | None = None, amount_v: int | None = None, *, tolerance: float = 1e-12) -> Self:
+        """The same surface with its degrees lowered, None as far as it goes; see the curve's method.
+
+        Raises
+        ------
+        GeometryError
+            If the surface is not of that degree to the tolerance.
+        """
+        return self._reduce((amount_u, amount_v), tolerance)
+
+    def clip(self, u: tuple[float, float] | None = None, v: tuple[float, float] | None = None) -> Self:
+        """The part over u x v, which must lie inside the domain; None leaves a direction whole."""
+        result = self
+        for axis, window in enumerate((u, v)):
+            if window is not None:
+                result = result._clipped(axis, *window)
+        return result
+
+    def cut(self, u: ArrayLike = (), v: ArrayLike = ()) -> Self:
+        """The same surface with further knot lines; those outside the domain or present already are ignored."""
+        return self._inserted(0, u)._inserted(1, v)
+
+    def reverse(self, axis: int) -> Self:
+        """The surface with parameter 0 or 1 run backwards over the same domain."""
+        return self._reversed(axis)
+
+    def transpose(self) -> Self:
+        """The surface with its parameters exchanged."""
+        coefs = self._coefs.transpose(1, 0, 2, 4, 3)
+        return self._new(self._breaks[::-1], coefs, self._rational, self._continuity[::-1])
+
+    def tiled(self, axis: int, before: int, after: int, *, continuity: int = 0) -> Self:
+        """A surface that is closed in one direction, repeated.
+
+        Parameters
+        ----------
+        axis
+            0 for u, 1 for v: the closed direction.
+        before, after
+            Number of further periods below and above the domain.
+        continuity
+            Order of continuity known at the joint, of the homogeneous coefficients.
+
+        Raises
+        ------
+        InputError
+            If the surface does not close, to 1e-7 of its largest coefficient.
+        """
+        if before < 0 or after < 0:
+            raise InputError(f"cannot tile {before} times before and {after} times after: counts must not be negative")
+        lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
+        gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
+        if continuity >= 0 and gap > 1e-7 * np.abs(self._coefs).max():
+            raise InputError(
+                f"the surface is open in {'uv'[axis]}: its ends are {gap:.3g} apart (homogeneous coefficients)"
+            )
+        old, order = self._breaks[axis], self._continuity[axis]
+        period = old[-1] - old[0]
+        copies = range(-before, after + 1)
+        breaks = np.concatenate([old[:-1] + i * period for i in copies] + [old[-1:] + after * period])
+        coefs = along(lambda c: np.concatenate([c] * len(copies), axis=-1), self._coefs, axis, 2)
+        orders = np.concatenate([np.append(order, continuity)] * len(copies))[:-1]
+        return self._new(
+            _with(self._breaks, axis, breaks), coefs, self._rational, _with(self._continuity, axis, orders)
+        )
+
+    def isoparametric(self, *, u: float | None = None, v: float | None = None) -> Curve:
+        """The curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
+        if (u is None) == (v is None):
+            raise InputError("isoparametric needs exactly one of u and v")
+        axis, value = (0, u) if u is not None else (1, v)
+        piece, s, x, _ = locate(self._breaks[axis], np.array([value], dtype=np.float64))
+        row = self._coefs.take(int(piece[0]), axis=3 + axis)  # (p+1, q+1, dim, n)
+        values = bernstein.basis(self.degree[axis], s, x)[:, 0]
+        coefs = np.tensordot(values, row, axes=(0, axis))
+        return Curve._new((self._breaks[1 - axis],), coefs, self._rational, (self._continuity[1 - axis],))
+
+    # -- composition
+
+    def crossings(self, curve: Curve, axis: int | None = None) -> Array:
+        """Parameters at which a curve in the parameter plane passes from one patch to another, increasing.
+
+        Parameters
+        ----------
+        curve
+            Curve of dim 2, polynomial or rational.
+        axis
+            0 or 1 for the knot lines of u or of v only.
+
+        Returns
+        -------
+        Array
+            To full precision. A knot line that the curve touches without crossing is not among them; where it leaves a
+            line that it has run along, the end of the common part may be.
+        """
+        cut, index, _ = self._follow(curve)
+        chosen = index if axis is None else index[axis : axis + 1]
+        return cut.breaks[1:-1][(chosen[:, 1:] != chosen[:, :-1]).any(axis=0)]
+
+    def _follow(self, curve: Curve) -> tuple[Curve, Array, Array]:
+        if curve.dim != 2:
+            raise InputError(f"a curve in the parameter plane has dim 2, not {curve.dim}")
+        return follow(curve, self._breaks, self._continuity)
+
+    def compose(self, curve: Curve) -> Curve:
+        """The curve t -> S(u(t), v(t)), exactly.
+
+        Cut the curve at the knot lines it crosses, express it in barycentric coordinates of the patch it runs through, and
+        compose by Bernstein-Horner. Degree m (p + q) for a curve of degree m, less where a coordinate is constant. A curve
+        that runs beyond the domain sees the end patches continued as polynomials.
+
+        Parameters
+        ----------
+        curve
+            Curve of dim 2, polynomial or rational.
+
+        Raises
+        ------
+        InputError
+            If the curve's dim is not 2.
+        """
+        cut, index, continuity = self._follow(curve)
+        functions: list[Any] = []
+        for axis in (0, 1):
+            functions += barycentric(cut, axis, self._breaks[axis], index[axis])
+        rational = self._rational or curve.rational
+        frame = self._rationalised() if rational else self
+        coefs = bernstein.compose(frame._coefs[..., index[0], index[1]], *functions)
+        return Curve._new(cut._breaks, coefs, rational, (continuity,))
