@@ -1,7 +1,7 @@
 """Symbolic splines: curves and surfaces as exact piecewise Bernstein forms, on NumPy alone.
 
-`Curve` and `Surface` are frozen values with an algebra (sum, product, scalar and vector product, derivative, composition)
-that is exact to rounding at any degree; `interpolate` and `hermite` make curves from data.
+`Curve` and `Surface` are frozen values with an algebra (sum, product, scalar and vector product, derivative,
+composition) that is exact to rounding at any degree; `interpolate` and `hermite` make curves from data.
 """
 
 from cqblend.splines.curve import Curve

@@ -40,9 +40,9 @@ def _convolve(a: Array, b: Array, directions: int = 1) -> Array:
     if a.shape[:directions] > b.shape[:directions]:
         a, b = b, a
     sizes = [m + n - 1 for m, n in zip(a.shape[:directions], b.shape[:directions], strict=True)]
-    rest = np.broadcast_shapes(a.shape[directions:], b.shape[directions:])
     if a.shape[:directions] == (1,) * directions:
-        return a * b
+        return np.asarray(a * b)
+    rest = np.broadcast(a[(0,) * directions], b[(0,) * directions]).shape
     out = np.zeros((*sizes, *rest), dtype=np.result_type(a, b))
     for index in np.ndindex(a.shape[:directions]):
         window = tuple(slice(i, i + n) for i, n in zip(index, b.shape[:directions], strict=True))
@@ -94,9 +94,9 @@ def elevate(coefs: Array, amount: int) -> Array:
 def reduce(coefs: Array) -> Array:
     """Lower the degree by one along axis 0, right if the polynomials really are of lower degree.
 
-    In the scaled basis elevation is multiplication by (1 + x); this divides by (1 + x) from both ends towards the middle,
-    where the binomials grow and errors fade (4e-16 at degree 47; from one end 3e-3). The caller checks the remainder by
-    elevating the result.
+    In the scaled basis elevation is multiplication by (1 + x); this divides by (1 + x) from both ends towards the
+    middle, where the binomials grow and errors fade (4e-16 at degree 47; from one end 3e-3). The caller checks the
+    remainder by elevating the result.
     """
     scaled = coefs * _weights(coefs)
     out = np.empty_like(scaled[1:])
@@ -110,7 +110,7 @@ def reduce(coefs: Array) -> Array:
 
 
 def derivative(coefs: Array) -> Array:
-    """Derivative with respect to the local parameter in [0, 1] along axis 0; a constant stays a constant, zero."""
+    """Differentiate along axis 0 by the local parameter in [0, 1]; a constant gives the constant zero."""
     degree = len(coefs) - 1
     return degree * np.diff(coefs, axis=0) if degree else np.zeros_like(coefs)
 
@@ -153,7 +153,7 @@ def blossom(coefs: Array, arguments: Array) -> Array:
     """
     for x in arguments:
         coefs = (1 - x) * coefs[:-1] + x * coefs[1:]
-    return coefs[0]
+    return np.asarray(coefs[0])
 
 
 def basis(degree: int, s: Array, t: Array) -> Array:
@@ -175,33 +175,28 @@ def basis(degree: int, s: Array, t: Array) -> Array:
 
 
 def evaluate(coefs: Array, values: Array) -> Array:
-    """Contract the degree axis: coefs (p+1, .., n) with basis values (p+1, n), one column for each entry of the batch."""
+    """Contract the degree axis of coefs (p+1, .., n) with basis values (p+1, n), column by column of the batch."""
     return np.asarray(np.einsum("i...,i...->...", coefs, values.reshape(len(values), *(1,) * (coefs.ndim - 2), -1)))
 
 
-def _horner(terms: Array, x: Array, y: Array) -> Array:
-    """Sum of C(p, i) x^(p-i) y^i terms[i], all polynomials in the scaled basis: terms (p+1, k+1, .., n), x, y (m+1, n)."""
-    p = len(terms) - 1
-    middle = (1,) * (terms.ndim - 3)
-    x = x.reshape(len(x), *middle, -1)
-    y = y.reshape(len(y), *middle, -1)
-    total = terms[0]
-    power = y
-    for i in range(1, p + 1):
-        total = _convolve(total, x) + comb(p, i) * _convolve(terms[i], power)
-        if i < p:
-            power = _convolve(power, y)
-    return total
+def _basis_products(degree: int, x: Array, y: Array) -> Array:
+    """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), all in the scaled basis: (p+1, m p + 1, n)."""
+    pair = np.stack([x, y], axis=1)
+    powers = [np.ones_like(pair[:1]), pair]
+    while len(powers) <= degree:
+        powers.append(_convolve(powers[-1], pair))
+    terms = [comb(degree, i) * _convolve(powers[degree - i][:, 0], powers[i][:, 1]) for i in range(degree + 1)]
+    return np.array(terms)
 
 
 def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
-    r"""Composition of patches with barycentric coordinate functions, by Bernstein-Horner.
+    r"""Compose patches with barycentric coordinate functions.
 
     .. math:: \sum_{i,j} \binom{p}{i} \binom{q}{j} P_{ij}\, \alpha^{p-i} \beta^i \gamma^{q-j} \delta^j
 
     For an ordinary curve alpha = 1 - u, beta = u; for a rational one, u = U / w, alpha = w - U, beta = U up to a common
-    factor, and the result carries the weight of the patch times w^p. Nothing is divided, so (alpha, beta) is a projective
-    parameter and alpha may pass through zero. Likewise (gamma, delta) for v.
+    factor, and the result carries the weight of the patch times w^p. Nothing is divided, so (alpha, beta) is a
+    projective parameter and alpha may pass through zero. Likewise (gamma, delta) for v.
 
     Parameters
     ----------
@@ -216,15 +211,28 @@ def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array)
     -------
     Array
         (m p + k q + 1, dim, n) Bernstein coefficients.
+
+    Notes
+    -----
+    Basis products (Kim and Elber, eq. 1 and 2), contracted with the patch one direction after the other, and a last
+    convolution in one stroke. Bernstein-Horner is as accurate; it took 1.2 to 1.5 times as long in NumPy at degrees 6
+    to 48, most of it in calls.
     """
+    p, q = patch.shape[0] - 1, patch.shape[1] - 1
     alpha, beta, gamma, delta = (f * _weights(f) for f in (alpha, beta, gamma, delta))
-    rows = _horner(np.moveaxis(patch, 1, 0)[:, None], gamma, delta)  # (k q + 1, p+1, dim, n)
-    out = _horner(np.moveaxis(rows, 1, 0), alpha, beta)
+    rows = np.einsum("jln,ijdn->ildn", _basis_products(q, gamma, delta), patch)
+    columns = _basis_products(p, alpha, beta)
+    m, k = columns.shape[1], rows.shape[1]
+    # all products of coefficients, skewed so that those of one degree stand in one column
+    skewed = np.zeros((m, m + k, *rows.shape[2:]), dtype=rows.dtype)
+    np.einsum("imn,ildn->mldn", columns, rows, out=skewed[:, :k])
+    rest = rows.shape[2:]
+    out = skewed.reshape(-1, *rest)[: m * (m + k - 1)].reshape(m, m + k - 1, *rest).sum(axis=0)
     return np.asarray(out / _weights(out))
 
 
 def compose_curve(coefs: Array, alpha: Array, beta: Array) -> Array:
-    """Composition of polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose`."""
-    alpha, beta = alpha * _weights(alpha), beta * _weights(beta)
-    out = _horner(coefs[:, None], alpha, beta)
+    """Compose polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose`."""
+    products = _basis_products(len(coefs) - 1, alpha * _weights(alpha), beta * _weights(beta))
+    out = np.einsum("imn,idn->mdn", products, coefs)
     return np.asarray(out / _weights(out))

@@ -1,11 +1,13 @@
 """Following a curve through the pieces of what it is composed with.
 
 A curve in the parameter plane crosses knot lines, touches them, runs along them, turns back, or stands still. `follow`
-cuts it so that every piece lies in one patch and says which; the rest of composition is arithmetic (`bernstein.compose`).
-Decisions are made on Bernstein coefficients with a tolerance of a few roundings, and every wrong side of that tolerance
-costs rounding only, because patches continue as polynomials. This module must not know what is composed.
+cuts it so that every piece lies in one patch and says which; the rest of composition is arithmetic
+(`bernstein.compose`). Decisions are made on Bernstein coefficients with a tolerance of a few roundings, and every
+wrong side of that tolerance costs rounding only, because patches continue as polynomials. This module must not know
+what is composed.
 """
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -30,46 +32,53 @@ def _coordinates(curve: Spline) -> tuple[Array, Array]:
 
 
 def _tolerance(coordinate: Array, weight: Array, lines: Array) -> float:
-    """Values of coordinate - line * weight up to this are zero to rounding."""
+    """Return the value up to which coordinate - line * weight is zero to rounding."""
     return float(16 * _EPS * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
 
 
-def _candidates(breaks: Array, coordinate: Array, weight: Array, lines: Array, order: Array) -> tuple[Array, Array]:
-    """Parameters where a coordinate may cross an interior line, and how far each may be moved."""
-    inner = lines[1:-1]
-    if not len(inner):
+def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[Array, Array]:
+    """Find the parameters where a coordinate may cross an interior line, and how far each may be moved."""
+    (breaks,) = curve._breaks
+    numerator, weight = _coordinates(curve)
+    functions, tolerances, loose = [], [], []
+    for k, (line, order) in enumerate(zip(lines, orders, strict=True)):
+        u, inner, tolerance = numerator[:, k], line[1:-1], _tolerance(numerator[:, k], weight, line)
+        position = u / weight
+        low, high = np.searchsorted(inner, (position.min() - tolerance, position.max() + tolerance))
+        functions.append(u[:, None, :] - inner[low:high, None] * weight[:, None, :])
+        tolerances += [tolerance] * (high - low)
+        loose.append(order[low:high] >= 1)
+    f = np.concatenate(functions, axis=1)
+    if not f.size:
         return np.empty(0), np.empty(0)
-    tolerance = _tolerance(coordinate, weight, lines)
-    quotient = coordinate / weight
-    lo, hi = np.searchsorted(inner, (quotient.min() - tolerance, quotient.max() + tolerance))
-    if lo == hi:
-        return np.empty(0), np.empty(0)
-    reached = np.arange(lo, hi)
-    f = coordinate[:, None, :] - inner[reached, None] * weight[:, None, :]
-    column, x = sign_changes(f.reshape(len(f), -1), tolerance)
-    line, piece = np.divmod(column, len(breaks) - 1)
-    start, end = breaks[piece], breaks[piece + 1]
+    n = len(breaks) - 1
+    column, x = sign_changes(f.reshape(len(f), -1), np.repeat(tolerances, n))
+    line_of, piece = np.divmod(column, n)
     size = max(abs(breaks[0]), abs(breaks[-1]))
-    slack = np.where(order[reached[line]] >= 1, _MERGE * (breaks[-1] - breaks[0]), 4 * _EPS * size)
-    return start + x * (end - start), slack
+    slack = np.where(np.concatenate(loose)[line_of], _MERGE * (breaks[-1] - breaks[0]), 4 * _EPS * size)
+    return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
 
 def _merged(fixed: Array, candidates: Array, slack: Array) -> Array:
-    """The fixed breaks and those candidates that are not within their slack of a break already chosen."""
-    chosen = fixed
-    for i in np.lexsort((candidates, slack)):
-        at = int(np.searchsorted(chosen, candidates[i]))
-        if all(abs(candidates[i] - b) > slack[i] for b in chosen[max(at - 1, 0) : at + 1]):
-            chosen = np.insert(chosen, at, candidates[i])
-    inside = (chosen >= fixed[0]) & (chosen <= fixed[-1])
-    return chosen[inside]
+    """Add to the fixed breaks those candidates that are not within their slack of a break already chosen."""
+    if not len(candidates):
+        return fixed
+    together = np.sort(np.concatenate([fixed, candidates]))
+    if (np.diff(together) > slack.max()).all():
+        return together
+    chosen = fixed.tolist()
+    for candidate, tolerance in sorted(zip(candidates.tolist(), slack.tolist(), strict=True), key=lambda c: c[::-1]):
+        at = bisect_left(chosen, candidate)
+        if all(abs(candidate - b) > tolerance for b in chosen[max(at - 1, 0) : at + 1]):
+            chosen.insert(at, candidate)
+    return np.array(chosen)
 
 
 def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
-    """Index of the interval between lines that each piece lies in; a piece on a line stays with its neighbour's interval."""
+    """Find the interval between lines that each piece lies in; a piece on a line stays with its neighbour's."""
     inner = lines[1:-1]
     mean, mean_weight = coordinate.mean(axis=0), weight.mean(axis=0)
-    index = np.searchsorted(inner, mean / mean_weight, "right")
+    index: Array = np.searchsorted(inner, mean / mean_weight, "right")
     if not len(inner):
         return index
     nearest = np.abs(np.subtract.outer(mean / mean_weight, inner)).argmin(axis=1)
@@ -99,20 +108,12 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
     Returns
     -------
     cut, index, continuity
-        The curve with a break at every crossing, the (k, n) indices of the piece that each of its n pieces runs through,
-        and the (n - 1,) orders of continuity that a composition has. A line that is only touched gives no break.
+        The curve with a break at every crossing, the (k, n) indices of the piece that each of its n pieces runs
+        through, and the (n - 1,) orders of continuity that a composition has. A line that is only touched gives no
+        break.
     """
     (breaks,) = curve._breaks
-    numerator, weight = _coordinates(curve)
-    found = [
-        _candidates(breaks, numerator[:, k], weight, line, order)
-        for k, (line, order) in enumerate(zip(lines, orders, strict=True))
-    ]
-    candidates = np.concatenate([t for t, _ in found])
-    if len(candidates):
-        merged = _merged(breaks, candidates, np.concatenate([slack for _, slack in found]))
-    else:
-        merged = breaks
+    merged = _merged(breaks, *_candidates(curve, lines, orders))
     cut = curve._cut(0, merged)
     numerator, weight = _coordinates(cut)
     index = np.array([_pieces(numerator[:, k], weight, line) for k, line in enumerate(lines)])
@@ -132,8 +133,8 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
 def barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
     """Barycentric coordinate functions (m+1, n) of coordinate k in the interval that each piece of `cut` runs through.
 
-    A polynomial coordinate that is constant on every piece comes back with degree 0, which keeps isoparametric curves at
-    the degree they have.
+    A polynomial coordinate that is constant on every piece comes back with degree 0, which keeps isoparametric curves
+    at the degree they have.
     """
     numerator, weight = _coordinates(cut)
     u = numerator[:, k]

@@ -5,17 +5,18 @@ weight and length functions. It must not know B-spline knots except at its door,
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
-from cqblend.splines import bernstein, knots as door
+from cqblend.splines import bernstein
+from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
 from cqblend.splines.evaluation import Side, locate, quotient
-from cqblend.splines.spline import Spline, _elevated, union
+from cqblend.splines.spline import Spline, _elevated
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -28,8 +29,8 @@ class Curve(Spline):
     .. math:: f = \sum_i \binom{p}{i} (1-x)^{p-i} x^i\; c_{i \cdot j}
 
     and divided by its last component if rational. Splines are values: frozen, compared by content. ``+ - *`` and the
-    methods mean what they mean for the functions, exactly; numbers and vectors of dim numbers act as constants. Operands
-    need the same domain, not the same breaks, degree or rationality.
+    methods mean what they mean for the functions, exactly; numbers and vectors of dim numbers act as constants.
+    Operands need the same domain, not the same breaks, degree or rationality.
 
     Parameters
     ----------
@@ -40,9 +41,9 @@ class Curve(Spline):
     rational
         Whether the last component is a weight.
     continuity
-        (n - 1,) order of continuity known at the interior breaks, of the homogeneous coefficients; by default 0 where the
-        pieces meet, else -1. It decides how few knots :meth:`to_bspline` needs; a break at which the polynomial goes on
-        unchanged has ``knots.SMOOTH``.
+        (n - 1,) order of continuity known at the interior breaks, of the homogeneous coefficients; by default 0 where
+        the pieces meet, else -1. It decides how few knots :meth:`to_bspline` needs; a break at which the polynomial
+        goes on unchanged has ``knots.SMOOTH``.
 
     Raises
     ------
@@ -110,10 +111,10 @@ class Curve(Spline):
         return cls._new((breaks,), coefs, weights is not None, (continuity,), source)
 
     def to_bspline(self) -> BSplineCurve:
-        """Degree, full clamped knot vector, poles (n, dim), and weights (n,) or None.
+        """Return degree, full clamped knot vector, poles (n, dim), and weights (n,) or None.
 
-        A curve that came from a clamped B-spline gives it back as it was. Otherwise knots are as few as the known continuity
-        allows without losing digits; see :func:`cqblend.splines.knots.assemble`.
+        A curve that came from a clamped B-spline gives it back as it was. Otherwise knots are as few as the known
+        continuity allows without losing digits; see :func:`cqblend.splines.knots.assemble`.
 
         Raises
         ------
@@ -129,7 +130,7 @@ class Curve(Spline):
     @property
     def degree(self) -> int:
         """Polynomial degree p."""
-        return self._coefs.shape[0] - 1
+        return int(self._coefs.shape[0]) - 1
 
     @property
     def breaks(self) -> Array:
@@ -168,18 +169,18 @@ class Curve(Spline):
     def __call__(self, t: ArrayLike, k: int = 0, *, side: Side = "right") -> Array:
         """Values of the k-th derivative, shape (.., dim).
 
-        At a break the piece to the right counts (at the last break the last piece), or the one on `side`. Beyond the domain
-        the end pieces go on as polynomials.
+        At a break the piece to the right counts (at the last break the last piece), or the one on `side`. Beyond the
+        domain the end pieces go on as polynomials.
         """
         t = np.asarray(t, dtype=np.float64)
         if self._rational:
             values = self.jet(t, k, side=side)[k]
             return np.asarray(values)
         values = self._derivatives(t.ravel(), [k], side)[0]
-        return np.moveaxis(values, 0, -1).reshape(*t.shape, self.dim)
+        return np.asarray(np.moveaxis(values, 0, -1).reshape(*t.shape, self.dim))
 
     def jet(self, t: ArrayLike, order: int, *, side: Side = "right") -> Array:
-        """Derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
+        """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
         t = np.asarray(t, dtype=np.float64)
         jets = self._derivatives(t.ravel(), range(order + 1), side)
         if self._rational:
@@ -193,11 +194,11 @@ class Curve(Spline):
         return self._derive((k,))
 
     def elevate(self, amount: int = 1) -> Self:
-        """The same curve with its degree raised by `amount`."""
+        """Raise the degree by `amount`; the curve stays the same."""
         return self._elevate((amount,))
 
     def reduce(self, amount: int | None = None, *, tolerance: float = 1e-12) -> Self:
-        """The same curve with its degree lowered by `amount`, or as far as it goes.
+        """Lower the degree by `amount`, or as far as it goes; the curve stays the same.
 
         Parameters
         ----------
@@ -214,19 +215,19 @@ class Curve(Spline):
         return self._reduce((amount,), tolerance)
 
     def clip(self, t0: float, t1: float) -> Self:
-        """The part over [t0, t1], which must lie inside the domain."""
+        """Take the part over [t0, t1], which must lie inside the domain."""
         return self._clipped(0, t0, t1)
 
     def cut(self, breaks: ArrayLike) -> Self:
-        """The same curve with further breaks; those outside the domain or present already are ignored."""
+        """Insert breaks; those outside the domain or present already are ignored."""
         return self._inserted(0, breaks)
 
     def reverse(self) -> Self:
-        """The curve run backwards over the same domain."""
+        """Run backwards over the same domain."""
         return self._reversed(0)
 
     def reparametrized(self, t0: float, t1: float) -> Self:
-        """The same pieces over the domain [t0, t1], by an affine change of parameter."""
+        """Change the parameter affinely, so that the domain becomes [t0, t1]."""
         if not t0 < t1:
             raise InputError(f"the domain [{t0}, {t1}] is empty")
         a, b = self.domain
@@ -235,7 +236,7 @@ class Curve(Spline):
         return self._new((breaks,), self._coefs, self._rational, self._continuity)
 
     def join(self, other: Self, *, continuity: int = 0) -> Self:
-        """This curve followed by another whose domain starts where this one's ends.
+        """Append another curve, whose domain starts where this one's ends.
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 """Curves from data: smooth spline interpolants and local Hermite interpolants.
 
-Both give piecewise Hermite forms, so nothing but a small linear system for the unknown derivatives stands between the data
-and the Bernstein coefficients. This module must not know what is interpolated.
+Both give piecewise Hermite forms, so nothing but a small linear system for the unknown derivatives stands between the
+data and the Bernstein coefficients. This module must not know what is interpolated.
 """
 
 from functools import lru_cache
@@ -32,7 +32,7 @@ def _ends(k: int) -> Array:
 
 @lru_cache(maxsize=32)
 def _higher(k: int) -> Array:
-    """Derivatives 0..p of the unit-interval Hermite form, (2 ends, p+1, 2 ends of data, k+1)."""
+    """Tabulate derivatives 0..p of the unit-interval Hermite form, (2 ends, p+1, 2 ends of data, k+1)."""
     table = _ends(k)
     p = len(table) - 1
     out = np.zeros((2, p + 1, 2, k + 1))
@@ -58,9 +58,9 @@ def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
     t
         (n + 1,) strictly increasing.
     jets
-        Values and derivatives 0 .. k at the breaks, (k + 1, n + 1, dim); or separately for the start and the end of every
-        piece, (k + 1, n, 2, dim), with the continuity that follows from the data: the number of leading derivatives that
-        agree exactly, less one.
+        Values and derivatives 0 .. k at the breaks, (k + 1, n + 1, dim); or separately for the start and the end of
+        every piece, (k + 1, n, 2, dim), with the continuity that follows from the data: the number of leading
+        derivatives that agree exactly, less one.
 
     Raises
     ------
@@ -113,8 +113,8 @@ def interpolate(
     degree
         1, 3 (C2), 5 (C4) or 7 (C6).
     periodic
-        Match all derivatives up to 2k at the two ends; the values may differ by a shift. Otherwise the ends are not-a-knot
-        (derivative 2k + 1 does not jump either at the outermost k interior breaks) or given.
+        Match all derivatives up to 2k at the two ends; the values may differ by a shift. Otherwise the ends are
+        not-a-knot (derivative 2k + 1 does not jump either at the outermost k interior breaks) or given.
     sign
         -1 with `periodic` for a function that returns with the opposite sign: derivatives match up to that sign, and so
         must the values.
@@ -162,7 +162,7 @@ def interpolate(
 
 
 def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Array | None) -> Array:
-    """Derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k."""
+    """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k."""
     n, dim = len(h), values.shape[1]
     table = _higher(k)
     mean = float(np.exp(np.log(h).mean()))
@@ -176,7 +176,7 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
     chord = np.diff(values, axis=0)
 
     def jump(rows: Array, left: Array, after: Array, orders: slice, factor: float = 1.0) -> None:
-        """Rows saying that derivatives `orders` at the end of pieces `left` equal those at the start of pieces `after`."""
+        """Write rows that let no derivative in `orders` jump from the ends of pieces `left` to the starts of others."""
         for sense, index, end in ((1.0, after, 0), (-factor, left, 1)):
             for data_end in (0, 1):
                 block = sense * piece[index, end, orders, data_end, 1:]
@@ -198,4 +198,4 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
         jump(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
         jump(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
     solution = np.linalg.solve(matrix, right).reshape(n + 1, k, dim)
-    return np.swapaxes(solution, 0, 1) / (mean ** np.arange(1, k + 1))[:, None, None]
+    return np.asarray(np.swapaxes(solution, 0, 1) / (mean ** np.arange(1, k + 1))[:, None, None])

@@ -1,10 +1,10 @@
 """The door between B-splines and Bernstein pieces: extraction from full knot vectors, and re-assembly.
 
 Inside the package splines are Bernstein pieces; knot vectors exist only here. Extraction is two triangular sweeps of
-convex combinations over all spans at once, so it loses nothing. Re-assembly reads each pole as a blossom value of the one
-piece that has to be extrapolated least, and keeps a knot more often than the known continuity asks for where removing it
-would amplify rounding by more than `AMPLIFICATION`. This module must not know weights or objects: poles have any number
-of trailing axes.
+convex combinations over all spans at once, so it loses nothing. Re-assembly reads each pole as a blossom value of the
+one piece that has to be extrapolated least, and keeps a knot more often than the known continuity asks for where
+removing it would amplify rounding by more than `AMPLIFICATION`. This module must not know weights or objects: poles
+have any number of trailing axes.
 """
 
 import numpy as np
@@ -25,8 +25,8 @@ def validate(degree: int, knots: Array, count: int) -> None:
     Raises
     ------
     InputError
-        If the degree is negative, the number of knots is not count + degree + 1, a knot is not finite or smaller than its
-        predecessor, a knot inside the domain is repeated more than degree + 1 times, or the domain is empty.
+        If the degree is negative, the number of knots is not count + degree + 1, a knot is not finite or smaller than
+        its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the domain is empty.
     """
     if degree < 0:
         raise InputError(f"degree {degree} is negative")
@@ -109,7 +109,7 @@ def _between(x: Array, ndim: int) -> Array:
 
 
 def _support(breaks: Array, degree: int, repeats: Array) -> tuple[Array, Array, Array, Array]:
-    """Full knot vector, knot window (p, n) of each pole, and the best piece (n,) to read it from with its amplification."""
+    """Find the full knot vector, each pole's knot window (p, n), the best piece to read it from, its amplification."""
     p = degree
     at = np.repeat(np.arange(len(breaks)), repeats)
     knots = breaks[at]

@@ -9,8 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, basis, derivative, evaluate, restrict
+from cqblend.splines.bernstein import Array, restrict
 
+_EPS = float(np.finfo(float).eps)
 _PARTS = 8
 _LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
 
@@ -24,40 +25,44 @@ def _subdivision(degree: int) -> Array:
 
 
 def _variations(f: Array) -> Array:
-    """Number of sign changes down each column, zeros ignored."""
+    """Count the sign changes down each column, zeros ignored."""
     sign = np.sign(f)
     if not sign.all():
         for i in range(1, len(sign)):
             np.copyto(sign[i], sign[i - 1], where=sign[i] == 0)
-    return (sign[1:] * sign[:-1] < 0).sum(axis=0)
+    return np.asarray((sign[1:] * sign[:-1] < 0).sum(axis=0))
 
 
 def _solve(f: Array) -> Array:
-    """The root of each column of f, which has exactly one sign change: Newton inside a shrinking bracket."""
+    """Find the root of each column of f, which has exactly one sign change, by Newton inside a shrinking bracket."""
     degree, count = len(f) - 1, f.shape[1]
-    slope = derivative(f)
-    sign = np.sign(f)
     columns = np.arange(count)
-    last_left = np.argmax(sign * sign[(sign != 0).argmax(axis=0), columns] < 0, axis=0) - 1
-    before, after = np.abs(f[last_left, columns]), np.abs(f[last_left + 1, columns])
-    left_sign = -sign[last_left + 1, columns]
-    t = (last_left + before / (before + after)) / degree
+    sign = np.sign(f)
+    left_sign = sign[(sign != 0).argmax(axis=0), columns]
+    change = (sign * left_sign < 0).argmax(axis=0)
+    before, after = np.abs(f[change - 1, columns]), np.abs(f[change, columns])
+    t: Array = (change - 1 + before / (before + after)) / degree
+    if degree == 1:
+        return t
+    noise = 2 * _EPS * np.abs(f).max(axis=0)
     lo, hi = np.zeros(count), np.ones(count)
     for _ in range(80):
-        value = evaluate(f, basis(degree, 1 - t, t))
+        s, c = 1 - t, f
+        for _ in range(degree - 1):  # de Casteljau, which yields the slope as well
+            c = s * c[:-1] + t * c[1:]
+        value, rise = s * c[0] + t * c[1], degree * (c[1] - c[0])
         left = value * left_sign > 0
         lo, hi = np.where(left, t, lo), np.where(left, hi, t)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            new = t - value / evaluate(slope, basis(degree - 1, 1 - t, t))
-        new = np.where((new >= lo) & (new <= hi), new, (lo + hi) / 2)
-        step = np.abs(new - t).max()
+        new = t - value / np.where(rise == 0, 1.0, rise)
+        new = np.where((new >= lo) & (new <= hi) & (rise != 0), new, (lo + hi) / 2)
+        done = (np.abs(new - t) <= 4 * _EPS) | (np.abs(value) <= noise)
         t = new
-        if step <= 1e-16:
+        if done.all():
             break
     return t
 
 
-def sign_changes(f: Array, tolerance: float) -> tuple[Array, Array]:
+def sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     """Where the columns of f change sign inside (0, 1).
 
     Parameters
@@ -65,7 +70,7 @@ def sign_changes(f: Array, tolerance: float) -> tuple[Array, Array]:
     f
         (p+1, n) Bernstein coefficients.
     tolerance
-        Coefficients up to this absolute value count as zero.
+        (n,) Coefficients up to this absolute value count as zero.
 
     Returns
     -------
@@ -75,30 +80,33 @@ def sign_changes(f: Array, tolerance: float) -> tuple[Array, Array]:
 
     Examples
     --------
-    >>> sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), 0.0)
+    >>> sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
     (array([0]), array([0.25]))
     """
     column = np.arange(f.shape[1])
     start, width = np.zeros(f.shape[1]), 1.0
-    columns, roots = [], []
+    touched: list[tuple[Array, Array]] = []  # column, root
+    brackets: list[tuple[Array, Array, float, Array]] = []  # column, start, width, coefficients
     for level in range(_LEVELS):
         f = np.where(np.abs(f) <= tolerance, 0.0, f)
         count = _variations(f)
-        single = np.flatnonzero(count == 1)
+        single, several = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
         if len(single):
-            columns.append(column[single])
-            roots.append(start[single] + width * _solve(f[:, single]))
-        several = np.flatnonzero(count > 1)
+            brackets.append((column[single], start[single], width, f[:, single]))
         if not len(several) or level == _LEVELS - 1:
             break
         parts = _subdivision(len(f) - 1) @ f[:, several]  # (8, p+1, k)
         width /= _PARTS
-        column = np.tile(column[several], _PARTS)
+        column, tolerance = np.tile(column[several], _PARTS), np.tile(tolerance[several], _PARTS)
         start = np.add.outer(width * np.arange(_PARTS), start[several]).ravel()
         f = np.moveaxis(parts, 0, 1).reshape(parts.shape[1], -1)
-        touching = np.flatnonzero((np.abs(f[0]) <= tolerance) & (start > 0))
-        columns.append(column[touching])
-        roots.append(start[touching])
-    if not roots:
+        at = np.flatnonzero((np.abs(f[0]) <= tolerance) & (start > 0))
+        touched.append((column[at], start[at]))
+    if brackets:
+        local = _solve(np.concatenate([b[3] for b in brackets], axis=1))
+        widths = np.repeat([b[2] for b in brackets], [len(b[0]) for b in brackets])
+        solved = np.concatenate([b[1] for b in brackets]) + widths * local
+        touched.append((np.concatenate([b[0] for b in brackets]), solved))
+    if not touched:
         return np.empty(0, dtype=int), np.empty(0)
-    return np.concatenate(columns), np.concatenate(roots)
+    return np.concatenate([c for c, _ in touched]), np.concatenate([r for _, r in touched])

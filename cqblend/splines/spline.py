@@ -1,9 +1,10 @@
 """What curves and surfaces have in common: a frozen tensor product of Bernstein pieces, and its algebra.
 
-A spline of k parameters holds ``breaks`` for each, one read-only coefficient array (degrees, component, pieces) with the
-pieces last, whether the last component is a weight, and the continuity order known at each interior break. All algebra is
-written here once, for k = 1 and k = 2, on homogeneous coefficients, with the meaning it has for the Euclidean functions.
-Evaluation and what belongs to one k only is in `curve` and `surface`. This module must not know where splines come from.
+A spline of k parameters holds ``breaks`` for each, one read-only coefficient array (degrees, component, pieces) with
+the pieces last, whether the last component is a weight, and the continuity order known at each interior break. All
+algebra is written here once, for k = 1 and k = 2, on homogeneous coefficients, with the meaning it has for the
+Euclidean functions. Evaluation and what belongs to one k only is in `curve` and `surface`. This module must not know
+where splines come from.
 """
 
 from collections.abc import Callable, Sequence
@@ -238,7 +239,7 @@ class Spline:
         return self._product(v, w)
 
     def _vector(self, value: object) -> Array | None:
-        """A number, or one per component, shaped to broadcast against a numerator; None if `value` is neither."""
+        """Shape a number, or one per component, to broadcast against a numerator; None if `value` is neither."""
         if isinstance(value, Spline):
             return None
         try:
@@ -473,7 +474,7 @@ class Spline:
         )
 
     def _rationalised(self) -> Self:
-        """The same spline with a weight component, one if it had none."""
+        """Give it a weight component, one if it had none."""
         return self if self._rational else self._like(self._coefs, self._one())
 
     def _one(self) -> Array:

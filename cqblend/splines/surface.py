@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
-from cqblend.splines import bernstein, knots as door
+from cqblend.splines import bernstein
+from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
 from cqblend.splines.curve import Curve
@@ -80,7 +81,8 @@ class Surface(Spline):
         degrees
             (p, q).
         knots
-            Pair of full knot vectors (nu + p + 1,) and (nv + q + 1,); clamped or not, the domain is knots[p] .. knots[n].
+            Pair of full knot vectors (nu + p + 1,) and (nv + q + 1,); clamped or not, the domain is knots[p] ..
+            knots[n].
         poles
             (nu, nv, dim).
         weights
@@ -110,7 +112,8 @@ class Surface(Spline):
     def from_rows(cls, rows: Sequence[Curve], domain: tuple[float, float] = (0.0, 1.0)) -> Self:
         """Surface (t, v) of degree len(rows) - 1 in v whose Bernstein rows in v are curves in t with a common domain.
 
-        If any row is rational all are taken homogeneously, weight and all: the row's own weight is the weight of that row.
+        If any row is rational all are taken homogeneously, weight and all: the row's own weight is the weight of that
+        row.
 
         Raises
         ------
@@ -132,7 +135,9 @@ class Surface(Spline):
         return cls._new((together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int)))
 
     def to_bspline(self) -> BSplineSurface:
-        """Degrees, full clamped knot vectors, poles (nu, nv, dim), and weights (nu, nv) or None; see the curve's method.
+        """Return degrees, full clamped knot vectors, poles (nu, nv, dim), and weights (nu, nv) or None.
+
+        See the curve's method.
 
         Raises
         ------
@@ -199,7 +204,7 @@ class Surface(Spline):
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         jets = self._partials(u.ravel(), v.ravel(), ku, kv, ku + kv, side)
         values = (quotient(jets) if self._rational else jets)[ku, kv]
-        return np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim)
+        return np.asarray(np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim))
 
     def jet(self, u: ArrayLike, v: ArrayLike, order: int, *, side: Side = "right") -> Array:
         """All partial derivatives up to a total order at scattered points.
@@ -207,7 +212,8 @@ class Surface(Spline):
         Returns
         -------
         Array
-            (order + 1, order + 1, .., dim): entry [i, j] is the derivative of order i by u and j by v; zero for i + j > order.
+            (order + 1, order + 1, .., dim): entry [i, j] is the derivative of order i by u and j by v; zero for i + j
+            > order.
         """
         u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         jets = self._partials(u.ravel(), v.ravel(), order, order, order, side)
@@ -240,11 +246,11 @@ class Surface(Spline):
         return self._derive((ku, kv))
 
     def elevate(self, amount_u: int, amount_v: int) -> Self:
-        """The same surface with its degrees raised."""
+        """Raise the degrees; the surface stays the same."""
         return self._elevate((amount_u, amount_v))
 
     def reduce(self, amount_u: int | None = None, amount_v: int | None = None, *, tolerance: float = 1e-12) -> Self:
-        """The same surface with its degrees lowered, None as far as it goes; see the curve's method.
+        """Lower the degrees, None as far as it goes; see the curve's method.
 
         Raises
         ------
@@ -254,7 +260,7 @@ class Surface(Spline):
         return self._reduce((amount_u, amount_v), tolerance)
 
     def clip(self, u: tuple[float, float] | None = None, v: tuple[float, float] | None = None) -> Self:
-        """The part over u x v, which must lie inside the domain; None leaves a direction whole."""
+        """Take the part over u x v, which must lie inside the domain; None leaves a direction whole."""
         result = self
         for axis, window in enumerate((u, v)):
             if window is not None:
@@ -262,20 +268,20 @@ class Surface(Spline):
         return result
 
     def cut(self, u: ArrayLike = (), v: ArrayLike = ()) -> Self:
-        """The same surface with further knot lines; those outside the domain or present already are ignored."""
+        """Insert knot lines; those outside the domain or present already are ignored."""
         return self._inserted(0, u)._inserted(1, v)
 
     def reverse(self, axis: int) -> Self:
-        """The surface with parameter 0 or 1 run backwards over the same domain."""
+        """Run parameter 0 or 1 backwards over the same domain."""
         return self._reversed(axis)
 
     def transpose(self) -> Self:
-        """The surface with its parameters exchanged."""
+        """Exchange the parameters."""
         coefs = self._coefs.transpose(1, 0, 2, 4, 3)
         return self._new(self._breaks[::-1], coefs, self._rational, self._continuity[::-1])
 
     def tiled(self, axis: int, before: int, after: int, *, continuity: int = 0) -> Self:
-        """A surface that is closed in one direction, repeated.
+        """Repeat a surface that is closed in one direction.
 
         Parameters
         ----------
@@ -310,7 +316,7 @@ class Surface(Spline):
         )
 
     def isoparametric(self, *, u: float | None = None, v: float | None = None) -> Curve:
-        """The curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
+        """Take the curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
         if (u is None) == (v is None):
             raise InputError("isoparametric needs exactly one of u and v")
         axis, value = (0, u) if u is not None else (1, v)
@@ -340,7 +346,7 @@ class Surface(Spline):
         """
         cut, index, _ = self._follow(curve)
         chosen = index if axis is None else index[axis : axis + 1]
-        return cut.breaks[1:-1][(chosen[:, 1:] != chosen[:, :-1]).any(axis=0)]
+        return np.asarray(cut.breaks[1:-1][(chosen[:, 1:] != chosen[:, :-1]).any(axis=0)])
 
     def _follow(self, curve: Curve) -> tuple[Curve, Array, Array]:
         if curve.dim != 2:
@@ -348,11 +354,11 @@ class Surface(Spline):
         return follow(curve, self._breaks, self._continuity)
 
     def compose(self, curve: Curve) -> Curve:
-        """The curve t -> S(u(t), v(t)), exactly.
+        """Compose with a curve in the parameter plane: t -> S(u(t), v(t)), exactly.
 
-        Cut the curve at the knot lines it crosses, express it in barycentric coordinates of the patch it runs through, and
-        compose by Bernstein-Horner. Degree m (p + q) for a curve of degree m, less where a coordinate is constant. A curve
-        that runs beyond the domain sees the end patches continued as polynomials.
+        Cut the curve at the knot lines it crosses, express it in barycentric coordinates of the patch it runs
+        through, and compose by basis products. Degree m (p + q) for a curve of degree m, less where a coordinate is
+        constant. A curve that runs beyond the domain sees the end patches continued as polynomials.
 
         Parameters
         ----------
