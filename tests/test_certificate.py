@@ -1,0 +1,86 @@
+"""The certificate reports the worst of its rails, merges without losing any, and prints as an aligned table."""
+
+from dataclasses import FrozenInstanceError, fields, replace
+
+import pytest
+
+from cqblend import Certificate, RailRecord
+
+RAILS = (
+    RailRecord(1, 2, 7, gap=1e-12, angle=3e-11, curvature_jump=0.4, direction=0.0, length=2e-4, tolerance=1e-7),
+    RailRecord(2, 5, 7, gap=4e-12, angle=1e-11, curvature_jump=0.2, direction=5e-7, length=1e-4, tolerance=3e-7),
+)
+ONE = Certificate(
+    rails=RAILS,
+    form="exact",
+    degree=(3, 3),
+    poles=(12, 4),
+    rational=False,
+    inner_crease=0.0,
+    method="wire substitution",
+    valid=True,
+    width=(3.5, 3.75),
+    stations=1000,
+)
+OTHER = replace(
+    ONE,
+    rails=(replace(RAILS[0], edge=11, gap=2e-9),),
+    form="compact",
+    degree=(7, 3),
+    poles=(8, 5),
+    rational=True,
+    inner_crease=0.01,
+    method="splitter",
+    valid=False,
+    width=(2.0, 3.6),
+    stations=400,
+)
+
+
+@pytest.mark.parametrize("name", ["gap", "angle", "curvature_jump", "direction", "length", "tolerance"])
+def test_properties_are_the_largest_over_the_rails(name):
+    assert getattr(ONE, name) == max(getattr(rail, name) for rail in RAILS)
+
+
+def test_merging_keeps_every_rail_and_the_worst_of_the_rest():
+    merged = Certificate.merge([ONE, OTHER, ONE])
+    assert merged.rails == (*ONE.rails, *OTHER.rails, *ONE.rails)
+    assert (merged.form, merged.rational, merged.valid) == ("compact", True, False)
+    assert (merged.degree, merged.poles) == ((7, 3), (12, 5))
+    assert (merged.width, merged.inner_crease, merged.stations) == ((2.0, 3.75), 0.01, 400)
+    assert merged.method == "wire substitution, splitter"
+    assert merged.gap == 2e-9
+
+
+def test_merging_one_changes_nothing():
+    assert Certificate.merge([ONE]) == ONE
+
+
+def test_table_is_aligned_and_complete():
+    lines = str(Certificate.merge([ONE, OTHER])).splitlines()
+    assert lines[0] == "INVALID blend, compact, degree 7 x 3, 12 x 5 poles, rational, by wire substitution, splitter"
+    assert lines[1] == "width 2 to 3.75 mm, inner crease 1.0e-02 rad, 400 stations a rail"
+    table = lines[2:]
+    assert len(table) == 2 + 3
+    assert len({len(line) for line in table}) == 1
+    assert all(len(line.split()) == len(fields(RailRecord)) for line in table[2:])
+    units = dict(zip(table[0].replace("curvature jump", "curvature_jump").split()[3:], table[1].split(), strict=True))
+    assert units == {
+        "gap": "mm",
+        "angle": "rad",
+        "curvature_jump": "1/mm",
+        "direction": "rad",
+        "length": "rel.",
+        "tolerance": "mm",
+    }
+
+
+def test_equal_widths_print_once():
+    assert "width 3.5 mm," in str(replace(ONE, width=(3.5, 3.5 + 1e-9)))
+
+
+def test_certificates_cannot_be_changed():
+    with pytest.raises(FrozenInstanceError):
+        ONE.valid = False
+    with pytest.raises(FrozenInstanceError):
+        RAILS[0].gap = 0.0

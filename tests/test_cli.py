@@ -1,0 +1,218 @@
+"""The command line: what it prints where, and its exit codes."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cadquery as cq
+import pytest
+
+import cqblend
+from cqblend.__main__ import main
+
+BOX = (30.0, 20.0, 10.0)
+CORNER = f"{BOX[0]},{BOX[1]},5"
+
+
+@pytest.fixture
+def box(tmp_path):
+    path = tmp_path / "box.step"
+    cq.exporters.export(cq.Workplane().box(*BOX, centered=False), str(path))
+    return path
+
+
+def run(capsys, *arguments):
+    """Run the command line in this process; return exit code, stdout and stderr."""
+    try:
+        code = main([str(argument) for argument in arguments])
+    except SystemExit as leaving:
+        code = leaving.code
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def one_line(err):
+    """Return the only line of an error message."""
+    lines = err.splitlines()
+    assert len(lines) == 1, err
+    assert lines[0].startswith("cqblend: error: ")
+    return lines[0]
+
+
+def test_help_and_version_do_not_load_occt():
+    code = (
+        "import sys; from cqblend.__main__ import main\n"
+        "try: main([sys.argv[1]])\n"
+        "except SystemExit as leaving: assert leaving.code == 0\n"
+        "assert not {'OCP', 'cadquery'} & set(sys.modules)"
+    )
+    for option in ("--help", "--version"):
+        done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert "cqblend" in done.stdout
+
+
+def test_help_documents_the_exit_codes(capsys):
+    for arguments in (["--help"], ["blend", "--help"], ["continuity", "--help"], ["demo", "--help"]):
+        code, out, _ = run(capsys, *arguments)
+        assert code == 0
+        assert "exit codes:" in out
+
+
+def test_version(capsys):
+    assert run(capsys, "--version")[:2] == (0, f"cqblend {cqblend.__version__}\n")
+
+
+@pytest.mark.parametrize("size", [["--radius", "2"], ["--width", "2"], ["--radius", "2", "--form", "exact"]])
+def test_blend(capsys, box, tmp_path, size):
+    output = tmp_path / "out.step"
+    code, out, err = run(capsys, "blend", box, output, "--near", CORNER, *size)
+    assert (code, err) == (0, "")
+    assert "0 mm from the point" in out
+    assert "valid blend, exact" in out
+    solid = cq.importers.importStep(str(output)).val()
+    assert solid.isValid()
+    assert len(solid.Faces()) == 7
+
+
+def test_near_may_be_repeated_and_negative(capsys, tmp_path):
+    centered, output = tmp_path / "centered.step", tmp_path / "out.step"
+    cq.exporters.export(cq.Workplane().box(*BOX), str(centered))
+    code, out, _ = run(capsys, "blend", centered, output, "--near", "-15,-10,0", "--near=15,10,0", "--radius", "2")
+    assert code == 0
+    assert out.count("0 mm from the point") == 2
+    assert len(cq.importers.importStep(str(output)).val().Faces()) == 8
+
+
+def test_near_finds_the_sharp_edge(capsys, tmp_path):
+    """On a filleted cylinder, seam and smooth edges of the fillet are nearer to the point than the sharp one."""
+    part = cq.Workplane().cylinder(20, 10).faces(">Z").edges().fillet(3)
+    path = tmp_path / "part.step"
+    cq.exporters.export(part, str(path))
+    code, out, _ = run(capsys, "continuity", path, "--near", "10,0,7")
+    assert code == 0
+    assert "17 mm from the point" in out
+    assert "convex" in out
+
+
+def test_continuity(capsys, box):
+    code, out, err = run(capsys, "continuity", box, "--near", CORNER)
+    assert (code, err) == (0, "")
+    assert "angle 1.6 rad" in out
+
+
+def test_demo(capsys, tmp_path):
+    code, out, _ = run(capsys, "demo", "--output", tmp_path / "new")
+    assert code == 0
+    assert "valid blend, exact" in out
+    written = Path(out.splitlines()[-1].removeprefix("written to "))
+    assert cq.importers.importStep(str(written)).val().isValid()
+
+
+# failures
+
+
+def test_missing_input(capsys, tmp_path):
+    code, out, err = run(capsys, "continuity", tmp_path / "none.step", "--near", "0,0,0")
+    assert (code, out) == (2, "")
+    assert "none.step" in one_line(err)
+
+
+@pytest.mark.parametrize("content", [b"", b"this is no STEP file\n", b"ISO-10303-21;\nHEADER;\n", bytes(range(256))])
+def test_damaged_input_leaves_the_output_alone(capsys, tmp_path, content):
+    path, output = tmp_path / "bad.step", tmp_path / "out.step"
+    path.write_bytes(content)
+    output.write_text("precious")
+    code, out, err = run(capsys, "blend", path, output, "--near", "0,0,0", "--radius", "1")
+    assert (code, out) == (2, "")
+    assert "bad.step" in one_line(err)
+    assert output.read_text() == "precious"
+
+
+def test_truncated_input(capsys, box, tmp_path):
+    whole = box.read_bytes()
+    for share in (0.2, 0.6, 0.95):
+        path = tmp_path / "cut.step"
+        path.write_bytes(whole[: int(share * len(whole))])
+        code, _, err = run(capsys, "blend", path, tmp_path / "out.step", "--near", CORNER, "--radius", "1")
+        assert code == 2
+        assert "cut.step" in one_line(err)
+        assert not (tmp_path / "out.step").exists()
+
+
+def test_failed_blend_leaves_the_output_alone(capsys, box, tmp_path):
+    output = tmp_path / "out.step"
+    output.write_text("precious")
+    code, _, err = run(capsys, "blend", box, output, "--near", CORNER, "--radius", "500")
+    assert code == 1
+    assert "500" in one_line(err)
+    assert output.read_text() == "precious"
+    assert list(tmp_path.iterdir()) in ([box, output], [output, box])
+
+
+def test_nothing_sharp(capsys, tmp_path):
+    path = tmp_path / "sphere.step"
+    cq.exporters.export(cq.Workplane().sphere(5), str(path))
+    code, _, err = run(capsys, "continuity", path, "--near", "0,0,0")
+    assert code == 1
+    assert "none is sharp" in one_line(err)
+
+
+def test_output_that_cannot_be_written(capsys, box, tmp_path):
+    code, _, err = run(capsys, "blend", box, tmp_path / "no" / "such" / "out.step", "--near", CORNER, "--radius", "2")
+    assert code == 2
+    assert "out.step" in one_line(err)
+
+
+@pytest.mark.parametrize("radius", ["0", "-1", "nan", "inf", "1e300"])
+def test_radius_that_is_none(capsys, box, tmp_path, radius):
+    output = tmp_path / "out.step"
+    code, _, err = run(capsys, "blend", box, output, "--near", CORNER, f"--radius={radius}")
+    assert code == 2
+    assert "radius" in one_line(err)
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["nonsense"],
+        ["blend"],
+        ["blend", "in.step", "out.step", "--radius", "1"],
+        ["blend", "in.step", "out.step", "--near", "0,0,0"],
+        ["blend", "in.step", "out.step", "--near", "0,0,0", "--radius", "1", "--width", "1"],
+        ["blend", "in.step", "out.step", "--near", "0,0,0", "--radius", "wide"],
+        ["blend", "in.step", "out.step", "--near", "0,0", "--radius", "1"],
+        ["blend", "in.step", "out.step", "--near", "0,0,nan", "--radius", "1"],
+        ["blend", "in.step", "out.step", "--near", "0,0,0", "--radius", "1", "--form", "pretty"],
+        ["continuity", "in.step", "--near"],
+    ],
+)
+def test_wrong_usage(capsys, arguments):
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert "usage: cqblend" in err
+
+
+def test_long_steps_announce_themselves(capsys, monkeypatch):
+    from cqblend import __main__ as cli
+
+    monkeypatch.setattr(cli, "_PATIENCE", 0.0)
+    with cli._step("thinking"):
+        cli.threading.Event().wait(0.05)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines()[0] == "cqblend: thinking ..."
+    assert err.splitlines()[1].startswith("cqblend: thinking: 0.")
+
+
+def test_module_and_script_are_the_same(box):
+    script = Path(sys.executable).with_name("cqblend")
+    commands = [[sys.executable, "-m", "cqblend"], *([[str(script)]] if script.exists() else [])]
+    for command in commands:
+        done = subprocess.run(
+            [*command, "continuity", str(box), "--near", CORNER], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert "convex" in done.stdout

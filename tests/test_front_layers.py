@@ -1,0 +1,54 @@
+"""The layers: what may import what. Read off the source, so that no import order hides it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "cqblend"
+MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
+
+
+def imports(module):
+    """Yield the names of what a module imports at run time; what it imports for the type checker does not count."""
+    todo = [ast.parse((PACKAGE / module).read_text(encoding="utf-8"))]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            todo.extend(node.orelse)
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute here"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        todo.extend(ast.iter_child_nodes(node))
+
+
+def roots(module):
+    return {name.partition(".")[0] for name in imports(module)}
+
+
+def inside(module):
+    """Return which parts of cqblend a module imports."""
+    return {name.split(".")[1] for name in imports(module) if name.startswith("cqblend.")}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_only_occ_imports_ocp(module):
+    assert "OCP" not in roots(module) or module.startswith("occ/")
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_imports_scipy_or_numba(module):
+    assert not {"scipy", "numba", "build123d"} & roots(module)
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if "/" in module])
+def test_layers(module):
+    allowed = {
+        "splines": {"splines", "errors"},
+        "blends": {"blends", "splines", "errors"},
+        "occ": {"occ", "blends", "splines", "errors", "installation"},
+    }
+    assert inside(module) <= allowed[module.partition("/")[0]]

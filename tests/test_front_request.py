@@ -1,0 +1,106 @@
+"""Every option is checked at the door: by type, by range, and against what is built."""
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from cqblend.errors import InputError, SizeError, UnsupportedError
+from cqblend.request import LARGEST, SMALLEST, BlendRequest
+
+checked = BlendRequest.checked
+
+
+def test_defaults():
+    request = checked(2)
+    assert (request.radius, request.width) == (2.0, None)
+    assert (request.continuity, request.tangents, request.section, request.form) == (
+        "G1",
+        "perpendicular",
+        "hermite",
+        "auto",
+    )
+    assert (request.bulge, request.tolerance, request.angular_tolerance) == (1.0, 1e-7, 1e-5)
+
+
+@pytest.mark.parametrize("size", [2, 2.0, Fraction(4, 2), np.float32(2), np.int64(2)])
+def test_every_real_number_is_a_number(size):
+    assert checked(size).radius == 2.0
+    assert type(checked(size).radius) is float
+    assert checked(width=size).width == (2.0, 2.0)
+
+
+def test_width_may_differ_by_side():
+    assert checked(width=(1, 3)).width == (1.0, 3.0)
+
+
+@pytest.mark.parametrize("value", ["2", b"2", True, 2j, [2], (2, 2), {}, object(), Decimal(2), np.array([2.0])])
+def test_what_is_no_number(value):
+    with pytest.raises(InputError, match=r"^radius must be a number, not "):
+        checked(value)
+    with pytest.raises(InputError, match=r"^bulge must be a number, not "):
+        checked(2, bulge=value)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
+@pytest.mark.parametrize("name", ["bulge", "tolerance", "angular_tolerance"])
+def test_what_is_not_finite(name, value):
+    with pytest.raises(InputError, match=rf"^{name} must be finite, not "):
+        checked(2, **{name: value})
+    with pytest.raises(InputError, match=r"^radius must be finite, not "):
+        checked(value)
+
+
+@pytest.mark.parametrize("value", [0, -0.0, -1, -1e-300])
+def test_what_is_not_positive(value):
+    with pytest.raises(InputError, match=f"^radius must be above 0, not {value:g}$"):
+        checked(value)
+    with pytest.raises(InputError, match=r"^width\[1\] must be above 0"):
+        checked(width=(1, value))
+
+
+def test_the_range_of_sizes():
+    assert checked(SMALLEST).radius == SMALLEST
+    assert checked(LARGEST).radius == LARGEST
+    with pytest.raises(SizeError, match="radius 9e-07 mm is below 1e-06 mm"):
+        checked(9e-7)
+    with pytest.raises(InputError, match=r"width\[0\] 1e\+12 mm is above 1e\+09 mm"):
+        checked(width=(1e12, 1))
+
+
+@pytest.mark.parametrize(("options", "given"), [({}, "neither"), ({"radius": 1, "width": 1}, "both")])
+def test_exactly_one_of_radius_and_width(options, given):
+    with pytest.raises(InputError, match=f"exactly one of radius and width, not {given}"):
+        checked(**options)
+
+
+@pytest.mark.parametrize("width", [(), (1,), (1, 2, 3), [1, 2, 3]])
+def test_a_pair_has_two_values(width):
+    with pytest.raises(InputError, match=f"a number or a pair, one for each side, not {len(width)} values"):
+        checked(width=width)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"radius": lambda t: 1 + t},
+        {"width": lambda t: 1 + t},
+        {"width": (1, lambda t: 1 + t)},
+        *({"radius": 1, "continuity": name} for name in ("G0", "G2", "G3", ("G1", "G2"), ("G1", "G1"))),
+        *({"radius": 1, "tangents": name} for name in ("parametric", "chord", "guide", "combination")),
+        {"radius": 1, "tangents": ("chord", "perpendicular")},
+        *({"radius": 1, "section": name} for name in ("pde", "potential")),
+    ],
+)
+def test_what_is_not_built_yet_raises(options):
+    with pytest.raises(UnsupportedError, match="not built yet"):
+        checked(**options)
+
+
+@pytest.mark.parametrize("name", ["continuity", "tangents", "section", "form"])
+@pytest.mark.parametrize("value", ["g1", "", "G4", 1, (), ("G1", "G4"), ["nope", 2], b"G1", math.nan])
+def test_unknown_options_name_the_known_ones(name, value):
+    with pytest.raises(InputError, match=rf"^{name} must be '"):
+        checked(1, **{name: value})
