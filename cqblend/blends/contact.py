@@ -1,0 +1,235 @@
+"""From an edge to the contact points of a blend: where a rolling ball, or a given width, touches the two faces.
+
+All stations along the edge are solved at once by a damped Newton iteration on the surfaces' own derivatives. The unknowns are
+the native parameters (u1, v1, u2, v2) of the two contacts; the station's plane, through the edge point and normal to the edge,
+fixes the parameter that the two rails share. Pure NumPy: the edge arrives as a function, the surfaces as primaries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit
+from cqblend.errors import GeometryError, SizeError
+
+STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts
+PAIR = (0, 1)
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of the edge: the surface, and where its material is.
+
+    ``outward`` is +1 where Su x Sv points out of the solid, else -1.
+    """
+
+    primary: Primary
+    outward: float
+
+
+@dataclass(frozen=True)
+class Stations:
+    """Cross-sections of the joint at parameters ``t`` (n,): edge points, edge directions, and both faces' parameters there."""
+
+    t: Array
+    point: Array
+    direction: Array
+    uv: tuple[Array, Array]
+
+    def pick(self, index: Array) -> Stations:
+        """Return some of the stations."""
+        return Stations(self.t[index], self.point[index], self.direction[index], (self.uv[0][index], self.uv[1][index]))
+
+
+Spine = Callable[[Array], Stations]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contact parameters (n, 2) on both sides, the edge points between them, and the cross derivatives' default length."""
+
+    t: Array
+    point: Array
+    uv: tuple[Array, Array]
+    reach: Array
+
+
+def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
+    """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""
+    cross = np.cross(jet[1], jet[2])
+    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    if not np.all(length > 0):
+        raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
+    n = cross / length
+
+    def rate(change: Array) -> Array:
+        return (change - (change * n).sum(1, keepdims=True) * n) / length
+
+    du = rate(np.cross(jet[3], jet[2]) + np.cross(jet[1], jet[4]))
+    dv = rate(np.cross(jet[4], jet[2]) + np.cross(jet[1], jet[5]))
+    return n, du, dv
+
+
+def newton(
+    system: Callable[[Array], tuple[Array, Array, Array]], start: Array, scale: float, stride: float
+) -> tuple[Array, Array]:
+    """Solve F(x) = 0 for all stations at once.
+
+    ``system`` returns F (n, m), its Jacobian (n, m, m) and the length (n, m) of a unit step of each unknown in space. Steps
+    are held to ``stride`` in space. Returns x and a mask of the stations that converged to rounding.
+    """
+    x = start.copy()
+    best = np.full(len(x), np.inf)
+    for _ in range(STEPS):
+        residual, jacobian, metric = system(x)
+        size = np.abs(residual).max(1) / scale
+        if np.all((size < 1e-15) | ((size < 1e-11) & (size >= best / 2))):
+            break
+        best = np.minimum(best, size)
+        try:
+            step = np.linalg.solve(jacobian, -residual[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            step = np.stack([np.linalg.lstsq(j, -r)[0] for j, r in zip(jacobian, residual, strict=True)])
+        length = (np.abs(step) * metric).max(1)
+        damping = np.minimum(1.0, stride / np.maximum(length, 1e-300))
+        x = x + step * damping[:, None]
+        if not np.all(np.isfinite(x)):
+            break
+    residual = system(x)[0]
+    good = np.all(np.isfinite(x), axis=1) & (np.abs(residual).max(1) < 1e-9 * scale)
+    return x, good
+
+
+def _metric(jets: tuple[Array, ...]) -> Array:
+    return np.concatenate([np.linalg.norm(j[1:3], axis=2).T for j in jets], axis=1)
+
+
+def intersect(sides: tuple[Side, Side], stations: Stations, scale: float) -> Stations:
+    """Move the stations onto the true intersection of the two surfaces, within their planes, and take its direction.
+
+    Edges of CAD files lie on their faces to a tolerance only; the surfaces themselves are exact.
+    """
+
+    def system(x: Array) -> tuple[Array, Array, Array]:
+        a, b = sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:])
+        tau = stations.direction
+        residual = np.concatenate([a[0] - b[0], ((a[0] - stations.point) * tau).sum(1, keepdims=True)], 1)
+        jacobian = np.zeros((len(x), 4, 4))
+        for column, rate in enumerate((a[1], a[2], -b[1], -b[2])):
+            jacobian[:, :3, column] = rate
+            if column < 2:
+                jacobian[:, 3, column] = (rate * tau).sum(1)
+        return residual, jacobian, _metric((a, b))
+
+    start = np.concatenate(stations.uv, axis=1)
+    x, good = newton(system, start, scale, 0.1 * scale)
+    if not good.all():
+        where = stations.t[~good][0]
+        raise GeometryError(f"the two surfaces do not cross cleanly at t = {where:.4g} of the edge")
+    uv = (x[:, :2], x[:, 2:])
+    point = sides[0].primary.jet(uv[0])[0]
+    cross = np.cross(sides[0].primary.normals(uv[0]), sides[1].primary.normals(uv[1]))
+    tau = unit(cross) * np.sign((cross * stations.direction).sum(1, keepdims=True))
+    return Stations(stations.t, point, tau, uv)
+
+
+def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, Array]:
+    """Return, per station, the two unit directions from the edge into the faces, (n, 3), and +1 where convex, -1 concave.
+
+    The orientation is that of the faces of a solid: a face lies to the left of its boundary, seen from outside. The edge
+    direction of ``stations`` is taken as it runs in face 1's boundary or against it, decided by the caller through the sign
+    of tau; see :func:`cqblend.edges`.
+    """
+    n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
+    into1 = np.cross(n1, stations.direction)
+    into2 = -np.cross(n2, stations.direction)
+    convex = -np.sign((into1 * n2).sum(1))
+    return into1, into2, convex
+
+
+def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) -> Contacts:
+    """Return where a ball of the given radius, its centre in each station's plane, touches both surfaces.
+
+    Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the unit normals towards the ball: into the material at a convex
+    edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening of the arc,
+    which makes a cubic Hermite section the best-known approximation of the arc.
+    """
+    into1, into2, convex = inward(sides, stations)
+    if np.any(convex != convex[0]):
+        raise GeometryError("the edge changes between convex and concave; a ball cannot roll along it")
+    sign = np.array([-convex[0] * side.outward for side in sides])
+    half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
+    point, tau = stations.point, stations.direction
+
+    def system(x: Array) -> tuple[Array, Array, Array]:
+        jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
+        centre, rates = [], []
+        for i in PAIR:
+            n, nu, nv = _normal_jet(jets[i])
+            centre.append(jets[i][0] + radius * sign[i] * n)
+            rates += [jets[i][1] + radius * sign[i] * nu, jets[i][2] + radius * sign[i] * nv]
+        middle = (centre[0] + centre[1]) / 2 - point
+        residual = np.concatenate([centre[0] - centre[1], (middle * tau).sum(1, keepdims=True)], 1)
+        jacobian = np.zeros((len(x), 4, 4))
+        for column, rate in enumerate(rates):
+            jacobian[:, :3, column] = rate if column < 2 else -rate
+            jacobian[:, 3, column] = (rate * tau).sum(1) / 2
+        return residual, jacobian, _metric(jets)
+
+    reach = (radius * np.tan(half))[:, None]
+    start = np.concatenate(
+        [
+            uv + tangent_coordinates(side.primary.jet(uv), into * reach)
+            for side, uv, into in zip(sides, stations.uv, (into1, into2), strict=True)
+        ],
+        axis=1,
+    )
+    x, good = newton(system, start, radius, radius)
+    uv1, uv2 = x[:, :2], x[:, 2:]
+    if good.all():
+        s1, s2 = sides[0].primary.jet(uv1)[0], sides[1].primary.jet(uv2)[0]
+        good &= ((s1 - point) * into1).sum(1) > 0
+        good &= ((s2 - point) * into2).sum(1) > 0
+        m1 = sign[0] * sides[0].primary.normals(uv1)
+        m2 = sign[1] * sides[1].primary.normals(uv2)
+        theta = np.arctan2(np.linalg.norm(np.cross(m1, m2), axis=1), (m1 * m2).sum(1))
+        good &= theta > 1e-9
+    if not good.all():
+        where = stations.t[~good][0]
+        raise SizeError(f"no ball of radius {radius:g} touches both faces at t = {where:.4g} of the edge")
+    return Contacts(stations.t, point, (uv1, uv2), 4 * radius * np.tan(theta / 4))
+
+
+def set_back(sides: tuple[Side, Side], stations: Stations, widths: tuple[float, float]) -> Contacts:
+    """Return the points of each face at a straight distance from the edge point, within the station's plane.
+
+    The length of the cross derivatives is the chord between them.
+    """
+    into = inward(sides, stations)[:2]
+    point, tau = stations.point, stations.direction
+    found = []
+    for side, uv, direction, width in zip(sides, stations.uv, into, widths, strict=True):
+        primary = side.primary
+
+        def system(x: Array, primary: Primary = primary, width: float = width) -> tuple[Array, Array, Array]:
+            jet = primary.jet(x)
+            offset = jet[0] - point
+            distance = np.linalg.norm(offset, axis=1, keepdims=True)
+            residual = np.concatenate([distance - width, (offset * tau).sum(1, keepdims=True)], 1)
+            radial = offset / distance
+            rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
+            return residual, np.stack(rows, 1), _metric((jet,))
+
+        start = uv + tangent_coordinates(primary.jet(uv), direction * width)
+        x, good = newton(system, start, width, width)
+        if good.all():
+            good &= ((primary.jet(x)[0] - point) * direction).sum(1) > 0
+        if not good.all():
+            where = stations.t[~good][0]
+            raise SizeError(f"no point of the face lies at width {width:g} from the edge at t = {where:.4g}")
+        found.append(x)
+    chord = sides[1].primary.jet(found[1])[0] - sides[0].primary.jet(found[0])[0]
+    return Contacts(stations.t, point, (found[0], found[1]), np.linalg.norm(chord, axis=1))

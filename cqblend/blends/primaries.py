@@ -1,0 +1,664 @@
+"""Primary surfaces as a blend sees them: numerically in their own parameters, symbolically through lifted ones.
+
+A blend needs two things of the surface it leaves from. Numbers, for the solvers: position and derivatives at many points, in
+the *native* parameters (u, v) of the CAD surface (angles on a cylinder). And symbols, for the result: the exact spline S(c(t))
+of a rail and the exact tangent field along it.
+
+The symbols use *lifted* parameters, homogeneous coordinates c in which the surface is a polynomial map P into homogeneous
+4-space and has neither seams nor knot lines that its geometry does not have:
+
+===============  =====================================  ========================
+surface          lifted coordinates c                   degree of P(c), c cubic
+===============  =====================================  ========================
+plane            (u, v, w)                              3
+cylinder, cone   half-angle pair (a, b) and a length    6
+sphere           unit quaternion                        6
+torus            two half-angle pairs                   12
+revolution       half-angle pair, (gamma, delta)        6 + 3 q
+spline (p, q)    barycentric pairs of u and of v        3 (p + q)
+===============  =====================================  ========================
+
+*Every* curve c(t) of lifted coordinates lies on the surface, and with *every* lifted direction d(t) the field DP(c) d is
+tangent to it: approximation errors in c and d move a rail or turn a direction, never take the blend off the tangent plane. A
+component of d along c itself is the scalar gauge of a rational Hermite blend; :meth:`Primary.push` chooses it so that the
+weight starts flat.
+
+Nothing here knows OCCT; :mod:`cqblend.occ.adapt` reads a face into a primary.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.roots import sign_changes
+
+Array = NDArray[np.float64]
+
+# Order of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv.
+JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+
+
+class Primary(ABC):
+    """A surface that a blend leaves from. ``periods`` are those of the native parameters, None where there is none."""
+
+    periods: tuple[float | None, float | None] = (None, None)
+
+    @abstractmethod
+    def jet(self, uv: Array) -> Array:
+        """Return position and derivatives (6, n, 3), in the order of ``JET``, at native parameters (n, 2)."""
+
+    @abstractmethod
+    def lift(self, uv: Array) -> Array:
+        """Lift native parameters (n, 2), continuous along a curve, to (n, k), continuous along it and of weight 1."""
+
+    @abstractmethod
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        """Lift the directions r Su + s Sv, (n, 2), at lifted points c (n, k), with the gauge that keeps the weight."""
+
+    @abstractmethod
+    def unlift(self, c: Array, near: Array) -> Array:
+        """Return the native parameters (n, 2) of lifted points (n, k), in the period next to ``near`` (n, 2)."""
+
+    @abstractmethod
+    def scale(self, c: Array, weight: Array) -> Array:
+        """Scale lifted points (n, k) so that the homogeneous weight of P(c) is multiplied by ``weight`` (n,)."""
+
+    @abstractmethod
+    def position(self, c: Curve) -> Curve:
+        """Return P(c(t)), exact, as a spline in homogeneous 4-space (dim 4, not flagged rational)."""
+
+    @abstractmethod
+    def tangent(self, c: Curve, d: Curve) -> Curve:
+        """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
+
+    def cuts(self, c: Curve) -> Array:  # noqa: ARG002 - most surfaces are smooth everywhere
+        """Return where the rail c crosses lines on which the surface is less than smooth."""
+        return np.empty(0)
+
+    def is_native(self) -> bool:
+        """Whether a rail's native curve is the lifted one, so that a pcurve can be taken from it without fitting."""
+        return False
+
+    def normals(self, uv: Array) -> Array:
+        """Return unit normals Su x Sv / |Su x Sv|, (n, 3)."""
+        jet = self.jet(uv)
+        return unit(np.cross(jet[1], jet[2]))
+
+
+def unit(vectors: Array) -> Array:
+    """Normalise vectors (..., 3); raise GeometryError where one has no direction."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if not np.all(length > 0):
+        raise GeometryError("a surface is singular here: its partial derivatives span no tangent plane")
+    return vectors / length
+
+
+def tangent_coordinates(jet: Array, vector: Array) -> Array:
+    """Return (r, s), (n, 2), with r Su + s Sv the projection of vectors (n, 3) on the tangent planes of a native jet."""
+    su, sv = jet[1], jet[2]
+    e, f, g = (su * su).sum(1), (su * sv).sum(1), (sv * sv).sum(1)
+    p, q = (su * vector).sum(1), (sv * vector).sum(1)
+    det = e * g - f * f
+    if not np.all(det > 0):
+        raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
+    return np.stack([(g * p - f * q) / det, (e * q - f * p) / det], -1)
+
+
+def near_period(value: Array, near: Array, period: float) -> Array:
+    """Shift values by whole periods to within half a period of ``near``."""
+    return value + period * np.round((near - value) / period)
+
+
+def half_angle(angle: Array) -> Array:
+    """Return (cos, sin) of half the angles, (n, 2): the homogeneous parameter of a circle."""
+    return np.stack([np.cos(angle / 2), np.sin(angle / 2)], -1)
+
+
+def half_angle_rate(pair: Array, rate: Array) -> Array:
+    """Return the velocity (n, 2) of half-angle pairs that turn at the given angular rate (n,)."""
+    return np.stack([-pair[:, 1], pair[:, 0]], -1) * (rate / 2)[:, None]
+
+
+def hamilton(p: Array, q: Array) -> Array:
+    """Return the products of quaternions (n, 4), real part first."""
+    real = p[:, 0] * q[:, 0] - (p[:, 1:] * q[:, 1:]).sum(1)
+    return np.column_stack([real, p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + np.cross(p[:, 1:], q[:, 1:])])
+
+
+# Coefficients of (a^2 - b^2, 2ab, a^2 + b^2), the circle, as a symmetric bilinear form (3, 2, 2).
+CIRCLE = np.array([[[1, 0], [0, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1]]], float)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A placed coordinate system: origin (3,) and axes (3, 3), one unit vector a row; may be left-handed."""
+
+    origin: Array
+    axes: Array
+
+    def out(self, local: Array) -> Array:
+        """Map local vectors (..., 3) to global ones."""
+        return local @ self.axes
+
+
+@dataclass(frozen=True)
+class Quadric(Primary):
+    """A surface P(c) = Q(c, c) + L c: plane, cylinder, cone and sphere.
+
+    ``quadratic`` is Q, symmetric, (4, k, k); ``linear`` is L, (4, k).
+    """
+
+    frame: Frame
+    quadratic: Array = field(init=False, repr=False)
+    linear: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        quadratic, linear = self._forms()
+        object.__setattr__(self, "quadratic", quadratic)
+        object.__setattr__(self, "linear", linear)
+
+    def scale(self, c: Array, weight: Array) -> Array:
+        quadratic = self.quadratic.any(axis=(0, 1))
+        power = np.where(quadratic, 0.5, 1.0)
+        return c * weight[:, None] ** power
+
+    @abstractmethod
+    def _forms(self) -> tuple[Array, Array]:
+        """Return Q and L."""
+
+    def _homogeneous(self, local: Array) -> Array:
+        """Turn forms (4, ...) whose rows are (x, y, z, w) in the frame into global ones."""
+        xyz = np.tensordot(self.frame.axes.T, local[:3], 1)
+        return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
+
+    def position(self, c: Curve) -> Curve:
+        return self._combine(c, c, 1.0)
+
+    def tangent(self, c: Curve, d: Curve) -> Curve:
+        return self._combine(c, d, 2.0)
+
+    def _combine(self, c: Curve, d: Curve, factor: float) -> Curve:
+        rows = np.einsum("dk,mkn->mdn", self.linear, d.coefs)
+        active = np.flatnonzero(self.quadratic.any(axis=(0, 1)))
+        if active.size:
+            form = factor * np.einsum("djk,mkn->mdjn", self.quadratic[:, :, active], d.coefs[:, active])
+            left = np.flatnonzero(self.quadratic.any(axis=(0, 2)))
+            products = [bernstein.product(c.coefs[:, j, None, :], form[:, :, j]) for j in left]
+            rows = bernstein.elevate(rows, c.degree) + np.sum(products, axis=0)
+        return Curve(c.breaks, rows, continuity=np.minimum(c.continuity, d.continuity))
+
+
+@dataclass(frozen=True)
+class Plane(Quadric):
+    """S(u, v) = O + u X + v Y. Lifted: (u, v, 1) times a weight."""
+
+    def _forms(self) -> tuple[Array, Array]:
+        local = np.zeros((4, 3))
+        local[0, 0] = local[1, 1] = local[3, 2] = 1
+        return np.zeros((4, 3, 3)), self._homogeneous(local)
+
+    def jet(self, uv: Array) -> Array:
+        local = np.zeros((6, len(uv), 3))
+        local[0, :, :2] = uv
+        local[1, :, 0] = local[2, :, 1] = 1
+        out = self.frame.out(local)
+        out[0] += self.frame.origin
+        return out
+
+    def lift(self, uv: Array) -> Array:
+        return np.column_stack([uv, np.ones(len(uv))])
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        return np.column_stack([rs * c[:, 2:], np.zeros(len(c))])
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        return c[:, :2] / c[:, 2:]
+
+    def is_native(self) -> bool:
+        return True
+
+
+@dataclass(frozen=True)
+class Cylinder(Quadric):
+    """S(u, v) = O + R (cos u X + sin u Y) + v Z. Lifted: (a, b, v w), w = a^2 + b^2."""
+
+    radius: float = 1.0
+    periods = (2 * np.pi, None)
+
+    def _forms(self) -> tuple[Array, Array]:
+        quadratic, linear = np.zeros((4, 3, 3)), np.zeros((4, 3))
+        quadratic[:2, :2, :2] = self.radius * CIRCLE[:2]
+        quadratic[3, :2, :2] = CIRCLE[2]
+        linear[2, 2] = 1
+        return self._homogeneous(quadratic), self._homogeneous(linear)
+
+    def jet(self, uv: Array) -> Array:
+        cos, sin = np.cos(uv[:, 0]), np.sin(uv[:, 0])
+        local = np.zeros((6, len(uv), 3))
+        local[0] = np.stack([self.radius * cos, self.radius * sin, uv[:, 1]], -1)
+        local[1, :, 0], local[1, :, 1] = -self.radius * sin, self.radius * cos
+        local[2, :, 2] = 1
+        local[3, :, 0], local[3, :, 1] = -self.radius * cos, -self.radius * sin
+        out = self.frame.out(local)
+        out[0] += self.frame.origin
+        return out
+
+    def lift(self, uv: Array) -> Array:
+        return np.column_stack([half_angle(uv[:, 0]), uv[:, 1]])
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        weight = (c[:, :2] ** 2).sum(1)
+        return np.column_stack([half_angle_rate(c[:, :2], rs[:, 0]), rs[:, 1] * weight])
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        angle = 2 * np.arctan2(c[:, 1], c[:, 0])
+        return np.stack([near_period(angle, near[:, 0], 2 * np.pi), c[:, 2] / (c[:, :2] ** 2).sum(1)], -1)
+
+
+@dataclass(frozen=True)
+class Cone(Quadric):
+    """S(u, v) = O + (R + v sin h) (cos u X + sin u Y) + v cos h Z, h the half-angle.
+
+    With rho = R + v sin h and the apex A, S = A + rho (cos u X + sin u Y + cot h Z). Lifted: (a, b, w) with
+    a^2 + b^2 = |rho| w.
+    """
+
+    radius: float = 1.0
+    half_angle: float = 0.5
+    nappe: float = 1.0  # the sign of rho on the part of the cone that is meant
+    periods = (2 * np.pi, None)
+
+    def _forms(self) -> tuple[Array, Array]:
+        cot = 1 / np.tan(self.half_angle)
+        quadratic, linear = np.zeros((4, 3, 3)), np.zeros((4, 3))
+        quadratic[:2, :2, :2] = self.nappe * CIRCLE[:2]
+        quadratic[2, :2, :2] = self.nappe * cot * CIRCLE[2]
+        linear[2, 2] = -self.radius * cot
+        linear[3, 2] = 1
+        return self._homogeneous(quadratic), self._homogeneous(linear)
+
+    def jet(self, uv: Array) -> Array:
+        cos, sin = np.cos(uv[:, 0]), np.sin(uv[:, 0])
+        grow, rise = np.sin(self.half_angle), np.cos(self.half_angle)
+        rho = self.radius + uv[:, 1] * grow
+        zero = np.zeros_like(rho)
+        local = np.array(
+            [
+                [rho * cos, rho * sin, uv[:, 1] * rise],
+                [-rho * sin, rho * cos, zero],
+                [grow * cos, grow * sin, zero + rise],
+                [-rho * cos, -rho * sin, zero],
+                [-grow * sin, grow * cos, zero],
+                [zero, zero, zero],
+            ]
+        ).swapaxes(1, 2)
+        out = self.frame.out(local)
+        out[0] += self.frame.origin
+        return out
+
+    def _rho(self, v: Array) -> Array:
+        rho = self.nappe * (self.radius + v * np.sin(self.half_angle))
+        if not np.all(rho > 0):
+            raise GeometryError("the blend reaches the apex of a cone; take a smaller size")
+        return rho
+
+    def lift(self, uv: Array) -> Array:
+        rho = self._rho(uv[:, 1])
+        return np.column_stack([np.sqrt(rho)[:, None] * half_angle(uv[:, 0]), np.ones(len(uv))])
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        rate = self.nappe * rs[:, 1] * np.sin(self.half_angle) / (2 * self._rho(uv[:, 1]))
+        return np.column_stack([half_angle_rate(c[:, :2], rs[:, 0]) + rate[:, None] * c[:, :2], np.zeros(len(c))])
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        angle = 2 * np.arctan2(c[:, 1], c[:, 0])
+        rho = self.nappe * (c[:, :2] ** 2).sum(1) / c[:, 2]
+        v = (rho - self.radius) / np.sin(self.half_angle)
+        return np.stack([near_period(angle, near[:, 0], 2 * np.pi), v], -1)
+
+
+@dataclass(frozen=True)
+class Sphere(Quadric):
+    """S(u, v) = O + R n, n = cos v (cos u X + sin u Y) + sin v Z. Lifted: a quaternion that turns ``pole`` into n.
+
+    ``pole`` is a global unit vector. The quaternion is that of the shortest turn, whose one singular point is -pole: take the
+    pole from the middle of the rail. With ``spinning``, for rails around the frame's Z axis, which must be the pole, it is
+    followed by half a turn by -u about the pole: on circles of latitude it is then linear in the half-angle pair.
+    """
+
+    radius: float = 1.0
+    pole: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    spinning: bool = False
+    periods = (2 * np.pi, None)
+
+    def _forms(self) -> tuple[Array, Array]:
+        m = self.pole
+        # R q m q* = (q0^2 - |v|^2) m + 2 (v.m) v + 2 q0 (v x m)
+        turned = np.zeros((3, 4, 4))
+        turned[:, 0, 0] = m
+        for i in range(3):
+            turned[:, 1 + i, 1 + i] -= m
+            cross = np.cross(np.eye(3)[i], m)
+            turned[:, 0, 1 + i] += cross
+            turned[:, 1 + i, 0] += cross
+            turned[i, 1 + i, 1:] += m
+            turned[i, 1:, 1 + i] += m
+        norm = np.eye(4)[None]
+        xyz = self.radius * turned + np.multiply.outer(self.frame.origin, np.eye(4))
+        return np.concatenate([xyz, norm]), np.zeros((4, 4))
+
+    def jet(self, uv: Array) -> Array:
+        cu, su, cv, sv = np.cos(uv[:, 0]), np.sin(uv[:, 0]), np.cos(uv[:, 1]), np.sin(uv[:, 1])
+        zero = np.zeros_like(cu)
+        local = np.array(
+            [
+                [cv * cu, cv * su, sv],
+                [-cv * su, cv * cu, zero],
+                [-sv * cu, -sv * su, cv],
+                [-cv * cu, -cv * su, zero],
+                [sv * su, -sv * cu, zero],
+                [-cv * cu, -cv * su, -sv],
+            ]
+        ).swapaxes(1, 2)
+        out = self.radius * self.frame.out(local)
+        out[0] += self.frame.origin
+        return out
+
+    def lift(self, uv: Array) -> Array:
+        n = (self.jet(uv)[0] - self.frame.origin) / self.radius
+        real = 1 + n @ self.pole
+        if not np.all(real > 1e-6):
+            raise GeometryError("the rail runs through the point of a sphere opposite to its own middle")
+        q = np.column_stack([real, np.cross(np.broadcast_to(self.pole, n.shape), n)]) / np.sqrt(2 * real)[:, None]
+        if not self.spinning:
+            return q
+        return hamilton(q, np.column_stack([np.cos(uv[:, 0] / 2), np.sin(uv[:, 0] / 2)[:, None] * self.pole]))
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        jet = self.jet(uv)
+        n = (jet[0] - self.frame.origin) / self.radius
+        spin = np.cross(n, rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]) / (2 * self.radius)
+        return hamilton(np.column_stack([np.zeros(len(spin)), spin]), c)
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        n = np.einsum("ijk,nj,nk->ni", self.quadratic[:3], c, c) / (c**2).sum(1)[:, None] - self.frame.origin
+        x, y, z = self.frame.axes @ n.T / self.radius
+        return np.stack([near_period(np.arctan2(y, x), near[:, 0], 2 * np.pi), np.arctan2(z, np.hypot(x, y))], -1)
+
+
+@dataclass(frozen=True)
+class Tensor(Primary):
+    """A tensor-product spline. Lifted: barycentric pairs (alpha, beta, gamma, delta), u = beta/(alpha + beta).
+
+    A direction that is ``angular`` is one Bernstein span in the half-angle pair (a, b) itself and its native parameter is the
+    angle; ``patches`` are homogeneous, (p+1, q+1, 4, nu, nv). ``surface`` serves the numbers of a plain spline; where a
+    direction is angular a subclass computes them.
+    """
+
+    breaks: tuple[Array, Array]
+    patches: Array
+    surface: Surface | None = None
+    rational: bool = False
+    angular: tuple[bool, bool] = (False, False)
+    periods: tuple[float | None, float | None] = (None, None)
+
+    @classmethod
+    def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False)) -> Tensor:
+        """Wrap a spline; in a ``closed`` direction it goes on periodically past its ends."""
+        coefs = surface.coefs
+        if not surface.rational:
+            coefs = np.concatenate([coefs, np.ones_like(coefs[:, :, :1])], axis=2)
+        spans = [b[-1] - b[0] for b in surface.breaks]
+        periods = tuple(float(span) if flag else None for span, flag in zip(spans, closed, strict=True))
+        return cls(surface.breaks, coefs, surface, surface.rational, (False, False), (periods[0], periods[1]))
+
+    @property
+    def degrees(self) -> tuple[int, int]:
+        """The degrees (p, q)."""
+        return self.patches.shape[0] - 1, self.patches.shape[1] - 1
+
+    def is_native(self) -> bool:
+        return not any(self.angular)
+
+    @property
+    def smoothness(self) -> int:
+        """The least continuity across the inner knot lines, and across the joints of closed directions."""
+        if self.surface is None:
+            return 1
+        orders = [int(order) for orders in self.surface.continuity for order in orders]
+        orders += [0 for period in self.periods if period is not None]
+        return min(orders, default=3)
+
+    def wrap(self, uv: Array) -> Array:
+        """Shift native parameters (n, 2) into the domain along periodic directions."""
+        out = uv.copy()
+        for axis, period in enumerate(self.periods):
+            if period is not None and not self.angular[axis]:
+                start = self.breaks[axis][0]
+                out[:, axis] = start + np.mod(uv[:, axis] - start, period)
+        return out
+
+    def jet(self, uv: Array) -> Array:
+        assert self.surface is not None
+        jet = self.surface.jet(*self.wrap(uv).T, 2)
+        return np.stack([jet[i, j] for i, j in JET])
+
+    def _pair(self, value: Array, axis: int) -> Array:
+        return half_angle(value) if self.angular[axis] else np.stack([1 - value, value], -1)
+
+    def _weight(self, uv: Array) -> tuple[Array, Array]:
+        """Return the weight w (n,) of the spline and its derivatives (wu, wv), (n, 2)."""
+        if not self.rational or self.surface is None:
+            return np.ones(len(uv)), np.zeros((len(uv), 2))
+        weight = Surface(self.breaks, self.patches[:, :, 3:])
+        jet = weight.jet(*self.wrap(uv).T, 1)[..., 0]
+        return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
+
+    def lift(self, uv: Array) -> Array:
+        scale = self._weight(uv)[0] ** (-1 / sum(self.degrees))
+        return np.concatenate([self._pair(uv[:, 0], 0), self._pair(uv[:, 1], 1)], 1) * scale[:, None]
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        weight, slope = self._weight(uv)
+        out = c * (-(rs * slope).sum(1) / weight / sum(self.degrees))[:, None]
+        for axis in (0, 1):
+            pair = c[:, 2 * axis : 2 * axis + 2]
+            if self.angular[axis]:
+                rate = half_angle_rate(pair, rs[:, axis])
+            else:
+                rate = (rs[:, axis] * pair.sum(1))[:, None] * np.array([-1.0, 1.0])
+            out[:, 2 * axis : 2 * axis + 2] += rate
+        return out
+
+    def scale(self, c: Array, weight: Array) -> Array:
+        first, last = (0, 2) if self.angular[0] else (0, 4)
+        power = 1 / 2 if self.angular[0] else 1 / sum(self.degrees)
+        out = c.copy()
+        out[:, first:last] *= weight[:, None] ** power
+        return out
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        out = np.empty((len(c), 2))
+        for axis in (0, 1):
+            x, y = c[:, 2 * axis], c[:, 2 * axis + 1]
+            if self.angular[axis]:
+                out[:, axis] = near_period(2 * np.arctan2(y, x), near[:, axis], 2 * np.pi)
+            else:
+                out[:, axis] = y / (x + y)
+        return out
+
+    def _lines(self, c: Curve, axis: int) -> Array:
+        """Return the inner knot lines, periodically repeated, that the rail can reach."""
+        breaks, period = self.breaks[axis], self.periods[axis]
+        if self.angular[axis]:
+            return np.empty(0)
+        if period is None:
+            return breaks[1:-1]
+        pair = c.coefs[:, 2 * axis : 2 * axis + 2]
+        value = pair[:, 1] / pair.sum(1)
+        first, last = (np.floor((x - breaks[0]) / period) for x in (value.min(), value.max()))
+        return (breaks[:-1] + period * np.arange(first, last + 1)[:, None]).ravel()
+
+    def cuts(self, c: Curve) -> Array:
+        found = [np.empty(0)]
+        lengths = np.diff(c.breaks)
+        for axis in (0, 1):
+            pair = c.coefs[:, 2 * axis : 2 * axis + 2]
+            for line in self._lines(c, axis):
+                offset = pair[:, 1] - line * pair.sum(1)
+                column, root = sign_changes(offset, 1e-14 * (1 + abs(line)))
+                found.append(c.breaks[column] + root * lengths[column])
+        cuts = np.unique(np.concatenate(found))
+        near = np.abs(cuts[:, None] - c.breaks).min(axis=1, initial=np.inf)
+        return cuts[near > 1e-13 * (c.breaks[-1] - c.breaks[0])]
+
+    def position(self, c: Curve) -> Curve:
+        cuts = self.cuts(c)
+        c = c.cut(cuts)
+        patches, pairs = self._local(c, c)
+        return self._curve(c, bernstein.compose(patches, *pairs), cuts, self.smoothness)
+
+    def tangent(self, c: Curve, d: Curve) -> Curve:
+        cuts = self.cuts(c)
+        c = c.cut(cuts)
+        d = d.cut(cuts)
+        patches, pairs = self._local(c, c)
+        _, rates = self._local(c, d)
+        p, q = self.degrees
+        total: Array | None = None
+        for axis, degree in ((0, p), (1, q)):
+            rest = np.moveaxis(patches, axis, 0)
+            for side in (0, 1):
+                part = np.moveaxis(rest[1:] if side else rest[:-1], 0, axis)
+                rate = rates[2 * axis + side]
+                if not rate.any():
+                    continue
+                term = degree * bernstein.product(bernstein.compose(part, *pairs), rate[:, None])
+                total = term if total is None else total + term
+        if total is None:
+            total = np.zeros((1, 4, len(c.breaks) - 1))
+        return self._curve(c, total, cuts, self.smoothness - 1)
+
+    def _curve(self, c: Curve, coefs: Array, cuts: Array, smoothness: int) -> Curve:
+        """Make a curve of composed pieces, as smooth as the rail, but at the knot lines only as they allow."""
+        continuity = np.where(np.isin(c.breaks[1:-1], cuts), np.minimum(smoothness, c.continuity), c.continuity)
+        return Curve(c.breaks, coefs, continuity=np.maximum(continuity, 0))
+
+    def _local(self, c: Curve, d: Curve) -> tuple[Array, tuple[Array, Array, Array, Array]]:
+        """Return the patch under each piece of c (p+1, q+1, 4, n) and d's pairs localised to it, four arrays (m+1, n)."""
+        index, pairs = [], []
+        middle = c((c.breaks[:-1] + c.breaks[1:]) / 2)
+        for axis in (0, 1):
+            x, y = d.coefs[:, 2 * axis], d.coefs[:, 2 * axis + 1]
+            breaks = self.breaks[axis]
+            if self.angular[axis]:
+                index.append(np.zeros(x.shape[1], int))
+                pairs += [x, y]
+                continue
+            value = middle[:, 2 * axis + 1] / (middle[:, 2 * axis] + middle[:, 2 * axis + 1])
+            shift = np.zeros_like(value)
+            period = self.periods[axis]
+            if period is not None:
+                shift = period * np.floor((value - breaks[0]) / period)
+            i = np.clip(np.searchsorted(breaks, value - shift, side="right") - 1, 0, len(breaks) - 2)
+            low, high = breaks[i] + shift, breaks[i + 1] + shift
+            index.append(i)
+            pairs += [(high * (x + y) - y) / (high - low), (y - low * (x + y)) / (high - low)]
+        return self.patches[..., index[0], index[1]], (pairs[0], pairs[1], pairs[2], pairs[3])
+
+
+def revolved_patches(frame: Frame, profile: Array) -> Array:
+    """Turn a homogeneous profile (q+1, 4, nv), in the frame, about its Z axis: patches (3, q+1, 4, 1, nv)."""
+    x, y, z, w = profile.swapaxes(0, 1)
+    zero = np.zeros_like(x)
+    local = np.array([[x, y, z, w], [-y, x, zero, zero], [-x, -y, z, w]]).swapaxes(1, 2)[..., None, :]
+    xyz = np.einsum("ijkuv,kl->ijluv", local[:, :, :3], frame.axes) + local[:, :, 3:] * frame.origin[:, None, None]
+    return np.concatenate([xyz, local[:, :, 3:]], axis=2)
+
+
+def turned_jet(frame: Frame, angle: Array, profile: Array) -> Array:
+    """Return the native jet (6, n, 3) of a profile with derivatives (3, n, 3), in the frame, turned by angles (n,)."""
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    along = np.array([1.0, 1.0, 0.0])
+
+    def turn(p: Array) -> Array:
+        x, y, z = p[:, :1], p[:, 1:2], p[:, 2:]
+        return np.concatenate([cos * x - sin * y, sin * x + cos * y, z], 1)
+
+    def quarter(p: Array) -> Array:
+        return np.stack([-p[:, 1], p[:, 0], np.zeros(len(p))], -1)
+
+    s, sv, svv = (turn(p) for p in profile)
+    out = frame.out(np.array([s, quarter(s), sv, -s * along, quarter(sv), svv]))
+    out[0] += frame.origin
+    return out
+
+
+@dataclass(frozen=True)
+class Revolution(Tensor):
+    """S(u, v) = the profile spline C(v) turned by u about the frame's Z axis; C is given in the frame."""
+
+    frame: Frame = field(default_factory=lambda: Frame(np.zeros(3), np.eye(3)))
+    profile: Curve | None = None
+
+    @classmethod
+    def turning(cls, frame: Frame, profile: Curve, *, closed: bool = False) -> Revolution:
+        """Turn a profile; a ``closed`` one goes on periodically."""
+        coefs = profile.coefs
+        if not profile.rational:
+            coefs = np.concatenate([coefs, np.ones_like(coefs[:, :1])], axis=1)
+        period = float(profile.breaks[-1] - profile.breaks[0]) if closed else None
+        return cls(
+            breaks=(np.array([0.0, 1.0]), profile.breaks),
+            patches=revolved_patches(frame, coefs),
+            rational=True,
+            angular=(True, False),
+            periods=(2 * np.pi, period),
+            frame=frame,
+            profile=profile,
+        )
+
+    def jet(self, uv: Array) -> Array:
+        assert self.profile is not None
+        v = self.wrap(uv)[:, 1]
+        return turned_jet(self.frame, uv[:, 0], np.stack([self.profile(v, k) for k in range(3)]))
+
+
+@dataclass(frozen=True)
+class Torus(Tensor):
+    """S(u, v) = O + (R + r cos v)(cos u X + sin u Y) + r sin v Z."""
+
+    frame: Frame = field(default_factory=lambda: Frame(np.zeros(3), np.eye(3)))
+    major: float = 2.0
+    minor: float = 1.0
+
+    @classmethod
+    def placed(cls, frame: Frame, major: float, minor: float) -> Torus:
+        """Place a torus of radii R = ``major`` and r = ``minor``."""
+        profile = np.zeros((3, 4, 1))
+        profile[:, 0, 0] = [major + minor, 0, major - minor]
+        profile[1, 2, 0] = minor
+        profile[:, 3, 0] = [1, 0, 1]
+        unit_span = np.array([0.0, 1.0])
+        return cls(
+            breaks=(unit_span, unit_span),
+            patches=revolved_patches(frame, profile),
+            rational=True,
+            angular=(True, True),
+            periods=(2 * np.pi, 2 * np.pi),
+            frame=frame,
+            major=major,
+            minor=minor,
+        )
+
+    def jet(self, uv: Array) -> Array:
+        cos, sin = self.minor * np.cos(uv[:, 1]), self.minor * np.sin(uv[:, 1])
+        zero = np.zeros_like(cos)
+        profile = np.array([[self.major + cos, zero, sin], [-sin, zero, cos], [-cos, zero, -sin]])
+        return turned_jet(self.frame, uv[:, 0], profile.swapaxes(1, 2))

@@ -1,0 +1,234 @@
+"""Rails: the curves in the parameter planes of the two primaries that a blend runs between, and its directions along them.
+
+Rail and direction are fitted in lifted parameters (see :mod:`cqblend.blends.primaries`), the only place where a blend
+approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
+
+Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a common
+axis (degree 2, at most a quarter turn each), else C2 cubic splines through the contacts, on as many stations as the tolerances
+need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.contact import Contacts
+from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, fit
+
+OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
+EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
+FEWEST, MOST = 16, 512  # spans of a cubic rail
+
+Domain = tuple[float, float]
+Solver = Callable[[Array], Contacts]
+Maker = Callable[[Array], Curve]
+
+
+@dataclass(frozen=True)
+class Rail:
+    """A rail: a curve ``c`` of lifted parameters on a primary, and the lifted directions ``d`` into the blend along it.
+
+    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``direction`` (rad) and ``length``
+    (relative) the largest deviations of the fitted directions from the wanted ones.
+    """
+
+    primary: Primary
+    c: Curve
+    d: Curve
+    uv: Array
+    direction: float = 0.0
+    length: float = 0.0
+
+    def native(self, t: Array) -> Array:
+        """Return the native parameters (n, 2) at t, continuous along the rail."""
+        near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
+        return self.primary.unlift(self.c(t), near)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What rails are to meet: tolerances in space (mm), in direction (rad) and in length (relative), and the bulge."""
+
+    position: float
+    direction: float = 1e-6
+    length: float = 1e-3
+    bulge: float = 1.0
+
+
+def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
+    """Return points and velocities (n, 3) of a homogeneous curve (dim 4)."""
+    x, dx = curve(t), curve(t, 1)
+    point = x[:, :3] / x[:, 3:]
+    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
+
+
+def perpendicular(rate: Array, jet: Array, towards: Array) -> Array:
+    """Return the unit tangent vectors +-(C' x n) (n, 3), perpendicular to the rail (Kim & Elber's T2), on one side of it.
+
+    The side is that of the vectors ``towards`` on the whole.
+    """
+    n = unit(np.cross(jet[1], jet[2]))
+    vector = unit(np.cross(rate, n))
+    return vector * np.sign((vector * towards).sum())
+
+
+def along(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
+    """Make a solver over an open edge, asked for ascending t, return native parameters that are continuous."""
+
+    def solve_along(t: Array) -> Contacts:
+        solved = solve(t)
+        uv = [_unwrapped(primary, found) for primary, found in zip(primaries, solved.uv, strict=True)]
+        return Contacts(t, solved.point, (uv[0], uv[1]), solved.reach)
+
+    return solve_along
+
+
+def _unwrapped(primary: Primary, uv: Array) -> Array:
+    """Take out the jumps of native parameters by whole periods."""
+    out = uv.copy()
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            out[:, axis] = np.unwrap(out[:, axis], period=period)
+    return out
+
+
+def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
+    """Extend a solver over a closed edge, t in [0, 1), to all t, with native parameters that are continuous.
+
+    The parameters asked for must include an integer, and follow the edge densely enough to tell which way it winds.
+    """
+
+    def solve_around(t: Array) -> Contacts:
+        lap = np.floor(t)
+        base, index = np.unique(t - lap, return_inverse=True)
+        solved = solve(base)
+        uv = []
+        for primary, found in zip(primaries, solved.uv, strict=True):
+            found = _unwrapped(primary, found)
+            winding = np.zeros(2)
+            for axis, period in enumerate(primary.periods):
+                if period is not None:
+                    winding[axis] = period * np.round((found[-1, axis] - found[0, axis]) / period)
+            uv.append(found[index] + lap[:, None] * winding)
+        return Contacts(t, solved.point[index], (uv[0], uv[1]), solved.reach[index])
+
+    return solve_around
+
+
+def _build(
+    primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
+) -> tuple[Rail, float]:
+    """Fit one rail and its directions to the contacts at the rail's parameters t; also return its error in space (mm).
+
+    ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of them. The
+    samples may reach past the domain that the rail is wanted on; errors are measured on it alone.
+    """
+    uv = solved.uv[side]
+    jet = primary.jet(uv)
+    c = make(primary.scale(primary.lift(uv), weight))
+    curve = primary.position(c)
+    point, rate = euclidean(curve, t)
+    vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach)[:, None]
+    d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
+    x, dx = curve(t), primary.tangent(c, d)(t)
+    fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
+    angle = np.arctan2(np.linalg.norm(np.cross(fitted, vector), axis=1), (fitted * vector).sum(1))
+    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
+    inside = (t >= domain[0]) & (t <= domain[1])
+    if not inside.all():
+        c, d = c.clip(*domain), d.clip(*domain)
+    near = np.stack([np.interp(c.breaks, t, column) for column in uv.T], -1)
+    rail = Rail(primary, c, d, near, float(angle[inside].max()), float(np.abs(ratio[inside]).max()))
+    return rail, float(np.linalg.norm(point - jet[0], axis=1)[inside].max())
+
+
+def _exact_pair(
+    primaries: tuple[Primary, Primary], solved: Contacts, t: Array, weight: Array, make: Maker, bulge: float, size: float
+) -> tuple[Rail, Rail] | None:
+    """Return both rails if the made curves reproduce the contacts and their directions to rounding, else None."""
+    rails = []
+    for side, primary in enumerate(primaries):
+        rail, error = _build(primary, t, solved, side, weight, make, bulge, (t[0], t[-1]))
+        if error > EXACT * size or rail.direction > 1e-11 or rail.length > 1e-11:
+            return None
+        rails.append(rail)
+    return rails[0], rails[1]
+
+
+def straight(
+    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, bulge: float, size: float
+) -> tuple[Rail, Rail] | None:
+    """Return the rails as one span of degree 1, or None if that is not what they are."""
+    t = np.linspace(*domain, 7)
+
+    def make(values: Array) -> Curve:
+        return Curve(np.array(domain), values[[0, -1], :, None])
+
+    return _exact_pair(primaries, solve(t), t, np.ones(7), make, bulge, size)
+
+
+def circular(
+    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, turn: float, bulge: float, size: float
+) -> tuple[Rail, Rail] | None:
+    """Return the rails as rational arcs of degree 2, or None if the joint is not one of revolution.
+
+    The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the half-angle
+    pair about the axis is linear in the rail's parameter, so that everything carried round the axis is quadratic.
+    """
+    total = turn * (domain[1] - domain[0])
+    count = max(1, int(np.ceil(total / (np.pi / 2) - 1e-9)))
+    step = total / count
+    x = np.arange(4 * count + 1) / 4
+    piece = np.minimum(x.astype(int), count - 1)
+    a, b = 1 + (x - piece) * (np.cos(step / 2) - 1), (x - piece) * np.sin(step / 2)
+    solved = solve(domain[0] + (step * piece + 2 * np.arctan2(b, a)) / turn)
+    breaks = np.linspace(*domain, count + 1)
+    t = np.interp(x, np.arange(count + 1), breaks)
+
+    def make(values: Array) -> Curve:
+        start, middle, end = values[:-4:4], values[2::4], values[4::4]
+        coefs = np.stack([start, 2 * middle - (start + end) / 2, end])
+        return Curve(breaks, coefs.transpose(0, 2, 1), continuity=np.zeros(count - 1, int))
+
+    return _exact_pair(primaries, solved, t, a**2 + b**2, make, bulge, size)
+
+
+def cubic(
+    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, *, closed: bool
+) -> tuple[Rail, Rail]:
+    """Return C2 cubic rails on the fewest stations, by doubling, that meet what is wanted.
+
+    Raises
+    ------
+    GeometryError
+        If 512 stations do not suffice; the message names what was reached.
+    """
+    spans = FEWEST
+    while True:
+        margin = OVERLAP if closed else 0
+        t = domain[0] + (domain[1] - domain[0]) * np.arange(-2 * margin, 2 * (spans + margin) + 1) / (2 * spans)
+        solved = solve(t)
+
+        def make(values: Array, t: Array = t) -> Curve:
+            return fit.interpolate(t[::2], values[::2])
+
+        ones = np.ones(len(t))
+        built = [
+            _build(primary, t, solved, side, ones, make, wanted.bulge, domain) for side, primary in enumerate(primaries)
+        ]
+        position = max(error for _, error in built)
+        direction = max(rail.direction for rail, _ in built)
+        length = max(rail.length for rail, _ in built)
+        if position <= wanted.position and direction <= wanted.direction and length <= wanted.length:
+            return built[0][0], built[1][0]
+        if spans == MOST:
+            raise GeometryError(
+                f"rails on {MOST} stations miss the contacts by {position:.2g} mm and {direction:.2g} rad: the edge or its "
+                "faces are not smooth enough for this size; try a smaller one"
+            )
+        spans *= 2

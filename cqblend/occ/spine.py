@@ -1,0 +1,176 @@
+"""The blended edge as a spine: stations at fractions t of its arc length, also some way past the ends of an open edge.
+
+A spine is one edge, or a chain of edges, between the same two faces. It runs as the first face's boundary does, seen from
+outside, so that the first face lies to its left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.contact import Stations
+from cqblend.blends.primaries import Array, tangent_coordinates, unit
+from cqblend.errors import SelectionError
+from cqblend.occ.adapt import FaceSide
+from cqblend.occ.topology import ends, explore, forward
+
+TABLE = 65  # points at which the speed along an edge is read
+ROUND = 1e-9  # relative deviation up to which an edge is an arc of a circle
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """One edge of the chain: its parameters against arc length, from its start as the chain runs."""
+
+    edge: TopoDS_Edge
+    length: float
+    arc: Array
+    parameter: Array
+    slope: Array  # d parameter / d arc
+
+    def at(self, arc: Array) -> Array:
+        """Return edge parameters at arc lengths, by cubic Hermite interpolation of the table."""
+        i = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, TABLE - 2)
+        h = self.arc[i + 1] - self.arc[i]
+        x = (arc - self.arc[i]) / h
+        p0, p1, m0, m1 = self.parameter[i], self.parameter[i + 1], h * self.slope[i], h * self.slope[i + 1]
+        return p0 + x * (m0 + x * (3 * (p1 - p0) - 2 * m0 - m1 + x * (m0 + m1 - 2 * (p1 - p0))))
+
+
+def chain(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_Edge], bool]:
+    """Order edges head to tail as the face's boundary runs; also tell whether they close.
+
+    Raises
+    ------
+    SelectionError
+        If they do not form one chain.
+    """
+    uses = [next(use for use in explore(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
+    ordered = [uses.pop(0)]
+    while uses:
+        start, end = ends(ordered[0])[0], ends(ordered[-1])[1]
+        for use in uses:
+            first, last = ends(use)
+            if first.IsSame(end):
+                ordered.append(use)
+            elif last.IsSame(start):
+                ordered.insert(0, use)
+            else:
+                continue
+            uses.remove(use)
+            break
+        else:
+            raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
+    return ordered, ends(ordered[0])[0].IsSame(ends(ordered[-1])[1])
+
+
+@dataclass(frozen=True)
+class EdgeSpine:
+    """Stations along a chain of edges between two faces."""
+
+    edges: list[TopoDS_Edge]
+    closed: bool
+    pieces: list[_Piece] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pieces", [_measure(edge) for edge in self.edges])
+
+    @property
+    def length(self) -> float:
+        """Arc length (mm)."""
+        return sum(piece.length for piece in self.pieces)
+
+    @property
+    def vertices(self) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
+        """The vertices at t = 0 and t = 1."""
+        return ends(self.edges[0])[0], ends(self.edges[-1])[1]
+
+    def locate(self, t: Array) -> tuple[Array, Array]:
+        """Return which edge each t in [0, 1] is on, and its parameter there."""
+        stops = np.cumsum([piece.length for piece in self.pieces])
+        arc = np.clip(t, 0.0, 1.0) * stops[-1]
+        number = np.minimum(np.searchsorted(stops, arc, side="right"), len(self.pieces) - 1)
+        parameter = np.empty(len(t))
+        for i, piece in enumerate(self.pieces):
+            mine = number == i
+            parameter[mine] = piece.at(arc[mine] - (stops[i] - piece.length))
+        return number, parameter
+
+    def points(self, t: Array) -> Array:
+        """Return points of the edge's 3D curve (n, 3) at t in [0, 1]."""
+        return self._curve(*self.locate(t))[0]
+
+    def _curve(self, number: Array, parameter: Array) -> tuple[Array, Array]:
+        curves = [BRepAdaptor_Curve(edge) for edge in self.edges]
+        p, v = gp_Pnt(), gp_Vec()
+        rows = []
+        for i, x in zip(number.tolist(), parameter.tolist(), strict=True):
+            curves[i].D1(x, p, v)
+            rows.append((p.X(), p.Y(), p.Z(), v.X(), v.Y(), v.Z()))
+        table = np.array(rows)
+        reverse = np.array([edge.Orientation() == TopAbs_REVERSED for edge in self.edges])
+        return table[:, :3], unit(table[:, 3:]) * np.where(reverse[number], -1.0, 1.0)[:, None]
+
+    def turn(self) -> float | None:
+        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+        points = self.points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
+        centred = points - points.mean(axis=0)
+        normal = np.linalg.svd(centred)[2][-1]
+        size = np.abs(centred).max()
+        if np.abs(centred @ normal).max() > ROUND * size:
+            return None
+        flat = centred @ np.linalg.svd(centred)[2][:2].T
+        system = np.column_stack([2 * flat, np.ones(len(flat))])
+        solution, _, rank, _ = np.linalg.lstsq(system, (flat**2).sum(1))
+        if rank < 3:
+            return None
+        radius = np.sqrt(solution[2] + solution[:2] @ solution[:2])
+        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > ROUND * radius:
+            return None
+        turn = self.length / radius
+        if self.closed:
+            return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
+        return float(turn) if turn < 2 * np.pi else None
+
+    def stations(self, t: Array, sides: tuple[FaceSide, FaceSide]) -> Stations:
+        """Return stations at t; those past the ends of an open edge lie on its tangents, to be moved onto the surfaces."""
+        number, parameter = self.locate(t)
+        point, direction = self._curve(number, parameter)
+        past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length
+        uv = []
+        for side in sides:
+            curves = [BRep_Tool.CurveOnSurface_s(forward(edge), side.face, 0.0, 0.0) for edge in self.edges]
+            values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
+            found = side.working(np.array([(value.X(), value.Y()) for value in values]))
+            if past.any():
+                jet = side.primary.jet(found)
+                found = found + tangent_coordinates(jet, direction * past[:, None])
+            uv.append(found)
+        return Stations(t, point + direction * past[:, None], direction, (uv[0], uv[1]))
+
+
+def _measure(edge: TopoDS_Edge) -> _Piece:
+    curve = BRepAdaptor_Curve(edge)
+    first, last = curve.FirstParameter(), curve.LastParameter()
+    parameter = np.linspace(first, last, 2 * TABLE - 1)
+    p, v = gp_Pnt(), gp_Vec()
+    speeds = []
+    for x in parameter.tolist():
+        curve.D1(x, p, v)
+        speeds.append(v.Magnitude())
+    speed = np.array(speeds)
+    if edge.Orientation() == TopAbs_REVERSED:
+        parameter, speed = parameter[::-1], speed[::-1]
+    step = (last - first) / (TABLE - 1)
+    simpson = step / 6 * (speed[:-2:2] + 4 * speed[1::2] + speed[2::2])
+    arc = np.append(0.0, np.cumsum(simpson))
+    sign = np.sign(parameter[-1] - parameter[0])
+    return _Piece(edge, float(arc[-1]), arc, parameter[::2], sign / np.maximum(speed[::2], 1e-9 * speed.max()))

@@ -1,0 +1,470 @@
+"""Wire substitution: put a blend face into a solid by rewriting the boundaries of the faces it touches.
+
+No intersection is computed and no boolean is run. The two faces next to the edge are trimmed at the rails by replacing the
+edge in their wires, the blend face goes in on the same rail edges, whose 3D curves are its own boundary rows of poles, and the
+shell is put together again. A closed edge may cross seams: rail and seam are split there and the loops traced anew. An open
+edge ends on a neighbour face at each end: the end curve of the blend on that face is solved point by point.
+
+The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_BSplineSurface
+from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
+from OCP.GeomAbs import GeomAbs_G1
+from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
+from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
+
+from cqblend.blends.hermite import Blend
+from cqblend.blends.contact import newton
+from cqblend.blends.primaries import Array, Primary, tangent_coordinates
+from cqblend.blends.rails import Rail
+from cqblend.errors import GeometryError, SizeError, TopologyError
+from cqblend.occ import bulk
+from cqblend.occ.adapt import FaceSide, face_side, pcurve
+from cqblend.occ.spine import EdgeSpine
+from cqblend.occ.topology import (
+    BUILDER,
+    CONFUSION,
+    Ancestors,
+    Index,
+    attach,
+    ends,
+    ends_uv,
+    explore,
+    flipped,
+    forward,
+    location_of,
+    loosen,
+    make_edge,
+    make_face,
+    make_vertex,
+    make_wire,
+    trimmed,
+    with_faces,
+)
+from cqblend.splines import Curve, fit
+from cqblend.splines.roots import sign_changes
+
+SNAP = 1e-9  # relative: a rail end this near to a seam lies on it
+END = 1e-9  # mm: an end curve is fitted until it lies on blend and neighbour to this
+
+
+@dataclass
+class Rewrite:
+    """What becomes of the boundary of one face: edges replaced (by pieces, FORWARD, or by nothing) and edge uses added."""
+
+    face: TopoDS_Face
+    replaced: dict[int, list[TopoDS_Edge]] = field(default_factory=dict)
+    added: list[TopoDS_Edge] = field(default_factory=list)  # oriented as in the FORWARD face
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A rewritten solid, not yet verified."""
+
+    solid: TopoDS_Shape
+    blend: TopoDS_Face
+    sides: tuple[TopoDS_Face, TopoDS_Face]  # the trimmed faces
+    rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]  # between blend and sides
+
+
+class RailsTooShort(GeometryError):
+    """The blend must be made over a longer range of t, ``needed``, to reach the faces at its ends."""
+
+    def __init__(self, needed: tuple[float, float]) -> None:
+        super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
+        self.needed = needed
+
+
+@dataclass(frozen=True)
+class _End:
+    """One end of an open blend: its curve on the end face, its two corners, and the edges they cut short."""
+
+    vertex: TopoDS_Vertex
+    edge: TopoDS_Edge
+    corners: tuple[TopoDS_Vertex, TopoDS_Vertex]
+    trims: tuple[TopoDS_Edge, TopoDS_Edge]
+    t: tuple[float, float]
+
+
+@dataclass
+class Surgery:
+    """One operation on one solid; the two methods :meth:`closed` and :meth:`open` each return a proposal."""
+
+    solid: TopoDS_Shape
+    spine: EdgeSpine
+    sides: tuple[FaceSide, FaceSide]
+    blend: Blend
+
+    def __post_init__(self) -> None:
+        self.edges = Index(self.solid, TopAbs_EDGE)
+        self.faces = Index(self.solid, TopAbs_FACE)
+        self.rewrites: dict[int, Rewrite] = {}
+        self.surface: Geom_BSplineSurface = bulk.surface_from_arrays(*self.blend.surface.to_bspline())
+        self.face = make_face(self.surface)
+        rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
+        self.rows = rows
+        self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in rows]
+        self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.rails, strict=True)]
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The rails' parameter range."""
+        breaks = self.blend.surface.breaks[0]
+        return float(breaks[0]), float(breaks[-1])
+
+    def rewrite(self, face: TopoDS_Face) -> Rewrite:
+        """Return the one record of what becomes of a face."""
+        return self.rewrites.setdefault(self.faces.of(face), Rewrite(TopoDS.Face_s(forward(face))))
+
+    # -- rails ---------------------------------------------------------------------------------------------------------
+
+    def rail_edge(self, i: int, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]) -> TopoDS_Edge:
+        """Make rail i's edge over a span of t: its 3D curve the blend's own row, with pcurves on both faces."""
+        side, curve = self.sides[i], self.pcurves[i]
+        middle = curve(np.array([sum(span) / 2]))[0]
+        shift = np.zeros(2)
+        for axis, period in enumerate(side.native.periods):
+            if period is not None:
+                shift[axis] = -period * np.floor((middle[axis] - side.bounds[axis, 0]) / period + SNAP)
+        t = np.linspace(*span, 257)
+        point = side.native.jet(curve(t))[0]
+        gap = np.linalg.norm(point - self.rows[i](t), axis=1).max()
+        edge = make_edge(self.curves[i], vertices, span, 1.05 * gap)
+        attach(edge, side.face, curve2d(curve, shift))
+        attach(edge, self.face, Geom2d_Line(gp_Pnt2d(0, i), gp_Dir2d(1, 0)))
+        for vertex in vertices:
+            loosen(vertex, 1.05 * gap)
+        return edge
+
+    def crossings(self, i: int) -> Array:
+        """Return where rail i crosses seams of its face, in t, ascending."""
+        side, curve = self.sides[i], self.pcurves[i]
+        seams = [edge for edge in explore(side.face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(edge, side.face)]
+        found = [np.empty(0)]
+        if seams:
+            coefs = curve.coefs
+            for axis, period in enumerate(side.native.periods):
+                if period is None:
+                    continue
+                weight = coefs[:, 2] if curve.rational else np.ones_like(coefs[:, 0])
+                value = coefs[:, axis] / weight
+                start = side.bounds[axis, 0]
+                for k in range(int(np.floor((value.min() - start) / period)), int(np.ceil((value.max() - start) / period)) + 1):
+                    line = start + k * period
+                    at_breaks = curve(curve.breaks)[:, axis] - line
+                    found.append(curve.breaks[np.abs(at_breaks) < SNAP * period])
+                    column, root = sign_changes(coefs[:, axis] - line * weight, 1e-14 * (1 + abs(line)))
+                    found.append(curve.breaks[column] + root * np.diff(curve.breaks)[column])
+        t = np.unique(np.concatenate(found))
+        low, high = self.domain
+        t = t[(t > low + SNAP * (high - low)) & (t < high - SNAP * (high - low))]
+        return t[np.append(True, np.diff(t) > SNAP * (high - low))] if len(t) else t
+
+    def _trim(self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]) -> list[TopoDS_Edge]:
+        """Replace the old edge by rail i in the boundary of its face, splitting it at seams; return the rail's edges."""
+        side = self.sides[i]
+        rewrite = self.rewrite(side.face)
+        crossings = self.crossings(i)
+        crossings = crossings[(crossings > span[0]) & (crossings < span[1])]
+        stops = np.concatenate([span[:1], crossings, span[1:]]).tolist()
+        between = [make_vertex(point) for point in self.rows[i](crossings)]
+        chain = [vertices[0], *between, vertices[1]]
+        rail = [self.rail_edge(i, (chain[k], chain[k + 1]), (stops[k], stops[k + 1])) for k in range(len(stops) - 1)]
+        for edge in self.spine.edges:
+            rewrite.replaced[self.edges.of(edge)] = []
+        if vertices[0].IsSame(vertices[1]):
+            self._cut_seams(i, rewrite, np.array(stops[:-1]), chain[:-1])
+        else:
+            self._cut_seams(i, rewrite, crossings, between)
+        ahead = (side.outward > 0) == (i == 0)
+        rewrite.added += rail if ahead else [flipped(edge) for edge in reversed(rail)]
+        return rail
+
+    def closed(self) -> Proposal:
+        """Blend a closed edge."""
+        low, high = self.domain
+        joints = [make_vertex(row(np.array([low]))[0]) for row in self.rows]
+        rails = (self._trim(0, self.domain, (joints[0],) * 2), self._trim(1, self.domain, (joints[1],) * 2))
+        seam = make_edge(self.surface.UIso(low), (joints[0], joints[1]), (0.0, 1.0))
+        up = gp_Dir2d(0, 1)
+        attach(seam, self.face, Geom2d_Line(gp_Pnt2d(high, 0), up), Geom2d_Line(gp_Pnt2d(low, 0), up))
+        uses = [*rails[0], seam, *(flipped(edge) for edge in reversed(rails[1])), flipped(seam)]
+        return self._assemble(make_wire(uses), rails)
+
+    def _cut_seams(self, i: int, rewrite: Rewrite, stops: Array, vertices: list[TopoDS_Vertex]) -> None:
+        """Cut the face's seams where the rail crosses them and drop what lies between rail and edge."""
+        side = self.sides[i]
+        old = [vertex for edge in self.spine.edges for vertex in ends(edge)]
+        if not vertices:
+            point, field = np.empty((0, 3)), np.empty((0, 3))
+        else:
+            point, field = _rail_frame(self.blend.rails[i], stops)
+        dropped: list[TopoDS_Vertex] = []
+        for number, edge in self._seams(side):
+            curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
+            first, last = BRep_Tool.Range_s(edge)
+            marks: list[tuple[float, TopoDS_Vertex, bool]] = []
+            for k, vertex in enumerate(vertices):
+                project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*point[k].tolist()), curve, first, last)
+                if project.NbPoints() == 0 or project.LowerDistance() > 10 * CONFUSION:
+                    continue
+                at = project.LowerDistanceParameter()
+                ahead = curve.DN(at, 1)
+                entering = float(field[k] @ (ahead.X(), ahead.Y(), ahead.Z())) > 0
+                marks.append((at, vertex, entering))
+                loosen(vertex, 1.05 * project.LowerDistance())
+            marks.sort(key=lambda mark: mark[0])
+            start, end = ends(edge)
+            if not marks:
+                touching = [vertex for vertex in (start, end) if any(vertex.IsSame(o) for o in old)]
+                if len(touching) == 1:
+                    raise SizeError("the rail passes beyond the end of the face: the size is too large")
+                if len(touching) == 2:
+                    rewrite.replaced[number] = []
+                    dropped += [start, end]
+                continue
+            stations = [(first, start), *((at, vertex) for at, vertex, _ in marks), (last, end)]
+            inside = [not marks[0][2], *(entering for _, _, entering in marks)]
+            kept = []
+            for (a, va), (b, vb), strip in zip(stations[:-1], stations[1:], inside, strict=True):
+                if strip:
+                    dropped += [v for v in (va, vb) if v.IsSame(start) or v.IsSame(end)]
+                elif b - a > SNAP * (last - first):
+                    kept.append(trimmed(edge, (va, vb), (a, b)))
+            rewrite.replaced[number] = kept
+        for use in explore(rewrite.face, TopAbs_EDGE):  # poles that lost their seam
+            if BRep_Tool.Degenerated_s(use) and any(ends(use)[0].IsSame(vertex) for vertex in dropped):
+                rewrite.replaced[self.edges.of(use)] = []
+
+    def _seams(self, side: FaceSide) -> list[tuple[int, TopoDS_Edge]]:
+        """Return the face's seam edges, FORWARD, with their numbers."""
+        found = {
+            self.edges.of(use): TopoDS.Edge_s(forward(use))
+            for use in explore(side.face, TopAbs_EDGE)
+            if BRep_Tool.IsClosed_s(use, side.face)
+        }
+        return list(found.items())
+
+    # -- open edges ----------------------------------------------------------------------------------------------------
+
+    def open(self) -> Proposal:
+        """Blend an open edge, ending on the one other face at each of its vertices.
+
+        Raises
+        ------
+        RailsTooShort
+            If the blend must reach further than its rails to meet those faces.
+        """
+        low, high = (self._end(vertex, start) for vertex, start in zip(self.spine.vertices, (0.0, 1.0), strict=True))
+        needed = (min(low.t[0], low.t[-1]), max(high.t[0], high.t[-1]))
+        if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
+            raise RailsTooShort(needed)
+        rails = []
+        for i, v in enumerate((0, -1)):
+            if low.t[v] >= high.t[v]:
+                raise SizeError("the two ends of the blend meet: the size is too large for the length of the edge")
+            rails.append(self._trim(i, (low.t[v], high.t[v]), (low.corners[i], high.corners[i])))
+        self._trim_neighbours((low, high))
+        uses = [*rails[0], high.edge, *(flipped(edge) for edge in reversed(rails[1])), flipped(low.edge)]
+        return self._assemble(make_wire(uses), (rails[0], rails[1]))
+
+    def _end(self, vertex: TopoDS_Vertex, start: float) -> _End:
+        """Solve the end curve of the blend on the face across from the edge at one vertex."""
+        by_vertex = Ancestors(self.solid, TopAbs_VERTEX, TopAbs_FACE)
+        others = [face for face in by_vertex(vertex) if not any(face.IsSame(side.face) for side in self.sides)]
+        if len(others) != 1:
+            raise TopologyError(
+                f"the edge ends at a vertex with {len(others)} further faces; a blend can end on exactly one"
+            )
+        corner = location_of(vertex)
+        neighbour = face_side(others[0], corner[None])
+        by_edge = Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
+        trims = []
+        for side in self.sides:
+            shared = [
+                edge
+                for edge in Ancestors(self.solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex)
+                if {self.faces.of(face) for face in by_edge(edge)} == {self.faces.of(side.face), self.faces.of(others[0])}
+            ]
+            if len(shared) != 1:
+                raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
+            trims.append(shared[0])
+        use = next(use for use in explore(neighbour.face, TopAbs_EDGE) if use.IsSame(trims[0]))
+        arrives = ends(use)[1].IsSame(vertex)
+        at = ends_uv(use, neighbour.face)[1 if arrives else 0]
+        curve = self._end_curve(neighbour.native, corner, at, start)
+        ends_at = curve(np.array([0.0, 1.0]))
+        made = [make_vertex(point) for point in ends_at[:, 4:]]
+        edge = self._end_edge(curve, neighbour, (made[0], made[1]))
+        rewrite = self.rewrite(others[0])
+        rewrite.added.append(edge if arrives else flipped(edge))
+        return _End(vertex, edge, (made[0], made[1]), (trims[0], trims[1]), (float(ends_at[0, 0]), float(ends_at[1, 0])))
+
+    def _end_curve(self, native: Primary, corner: Array, at: Array, start: float) -> Curve:
+        """Return the curve v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]."""
+        surface = self.blend.surface
+        size = float(np.linalg.norm(surface(start, 0.0) - surface(start, 1.0)))
+
+        def solve(v: Array) -> Array:
+            def system(x: Array) -> tuple[Array, Array, Array]:
+                h = surface.jet(x[:, 0], v, 1)
+                n = native.jet(x[:, 1:])
+                jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
+                metric = np.linalg.norm(jacobian, axis=1)
+                return h[0, 0] - n[0], jacobian, metric
+
+            t = np.full(len(v), start)
+            offset = surface(t, v) - corner
+            guess = at + tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
+            x, good = newton(system, np.column_stack([t, guess]), size, size)
+            if not good.all():
+                raise TopologyError("the blend does not meet the face at the end of the edge: the size is too large for it")
+            return np.column_stack([x[:, 0], v, x[:, 1:], native.jet(x[:, 1:])[0]])
+
+        count = 1
+        while True:
+            v = np.linspace(0, 1, 6 * count + 1)
+            exact = solve(v)
+            curve = _cubic(exact) if count == 1 else fit.interpolate(v[::2], exact[::2])
+            fitted = curve(v)
+            on_blend = surface(fitted[:, 0], v)
+            on_face = native.jet(fitted[:, 2:4])[0]
+            error = max(np.abs(on_blend - fitted[:, 4:]).max(), np.abs(on_face - fitted[:, 4:]).max())
+            if error <= END or count >= 64:
+                return curve
+            count *= 2
+
+    def _end_edge(
+        self, curve: Curve, neighbour: FaceSide, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]
+    ) -> TopoDS_Edge:
+        """Make the edge of an end curve, with its pcurves on the blend and on the neighbour."""
+        v = np.linspace(0, 1, 257)
+        value = curve(v)
+        on_blend = self.blend.surface(value[:, 0], value[:, 1])
+        on_face = neighbour.native.jet(value[:, 2:4])[0]
+        gap = max(np.linalg.norm(p - value[:, 4:], axis=1).max() for p in (on_blend, on_face))
+        degree, knots, poles, _ = curve.to_bspline()
+        edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0), 1.05 * gap)
+        attach(edge, self.face, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
+        attach(edge, neighbour.face, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+        for vertex in vertices:
+            loosen(vertex, 1.05 * gap)
+        return edge
+
+    def _trim_neighbours(self, ends_of_blend: tuple[_End, _End]) -> None:
+        """Shorten the edges between the two sides and the end faces to where the blend's corners lie on them."""
+        by_edge = Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
+        cuts: dict[int, list[tuple[TopoDS_Vertex, TopoDS_Vertex]]] = {}
+        for end in ends_of_blend:
+            for edge, corner in zip(end.trims, end.corners, strict=True):
+                cuts.setdefault(self.edges.of(edge), []).append((end.vertex, corner))
+        for number, changes in cuts.items():
+            edge = TopoDS.Edge_s(forward(self.edges[number]))
+            curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
+            span, vertices = list(BRep_Tool.Range_s(edge)), list(ends(edge))
+            whole = span.copy()
+            for old, new in changes:
+                project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*location_of(new).tolist()), curve, *whole)
+                slack = 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
+                if project.NbPoints() == 0 or project.LowerDistance() > slack:
+                    raise SizeError(f"the blend reaches beyond the end of edge {number} next to it: the size is too large")
+                which = 0 if vertices[0].IsSame(old) else 1
+                span[which], vertices[which] = project.LowerDistanceParameter(), new
+                loosen(new, 1.05 * project.LowerDistance())
+            if span[0] >= span[1]:
+                raise SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
+            piece = trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
+            for face in by_edge(edge):
+                self.rewrite(face).replaced[number] = [piece]
+
+    # -- assembling ----------------------------------------------------------------------------------------------------
+
+    def _assemble(self, boundary: TopoDS_Wire, rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]) -> Proposal:
+        """Close the blend face, rebuild every face that changed, and put the shell together."""
+        BUILDER.Add(self.face, boundary)
+        blend = TopoDS.Face_s(self.face.Reversed())
+        made = {number: self._rebuilt(rewrite) for number, rewrite in self.rewrites.items()}
+        for number, face in made.items():
+            face.Orientation(self.faces[number].Orientation())
+        sides = (made[self.faces.of(self.sides[0].face)], made[self.faces.of(self.sides[1].face)])
+        for side, rail in zip(sides, rails, strict=True):
+            for edge in rail:
+                BUILDER.Continuity(edge, side, blend, GeomAbs_G1)
+        return Proposal(with_faces(self.solid, made, self.faces, [blend]), blend, sides, rails)
+
+    def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
+        """Return the FORWARD face with its new boundary; wires that nothing happens to are taken over."""
+        face = TopoDS.Face_s(rewrite.face.EmptyCopied())
+        loose = list(rewrite.added)
+        for wire in explore(rewrite.face, TopAbs_WIRE):
+            uses = list(explore(wire, TopAbs_EDGE))
+            if not any(self.edges.of(use) in rewrite.replaced for use in uses):
+                BUILDER.Add(face, wire)
+                continue
+            for use in uses:
+                pieces = rewrite.replaced.get(self.edges.of(use))
+                loose += [use] if pieces is None else [_like(piece, use) for piece in pieces]
+        for loop in traced(loose, rewrite.face):
+            BUILDER.Add(face, make_wire(loop))
+        return face
+
+
+def _cubic(values: Array) -> Curve:
+    """Return the cubic on [0, 1] through values at 0, 1/3, 2/3 and 1, the even ones of (7, k)."""
+    q = values[::2]
+    coefs = [q[0], (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6, (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6, q[3]]
+    return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
+
+
+def _like(piece: TopoDS_Edge, use: TopoDS_Edge) -> TopoDS_Edge:
+    return TopoDS.Edge_s(piece.Oriented(use.Orientation()))
+
+
+def _rail_frame(rail: Rail, t: Array) -> tuple[Array, Array]:
+    """Return points and directions into the blend (n, 3) along a rail."""
+    position, field = rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d)
+    x, dx = position(t), field(t)
+    point = x[:, :3] / x[:, 3:]
+    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
+
+
+def traced(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]]:
+    """Sort edge uses of a FORWARD face into closed loops: head to tail at vertices, and where several wait, in (u, v).
+
+    Raises
+    ------
+    TopologyError
+        If a loop does not close: the new boundary crosses itself or swallows an edge.
+    """
+    starts, stops = zip(*(ends_uv(use, face) for use in uses), strict=True)
+    rest = list(range(len(uses)))
+    loops = []
+    while rest:
+        loop = [rest.pop(0)]
+        while True:
+            vertex, at = ends(uses[loop[-1]])[1], stops[loop[-1]]
+            waiting = [k for k in [loop[0], *rest] if ends(uses[k])[0].IsSame(vertex)]
+            if not waiting:
+                raise TopologyError("the face's boundary cannot be closed along the rail: the size is too large for the face")
+            nearest = min(waiting, key=lambda k: float(np.abs(starts[k] - at).max()))
+            if nearest == loop[0]:
+                break
+            loop.append(nearest)
+            rest.remove(nearest)
+        loops.append([uses[k] for k in loop])
+    return loops
+
+
+def curve2d(curve: Curve, shift: Array) -> Geom2d_Curve:
+    """Return a parameter curve as an OCCT pcurve, shifted by whole periods."""
+    degree, knots, poles, weights = curve.to_bspline()
+    return bulk.curve2d_from_arrays(degree, knots, poles + shift, weights)

@@ -1,0 +1,214 @@
+"""Asking a shape how it hangs together, and making edges, vertices and shells by hand.
+
+Thin functions over OCP: no geometry is decided here, and nothing is searched by distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepTools import BRepTools_ReShape
+from OCP.Geom import Geom_Curve, Geom_Surface
+from OCP.Geom2d import Geom2d_Curve
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import (
+    TopAbs_EDGE,
+    TopAbs_FACE,
+    TopAbs_FORWARD,
+    TopAbs_REVERSED,
+    TopAbs_ShapeEnum,
+    TopAbs_SHELL,
+    TopAbs_SOLID,
+    TopAbs_VERTEX,
+    TopAbs_WIRE,
+)
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+
+from cqblend.blends.primaries import Array
+
+CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
+BUILDER = BRep_Builder()
+_CAST = {
+    TopAbs_EDGE: TopoDS.Edge_s,
+    TopAbs_FACE: TopoDS.Face_s,
+    TopAbs_VERTEX: TopoDS.Vertex_s,
+    TopAbs_WIRE: TopoDS.Wire_s,
+    TopAbs_SHELL: TopoDS.Shell_s,
+    TopAbs_SOLID: TopoDS.Solid_s,
+}
+
+
+class Index:
+    """The sub-shapes of one kind, numbered from 1 as ``TopExp.MapShapes`` numbers them."""
+
+    def __init__(self, shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> None:
+        self._map = TopTools_IndexedMapOfShape()
+        self._kind = kind
+        TopExp.MapShapes_s(shape, kind, self._map)
+
+    def __len__(self) -> int:
+        return int(self._map.Extent())
+
+    def __getitem__(self, number: int) -> TopoDS_Shape:
+        return _CAST[self._kind](self._map.FindKey(number))
+
+    def of(self, shape: TopoDS_Shape) -> int:
+        """Return the number of a sub-shape, whatever its orientation; 0 if it is foreign."""
+        return int(self._map.FindIndex(shape))
+
+
+class Ancestors:
+    """Which sub-shapes of one kind use which of another."""
+
+    def __init__(self, shape: TopoDS_Shape, of: TopAbs_ShapeEnum, kind: TopAbs_ShapeEnum) -> None:
+        self._map = TopTools_IndexedDataMapOfShapeListOfShape()
+        self._kind = kind
+        TopExp.MapShapesAndAncestors_s(shape, of, kind, self._map)
+
+    def __call__(self, part: TopoDS_Shape) -> list[TopoDS_Shape]:
+        """Return the distinct ancestors of a sub-shape."""
+        if not self._map.Contains(part):
+            return []
+        return distinct(_CAST[self._kind](s) for s in self._map.FindFromKey(part))
+
+
+def distinct(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
+    """Drop repeated shapes, orientation ignored; order is kept."""
+    out: list[TopoDS_Shape] = []
+    for shape in shapes:
+        if not any(shape.IsSame(other) for other in out):
+            out.append(shape)
+    return out
+
+
+def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
+    """Yield every use of sub-shapes of a kind, with the orientation composed along the way (a seam comes twice)."""
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield _CAST[kind](explorer.Current())
+        explorer.Next()
+
+
+def forward(shape: TopoDS_Shape) -> TopoDS_Shape:
+    """Return the shape with orientation FORWARD."""
+    return _CAST[shape.ShapeType()](shape.Oriented(TopAbs_FORWARD))
+
+
+def flipped(edge: TopoDS_Edge) -> TopoDS_Edge:
+    """Return the edge with the opposite orientation."""
+    return TopoDS.Edge_s(edge.Reversed())
+
+
+def ends(edge: TopoDS_Edge) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
+    """Return the vertices an edge use runs from and to, by its orientation."""
+    return TopExp.FirstVertex_s(edge, True), TopExp.LastVertex_s(edge, True)
+
+
+def ends_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
+    """Return the (u, v) at which an edge use starts and stops."""
+    curve = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
+    first, last = BRep_Tool.Range_s(use)
+    a, b = (np.array([p.X(), p.Y()]) for p in (curve.Value(first), curve.Value(last)))
+    return (b, a) if use.Orientation() == TopAbs_REVERSED else (a, b)
+
+
+def location_of(vertex: TopoDS_Vertex) -> Array:
+    """Return a vertex's point (3,)."""
+    p = BRep_Tool.Pnt_s(vertex)
+    return np.array([p.X(), p.Y(), p.Z()])
+
+
+def make_vertex(point: Array, tolerance: float = CONFUSION) -> TopoDS_Vertex:
+    """Make a vertex."""
+    vertex = TopoDS_Vertex()
+    BUILDER.MakeVertex(vertex, gp_Pnt(*(float(x) for x in point)), max(tolerance, CONFUSION))
+    return vertex
+
+
+def make_edge(
+    curve: Geom_Curve, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float], tolerance: float = CONFUSION
+) -> TopoDS_Edge:
+    """Make a FORWARD edge on a 3D curve; pcurves are added with :func:`attach`."""
+    edge = TopoDS_Edge()
+    BUILDER.MakeEdge(edge, curve, max(tolerance, CONFUSION))
+    BUILDER.Add(edge, vertices[0].Oriented(TopAbs_FORWARD))
+    BUILDER.Add(edge, vertices[1].Oriented(TopAbs_REVERSED))
+    BUILDER.Range(edge, *span)
+    BUILDER.SameParameter(edge, True)
+    BUILDER.SameRange(edge, True)
+    return edge
+
+
+def attach(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve) -> None:
+    """Give an edge its pcurve on a face, whatever its location; two, for FORWARD and REVERSED use, make it a seam."""
+    BUILDER.UpdateEdge(edge, *pcurves, face, BRep_Tool.Tolerance_s(edge))
+
+
+def trimmed(
+    edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]
+) -> TopoDS_Edge:
+    """Return a FORWARD copy of an edge over another range, with all its curves."""
+    copy = TopoDS.Edge_s(forward(edge).EmptyCopied())
+    BUILDER.Add(copy, vertices[0].Oriented(TopAbs_FORWARD))
+    BUILDER.Add(copy, vertices[1].Oriented(TopAbs_REVERSED))
+    BUILDER.Range(copy, *span)
+    return copy
+
+
+def loosen(vertex: TopoDS_Vertex, tolerance: float) -> None:
+    """Raise a vertex's tolerance to at least the given one."""
+    if tolerance > BRep_Tool.Tolerance_s(vertex):
+        BUILDER.UpdateVertex(vertex, tolerance)
+
+
+def make_wire(edges: Iterable[TopoDS_Edge]) -> TopoDS_Wire:
+    """Make a closed wire of edge uses in order."""
+    wire = TopoDS_Wire()
+    BUILDER.MakeWire(wire)
+    for edge in edges:
+        BUILDER.Add(wire, edge)
+    wire.Closed(True)
+    return wire
+
+
+def make_face(surface: Geom_Surface) -> TopoDS_Face:
+    """Make a face without a boundary."""
+    face = TopoDS_Face()
+    BUILDER.MakeFace(face, surface, CONFUSION)
+    return face
+
+
+def with_faces(solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: Index, added: Iterable[TopoDS_Face]) -> TopoDS_Solid:
+    """Return a solid with faces replaced, by number; new faces go into the shell of the first one replaced."""
+    out = TopoDS_Solid()
+    BUILDER.MakeSolid(out)
+    pending = list(added)
+    for shell in explore(forward(solid), TopAbs_SHELL):
+        faces = list(explore(shell, TopAbs_FACE))
+        numbers = [index.of(face) for face in faces]
+        if not any(number in replaced for number in numbers):
+            BUILDER.Add(out, shell)
+            continue
+        made = TopoDS_Shell()
+        BUILDER.MakeShell(made)
+        for face, number in zip(faces, numbers, strict=True):
+            BUILDER.Add(made, replaced.get(number, face))
+        for face in pending:
+            BUILDER.Add(made, face)
+        pending = []
+        made.Closed(BRep_Tool.IsClosed_s(made))
+        BUILDER.Add(out, made)
+    return out
+
+
+def replaced_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) -> TopoDS_Shape:
+    """Return the shape with one of its solids replaced."""
+    if shape.IsSame(old):
+        return new
+    reshape = BRepTools_ReShape()
+    reshape.Replace(old, new)
+    return reshape.Apply(shape)
