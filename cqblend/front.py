@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cqblend.certificate import Certificate
 from cqblend.edges import blend_shape
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
-from cqblend.occ import measure, verification
+from cqblend.occ import convert, measure, verification
 from cqblend.request import BlendRequest
 
 if TYPE_CHECKING:
@@ -211,11 +211,9 @@ def to_surface(face: Any) -> "Surface":
     Examples
     --------
     >>> import cadquery, cqblend
-    >>> cqblend.to_surface(cadquery.Solid.makeBox(30, 20, 10).Faces()[0]).degrees
+    >>> cqblend.to_surface(cadquery.Solid.makeBox(30, 20, 10).Faces()[0]).degree
     (1, 1)
     """
-    from cqblend.occ import convert
-
     return convert.to_surface(face_of(face, "face"))
 
 
@@ -224,6 +222,4 @@ def to_face(surface: "Surface") -> "TopoDS_Face":
 
     Wrap it with ``cadquery.Face(...)`` or ``build123d.Face(...)``.
     """
-    from cqblend.occ import convert
-
     return convert.to_face(surface)
