@@ -73,10 +73,10 @@ class Curve(Spline):
         cls, poles: ArrayLike, weights: ArrayLike | None = None, domain: tuple[float, float] = (0.0, 1.0)
     ) -> Self:
         """Single polynomial or rational piece from poles (p + 1, dim)."""
-        array = np.array(poles, dtype=np.float64)
+        array = door.numbers("poles", poles)
         if array.ndim != 2:
             raise InputError(f"poles have {array.ndim} axes, expected (p + 1, dim)")
-        ends = np.repeat(np.array(domain, dtype=np.float64), len(array))
+        ends = np.repeat(door.numbers("domain", domain), len(array))
         return cls.from_bspline(len(array) - 1, ends, array, weights)
 
     @classmethod
@@ -99,7 +99,7 @@ class Curve(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        knots, poles = np.array(knots, dtype=np.float64), np.array(poles, dtype=np.float64)
+        knots, poles = door.numbers("knots", knots), door.numbers("poles", poles)
         if poles.ndim != 2:
             raise InputError(f"poles have {poles.ndim} axes, expected (n, dim)")
         door.validate(degree, knots, len(poles))

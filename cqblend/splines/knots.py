@@ -181,6 +181,20 @@ def assemble(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Arr
     return knots, poles
 
 
+def numbers(name: str, values: object) -> Array:
+    """Copy to a float64 array.
+
+    Raises
+    ------
+    InputError
+        If that is not possible.
+    """
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be an array of numbers: {error}") from error
+
+
 def homogeneous(poles: Array, weights: object) -> Array:
     """Poles (.., dim) with weights (..) as homogeneous poles (.., dim + 1); without weights as they are.
 
@@ -193,7 +207,7 @@ def homogeneous(poles: Array, weights: object) -> Array:
         raise InputError("a pole is not finite")
     if weights is None:
         return poles
-    array = np.array(weights, dtype=np.float64)
+    array = numbers("weights", weights)
     if array.shape != poles.shape[:-1]:
         raise InputError(f"weights of shape {array.shape} for poles of shape {poles.shape}")
     if not np.isfinite(array).all() or array.min() <= 0:

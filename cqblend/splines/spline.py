@@ -46,6 +46,7 @@ class Spline:
     _continuity: tuple[Array, ...]
     _source: tuple[Any, ...] | None
     _directions: ClassVar[int]
+    __array_ufunc__ = None  # numpy arrays leave * and + to us
 
     def __init__(
         self,

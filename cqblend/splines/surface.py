@@ -93,8 +93,8 @@ class Surface(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        pair = tuple(np.array(k, dtype=np.float64) for k in knots)
-        poles = np.array(poles, dtype=np.float64)
+        pair = tuple(door.numbers("knots", k) for k in knots)
+        poles = door.numbers("poles", poles)
         if poles.ndim != 3 or len(pair) != 2 or len(degrees) != 2:
             raise InputError(f"poles have {poles.ndim} axes and there are {len(pair)} knot vectors, expected 3 and 2")
         for degree, vector, count in zip(degrees, pair, poles.shape, strict=False):
