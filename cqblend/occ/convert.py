@@ -1,0 +1,459 @@
+"""Faces of OCCT to symbolic splines and back.
+
+Every analytic surface has an exact rational form; only its parameters change: a circle as a rational quadratic is not
+run through at the speed of its angle. So each conversion comes with a closed-form :class:`ParameterMap` between the
+face's own parameters and the spline's. The forms are built here rather than by ``GeomConvert``, so that the arcs are
+known (at most 120 degrees each, knots at the angles themselves) and the map can be, too. This module decides nothing
+about blends.
+
+Notation: a spline in *homogeneous* form has poles (w x, w y, w z, w).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepTools import BRepTools
+from OCP.Geom import (
+    Geom_BezierCurve,
+    Geom_BezierSurface,
+    Geom_BSplineCurve,
+    Geom_BSplineSurface,
+    Geom_Circle,
+    Geom_Conic,
+    Geom_ConicalSurface,
+    Geom_Curve,
+    Geom_CylindricalSurface,
+    Geom_ElementarySurface,
+    Geom_Ellipse,
+    Geom_Hyperbola,
+    Geom_Line,
+    Geom_OffsetCurve,
+    Geom_OffsetSurface,
+    Geom_Plane,
+    Geom_RectangularTrimmedSurface,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+    Geom_TrimmedCurve,
+)
+from OCP.GeomAbs import GeomAbs_Shape
+from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxCurve, GeomConvert_ApproxSurface
+from OCP.gp import gp_Dir, gp_Pnt, gp_Trsf
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Face
+
+from cqblend.errors import GeometryError, InputError, UnsupportedError
+from cqblend.occ import bulk
+from cqblend.splines.surface import Surface
+
+Floats: TypeAlias = NDArray[np.float64]
+Window: TypeAlias = tuple[float, float]
+
+CONFUSION: Final = 1e-7
+"""OCCT's own tolerance (mm), which a new face's edges and vertices get."""
+
+OFFSET_TOLERANCE: Final = 1e-9
+"""Largest error of an offset surface or curve, relative to its size: the only conversions that are not exact."""
+
+_LARGEST_ARC: Final = 2 * math.pi / 3
+_UNBOUNDED: Final = 1e50
+_SNAP: Final = 1e-9
+"""Relative distance at which a face's bound counts as the end of its surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """The parameter of a circle, ellipse or hyperbola and that of its rational quadratic spline, one arc after another.
+
+    On an arc about ``m`` of half-width ``h`` the spline's parameter ``s`` and the conic's ``a`` obey
+    ``tan((a - m) / 2) = tan(h / 2) (s - m) / h``, with ``tanh`` for the hyperbola; so both agree at the breaks, and on
+    a circle differ by 0.04 rad at most in between. Beyond the ends the first and last arc go on, on a circle as far as
+    the point opposite their middle.
+
+    Attributes
+    ----------
+    breaks : array
+        Ends of the arcs, the same in both parameters.
+    hyperbolic : bool
+    """
+
+    breaks: Floats
+    hyperbolic: bool = False
+
+    def to_spline(self, conic: Floats) -> Floats:
+        """Return the spline's parameters of given angles."""
+        middle, half = self._arc(conic)
+        tan = np.tanh if self.hyperbolic else np.tan
+        return np.asarray(middle + half * tan((conic - middle) / 2) / tan(half / 2))
+
+    def to_conic(self, spline: Floats) -> Floats:
+        """Return the angles of given parameters of the spline."""
+        middle, half = self._arc(spline)
+        tan, atan = (np.tanh, np.arctanh) if self.hyperbolic else (np.tan, np.arctan)
+        return np.asarray(middle + 2 * atan(tan(half / 2) * (spline - middle) / half))
+
+    def _arc(self, values: Floats) -> tuple[Floats, Floats]:
+        index = np.clip(np.searchsorted(self.breaks, values, side="right") - 1, 0, len(self.breaks) - 2)
+        start, stop = self.breaks[index], self.breaks[index + 1]
+        return (start + stop) / 2, (stop - start) / 2
+
+    def knots(self) -> Floats:
+        """Return the full knot vector."""
+        return np.repeat(self.breaks, [3, *[2] * (len(self.breaks) - 2), 3])
+
+    def homogeneous(self) -> Floats:
+        """Return the unit conic (w cos a, w sin a, w), or (w cosh a, w sinh a, w), as poles of shape (2n + 1, 3)."""
+        cos, sin = (np.cosh, np.sinh) if self.hyperbolic else (np.cos, np.sin)
+        middle, half = (self.breaks[:-1] + self.breaks[1:]) / 2, np.diff(self.breaks) / 2
+        poles = np.empty((2 * len(half) + 1, 3))
+        poles[::2] = np.stack([cos(self.breaks), sin(self.breaks), np.ones(len(self.breaks))], axis=1)
+        poles[1::2] = np.stack([cos(middle), sin(middle), cos(half)], axis=1)
+        return poles
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterMap:
+    """Between the parameters of a face's own surface and those of its spline.
+
+    A direction that is None has the same parameter on both sides.
+
+    Examples
+    --------
+    >>> quarter = ParameterMap(u=Arcs(np.array([0.0, np.pi / 2])))
+    >>> quarter.to_face(quarter.to_spline([[0.3, 5.0]])).round(12)
+    array([[0.3, 5. ]])
+    """
+
+    u: Arcs | None = None
+    v: Arcs | None = None
+
+    def to_spline(self, uv: ArrayLike) -> Floats:
+        """Return the spline's parameters, shape (..., 2), of the face's."""
+        return self._mapped(uv, Arcs.to_spline)
+
+    def to_face(self, uv: ArrayLike) -> Floats:
+        """Return the face's own parameters, shape (..., 2), of the spline's."""
+        return self._mapped(uv, Arcs.to_conic)
+
+    def _mapped(self, uv: ArrayLike, change: Callable[[Arcs, Floats], Floats]) -> Floats:
+        result = np.array(uv, dtype=np.float64)
+        for axis, arcs in enumerate((self.u, self.v)):
+            if arcs is not None:
+                result[..., axis] = change(arcs, result[..., axis])
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class _Strand:
+    """A curve in homogeneous form, poles (n, 4), with the map of its parameter."""
+
+    degree: int
+    knots: Floats
+    poles: Floats
+    arcs: Arcs | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Patch:
+    """What makes a spline surface, and the map of its parameters."""
+
+    degrees: tuple[int, int]
+    knots: tuple[Floats, Floats]
+    poles: Floats
+    weights: Floats | None
+    parameters: ParameterMap = ParameterMap()
+
+    @classmethod
+    def of(cls, first: _Strand, second: _Strand, homogeneous: Floats) -> "_Patch":
+        """Join two directions, with the homogeneous poles (nu, nv, 4) that were made of theirs."""
+        weights = homogeneous[..., 3]
+        return cls(
+            (first.degree, second.degree),
+            (first.knots, second.knots),
+            homogeneous[..., :3] / weights[..., np.newaxis],
+            None if (weights == 1).all() else weights,
+            ParameterMap(first.arcs, second.arcs),
+        )
+
+
+def to_surface(face: TopoDS_Face) -> Surface:
+    """Return the surface of a face as a symbolic spline over the face's own parameter bounds, in place.
+
+    Exact, but for offset surfaces without an exact form; the location is included. Orientation plays no part: a
+    REVERSED face has the same surface, and its outward normal is ``-(Su x Sv)``.
+
+    Parameters
+    ----------
+    face : TopoDS_Face
+        A face on a surface of any type. The spline's parameters are the face's own on planes, Bezier, B-spline and
+        offset surfaces and on extruded lines and splines; elsewhere see :func:`with_parameters`.
+
+    Raises
+    ------
+    InputError
+        It is not a face, or is unbounded.
+    GeometryError
+        An offset surface could not be approximated to ``OFFSET_TOLERANCE``.
+    UnsupportedError
+        The surface is of a type that OCCT itself does not store in files.
+    """
+    return with_parameters(face)[0]
+
+
+def with_parameters(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:
+    """Return :func:`to_surface` of a face, and the map between the face's own parameters and the spline's."""
+    if not isinstance(face, TopoDS_Face) or face.IsNull():
+        raise InputError(f"a {type(face).__name__} is not a face")
+    location = TopLoc_Location()
+    surface = BRep_Tool.Surface_s(face, location)
+    if surface is None:
+        raise InputError("the face has no surface, only a triangulation")
+    patch = _patch(surface, *_bounds(face, surface))
+    # The location moves the poles, not the surface: OCCT would give a scaled cylinder other parameters.
+    poles = patch.poles if location.IsIdentity() else _moved(patch.poles, location.Transformation())
+    return Surface.from_bspline(patch.degrees, patch.knots, poles, patch.weights), patch.parameters
+
+
+def to_face(surface: Surface) -> TopoDS_Face:
+    """Return the face that covers the whole of a spline surface, on the B-spline of the same parametrisation.
+
+    Closed directions get a seam, sides that shrink to a point a degenerate edge.
+
+    Raises
+    ------
+    InputError
+        The surface is not in space, or has a knot across which it is not even continuous.
+    DegreeError
+        A degree is above 25.
+    GeometryError
+        OCCT finds the face invalid.
+    """
+    if surface.dim != 3:
+        raise InputError(f"a face needs a surface in space; this one has dimension {surface.dim}")
+    maker = BRepBuilderAPI_MakeFace(bulk.surface_from_arrays(*surface.to_bspline()), CONFUSION)
+    if not maker.IsDone():
+        raise GeometryError(f"OCCT cannot make a face of the surface ({maker.Error().name})")
+    face = maker.Face()
+    if not BRepCheck_Analyzer(face).IsValid():
+        raise GeometryError(
+            "OCCT finds the face of the surface invalid: does a side or a knot interval shrink below 1e-7 mm?"
+        )
+    return face
+
+
+def _bounds(face: TopoDS_Face, surface: Geom_Surface) -> tuple[Window, Window]:
+    """Return the face's own parameter bounds, inside those of its surface, and no more than a period wide."""
+    u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
+    a0, a1, b0, b1 = surface.Bounds()
+    return (
+        _window(u0, u1, a0, a1, bool(surface.IsUPeriodic())),
+        _window(v0, v1, b0, b1, bool(surface.IsVPeriodic())),
+    )
+
+
+def _window(start: float, stop: float, least: float, most: float, periodic: bool) -> Window:
+    if max(abs(start), abs(stop)) > _UNBOUNDED:
+        raise InputError("the face is unbounded; trim it first")
+    slack = _SNAP * (most - least)
+    if periodic:
+        width = stop - start
+        return start, start + (most - least if width > most - least - slack else width)
+    start = least if start < least + slack and least > -_UNBOUNDED else start
+    stop = most if stop > most - slack and most < _UNBOUNDED else stop
+    if not start < stop:
+        raise InputError(f"the face has no extent: its parameters run from {start:g} to {stop:g}")
+    return start, stop
+
+
+def _moved(poles: Floats, transformation: gp_Trsf) -> Floats:
+    matrix = np.array([[transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)])
+    return np.asarray(poles @ matrix[:, :3].T + matrix[:, 3])
+
+
+def _patch(surface: Geom_Surface, u: Window, v: Window) -> _Patch:
+    if isinstance(surface, Geom_RectangularTrimmedSurface):
+        return _patch(surface.BasisSurface(), u, v)
+    if isinstance(surface, Geom_BezierSurface):
+        return _spline_patch(GeomConvert.SurfaceToBSplineSurface_s(surface), u, v)
+    if isinstance(surface, Geom_BSplineSurface):
+        return _spline_patch(surface, u, v)
+    if isinstance(surface, Geom_ElementarySurface):
+        return _elementary_patch(surface, u, v)
+    if isinstance(surface, Geom_SurfaceOfLinearExtrusion):
+        return _extruded(_strand(surface.BasisCurve(), u), _vector(surface.Direction()), v)
+    if isinstance(surface, Geom_SurfaceOfRevolution):
+        axis = surface.Axis()
+        return _revolved(_strand(surface.BasisCurve(), v), _vector(axis.Location()), _vector(axis.Direction()), u)
+    if isinstance(surface, Geom_OffsetSurface):
+        return _offset_patch(surface, u, v)
+    raise UnsupportedError(
+        f"a surface of type {surface.DynamicType().Name()} cannot be converted; rebuild it as a B-spline"
+    )
+
+
+def _spline_patch(surface: Geom_BSplineSurface, u: Window, v: Window) -> _Patch:
+    if (*u, *v) != surface.Bounds():
+        surface = surface.Copy()
+        surface.Segment(*u, *v)
+    return _Patch(*bulk.surface_to_arrays(surface))
+
+
+def _elementary_patch(surface: Geom_ElementarySurface, u: Window, v: Window) -> _Patch:
+    """Planes are extruded lines, the others turn a line or a circle of the plane (X, Z) about Z."""
+    frame = surface.Position()
+    origin = _vector(frame.Location())
+    x, y, z = map(_vector, (frame.XDirection(), frame.YDirection(), frame.Direction()))
+    if isinstance(surface, Geom_Plane):
+        return _extruded(_line(origin, x, u), y, v)
+    if isinstance(surface, Geom_CylindricalSurface):
+        profile = _line(origin + surface.Radius() * x, z, v)
+    elif isinstance(surface, Geom_ConicalSurface):
+        angle = surface.SemiAngle()
+        profile = _line(origin + surface.RefRadius() * x, math.sin(angle) * x + math.cos(angle) * z, v)
+    elif isinstance(surface, Geom_SphericalSurface):
+        profile = _conic(origin, surface.Radius() * x, surface.Radius() * z, v)
+    elif isinstance(surface, Geom_ToroidalSurface):
+        centre, radius = origin + surface.MajorRadius() * x, surface.MinorRadius()
+        profile = _conic(centre, radius * x, radius * z, v)
+    else:
+        raise UnsupportedError(f"a surface of type {surface.DynamicType().Name()} cannot be converted")
+    return _revolved(profile, origin, z if frame.Direct() else -z, u)
+
+
+def _offset_patch(surface: Geom_OffsetSurface, u: Window, v: Window) -> _Patch:
+    """Take the exact surface if OCCT knows one (an offset cylinder is a cylinder), else approximate; check either."""
+    exact = surface.Surface()
+    if exact is not None:
+        patch = _patch(exact, u, v)
+        if _deviation(surface, patch, u, v) <= OFFSET_TOLERANCE * _size(patch):
+            return patch
+    trimmed = Geom_RectangularTrimmedSurface(surface, *u, *v)
+    corners = np.array([_vector(surface.Value(a, b)) for a in u for b in v])
+    tolerance = OFFSET_TOLERANCE * float(np.ptp(corners, axis=0).max())
+    smooth = GeomAbs_Shape.GeomAbs_C1
+    approximation = GeomConvert_ApproxSurface(trimmed, tolerance / 10, smooth, smooth, 14, 14, 100, 0)
+    if approximation.HasResult():
+        patch = _Patch(*bulk.surface_to_arrays(approximation.Surface()))
+        if _deviation(surface, patch, u, v) <= tolerance:
+            return patch
+    raise GeometryError(
+        f"the offset surface could not be approximated to {tolerance:.1e} mm over {u} x {v}; rebuild it as a B-spline"
+    )
+
+
+def _deviation(surface: Geom_Surface, patch: _Patch, u: Window, v: Window) -> float:
+    """Return the largest distance between a surface and the patch that stands for it, on a grid off all knots."""
+    us, vs = (start + (stop - start) * (np.arange(41) + 0.37) / 42 for start, stop in (u, v))
+    spline = Surface.from_bspline(patch.degrees, patch.knots, patch.poles, patch.weights)
+    uv = patch.parameters.to_spline(np.stack(np.meshgrid(us, vs, indexing="ij"), axis=-1))
+    truth = np.array([[_vector(surface.Value(a, b)) for b in vs] for a in us])
+    return float(np.linalg.norm(spline(uv[..., 0], uv[..., 1]) - truth, axis=-1).max())
+
+
+def _strand(curve: Geom_Curve, window: Window) -> _Strand:
+    """Return a curve of space over a window of its parameter, exactly unless it is an offset curve."""
+    if isinstance(curve, Geom_TrimmedCurve):
+        return _strand(curve.BasisCurve(), window)
+    if isinstance(curve, Geom_Line):
+        return _line(_vector(curve.Position().Location()), _vector(curve.Position().Direction()), window)
+    if isinstance(curve, Geom_Conic):
+        return _conic_strand(curve, window)
+    if isinstance(curve, Geom_BezierCurve):
+        curve = GeomConvert.CurveToBSplineCurve_s(curve)
+    elif isinstance(curve, Geom_OffsetCurve):
+        curve = _approximated(curve, window)
+    if not isinstance(curve, Geom_BSplineCurve):
+        raise UnsupportedError(
+            f"a curve of type {curve.DynamicType().Name()} cannot be converted; rebuild it as a B-spline"
+        )
+    if window != (curve.FirstParameter(), curve.LastParameter()):
+        curve = curve.Copy()
+        curve.Segment(*window)
+    degree, knots, poles, weights = bulk.curve_to_arrays(curve)
+    weights = np.ones(len(poles)) if weights is None else weights
+    return _Strand(degree, knots, np.column_stack([poles * weights[:, np.newaxis], weights]))
+
+
+def _conic_strand(curve: Geom_Conic, window: Window) -> _Strand:
+    frame = curve.Position()
+    centre, x, y = map(_vector, (frame.Location(), frame.XDirection(), frame.YDirection()))
+    if isinstance(curve, Geom_Circle):
+        return _conic(centre, curve.Radius() * x, curve.Radius() * y, window)
+    if isinstance(curve, Geom_Ellipse | Geom_Hyperbola):
+        hyperbolic = isinstance(curve, Geom_Hyperbola)
+        return _conic(centre, curve.MajorRadius() * x, curve.MinorRadius() * y, window, hyperbolic=hyperbolic)
+    # Parabola: centre + t^2 / (4 focal) x + t y, whose poles are its values at (t0, t0), (t0, t1), (t1, t1), polarised.
+    first, second = np.array(window)[[0, 0, 1]], np.array(window)[[0, 1, 1]]
+    square, linear = first * second / (4 * curve.Focal()), (first + second) / 2
+    points = centre + np.outer(square, x) + np.outer(linear, y)
+    return _Strand(2, np.repeat(window, 3), np.column_stack([points, np.ones(3)]))
+
+
+def _approximated(curve: Geom_OffsetCurve, window: Window) -> Geom_BSplineCurve:
+    trimmed = Geom_TrimmedCurve(curve, *window)
+    samples = np.linspace(*window, 211)
+    truth = np.array([_vector(curve.Value(t)) for t in samples])
+    tolerance = OFFSET_TOLERANCE * float(np.ptp(truth, axis=0).max())
+    approximation = GeomConvert_ApproxCurve(trimmed, tolerance / 10, GeomAbs_Shape.GeomAbs_C1, 100, 14)
+    if approximation.HasResult():
+        result = approximation.Curve()
+        found = np.array([_vector(result.Value(t)) for t in samples])
+        if float(np.linalg.norm(found - truth, axis=1).max()) <= tolerance:
+            return result
+    raise GeometryError(f"the offset curve could not be approximated to {tolerance:.1e} mm over {window}")
+
+
+def _line(origin: Floats, direction: Floats, window: Window) -> _Strand:
+    points = origin + np.outer(window, direction)
+    return _Strand(1, np.repeat(window, 2), np.column_stack([points, np.ones(2)]))
+
+
+def _conic(centre: Floats, x: Floats, y: Floats, window: Window, *, hyperbolic: bool = False) -> _Strand:
+    """Return centre + cos t x + sin t y, or cosh and sinh."""
+    arcs = _arcs(window, hyperbolic=hyperbolic)
+    unit = arcs.homogeneous()
+    points = unit @ np.stack([x, y, centre])
+    return _Strand(2, arcs.knots(), np.column_stack([points, unit[:, 2]]), arcs)
+
+
+def _arcs(window: Window, *, hyperbolic: bool = False) -> Arcs:
+    start, stop = window
+    count = max(1, math.ceil((stop - start) / _LARGEST_ARC - _SNAP))
+    return Arcs(np.linspace(start, stop, count + 1), hyperbolic)
+
+
+def _extruded(strand: _Strand, direction: Floats, v: Window) -> _Patch:
+    shift = np.append(direction, 0.0)
+    weights = strand.poles[:, 3:]
+    rows = [strand.poles + length * weights * shift for length in v]
+    return _Patch.of(strand, _line(np.zeros(3), direction, v), np.stack(rows, axis=1))
+
+
+def _revolved(profile: _Strand, origin: Floats, axis: Floats, u: Window) -> _Patch:
+    """Turn a profile about an axis, right-handed, by the angles of the window."""
+    x, y, centre = np.eye(3)[0], np.eye(3)[1], np.zeros(3)
+    turn = _conic(centre, x, y, u)
+    cos, sin, weight = turn.poles[:, [0, 1, 3]].T[..., np.newaxis, np.newaxis]
+    points, weights = profile.poles[:, :3], profile.poles[:, 3:]
+    arm = points - weights * origin
+    along = np.outer(arm @ axis, axis)
+    arm = arm - along
+    turned = cos * arm + sin * np.cross(axis, arm) + weight * (along + weights * origin)
+    return _Patch.of(turn, profile, np.concatenate([turned, weight * weights], axis=-1))
+
+
+def _size(patch: _Patch) -> float:
+    return float(np.ptp(patch.poles.reshape(-1, 3), axis=0).max())
+
+
+def _vector(triple: gp_Pnt | gp_Dir) -> Floats:
+    return np.array([triple.X(), triple.Y(), triple.Z()])
