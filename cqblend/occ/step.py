@@ -22,6 +22,7 @@ from OCP.Interface import Interface_CheckIterator, Interface_Static
 from OCP.Message import Message
 from OCP.STEPControl import STEPControl_Controller, STEPControl_Reader, STEPControl_StepModelType, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
+from OCP.StepGeom import StepGeom_Curve, StepGeom_Pcurve
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
@@ -71,6 +72,7 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
             raise StepError(f"{path}: cannot be read as STEP: {cause}")
         # OCCT crashes on some incomplete entities, so nothing is translated before all have loaded.
         _require_complete(path, reader, reader.WS().ModelCheckList(False))
+        _require_pcurves(path, reader.StepModel())
         reader.SetSystemLengthUnit(1.0)
         reader.TransferRoots()
         _require_complete(path, reader, reader.WS().TransferReader().LastCheckList())
@@ -118,6 +120,16 @@ def _require_complete(path: Path, reader: STEPControl_Reader, checks: Interface_
         checks.Next()
     if failures:
         raise StepError(f"{path}: damaged: {len(failures)} entities of its geometry are unusable, first {failures[0]}")
+
+
+def _require_pcurves(path: Path, model: Any) -> None:
+    """Refuse a model in which a pcurve is no curve: OCCT takes it for one unseen, and crashes."""
+    for number in range(1, model.NbEntities() + 1):
+        entity = model.Value(number)
+        if isinstance(entity, StepGeom_Pcurve):
+            holder = entity.ReferenceToCurve()
+            if holder is None or holder.NbItems() < 1 or not isinstance(holder.ItemsValue(1), StepGeom_Curve):
+                raise StepError(f"{path}: damaged: a pcurve has no curve")
 
 
 def _serialise(model: Any) -> bytes:

@@ -234,6 +234,16 @@ def test_a_lost_entity_is_an_error_and_never_a_lost_face(entity, box_text, tmp_p
         read_step(path)
 
 
+def test_a_pcurve_that_is_no_curve_is_an_error_and_no_crash(box_text, tmp_path):
+    placement = re.search(r"#(\d+) = AXIS2_PLACEMENT_3D", box_text)[1]
+    path = tmp_path / "crossed.step"
+    crossed = re.sub(r"(= DEFINITIONAL_REPRESENTATION\('',\()#\d+", rf"\1#{placement}", box_text, count=1)
+    assert crossed != box_text
+    path.write_text(crossed)
+    with pytest.raises(StepError, match="damaged: a pcurve has no curve"):
+        read_step(path)
+
+
 def test_lost_units_are_an_error(box_text, tmp_path):
     path = tmp_path / "lost.step"
     path.write_text(re.sub(r"#\d+ = \( LENGTH_UNIT[^;]*;\n", "", box_text, count=1))
