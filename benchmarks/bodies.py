@@ -48,8 +48,8 @@ def _ring(body: cq.Shape, first: str, second: str) -> cq.Edge:
     """Return the longest edge between a face of each kind."""
     found = []
     for edge in body.Edges():
-        kinds = sorted(face.geomType() for face in edge.ancestors(body, "Face"))
-        if kinds == sorted([first, second]):
+        faces = edge.ancestors(body, "Face").Faces()
+        if len(faces) == 2 and sorted(face.geomType() for face in faces) == sorted([first, second]):
             found.append(edge)
     return max(found, key=lambda edge: edge.Length())
 
@@ -83,8 +83,7 @@ def cylinder_cap(rng: Rng) -> Case:
     rod = cq.Solid.makeCylinder(radius, height).rotate(cq.Vector(), cq.Vector(0, 0, 1), float(rng.uniform(0, 360)))
     knife = cq.Solid.makeBox(80, 80, 40, cq.Vector(-40, -40, 0)).rotate(cq.Vector(), cq.Vector(1, 0, 0), tilt)
     body = _tilted(rng, _solid(rod.cut(knife.translate(cq.Vector(0, 0, height * 0.7)))))
-    edge = max(body.Edges(), key=lambda e: (e.Length(), e.geomType() != "LINE")) if tilt else body.Edges()[0]
-    rings = [e for e in body.Edges() if e.IsClosed() and not e.geomType() == "LINE"]
+    rings = [e for e in body.Edges() if e.IsClosed()]
     edge = max(rings, key=lambda e: e.Length())
     return Case("cylinder cap", body, edge, radius * float(rng.uniform(0.1, 0.4)) * math.cos(math.radians(tilt)))
 
@@ -118,8 +117,6 @@ def _freeform_block(rng: Rng, size: float, height: float) -> cq.Solid:
     z = height * rng.uniform(-1, 1, (n, n))
     points = [[cq.Vector(float(x), float(y), float(z[i, j])) for j, y in enumerate(at)] for i, x in enumerate(at)]
     top = cq.Face.makeSplineApprox(points, tol=1e-4, minDeg=3, maxDeg=3)
-    column = cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -3 * height - 8)) if False else None
-    del column
     floor = -(3 * height + 8)
     prism = cq.Solid.extrudeLinear(cq.Face.makePlane(size * 0.8, size * 0.8), cq.Vector(0, 0, 60)).translate(cq.Vector(0, 0, floor))
     return max(prism.split(top).Solids(), key=lambda s: -s.Center().z)
@@ -175,7 +172,7 @@ def angle_bracket(rng: Rng) -> Case:
     upright = [e for e in body.Edges() if abs(e.tangentAt(0.5).z) > 0.99]
     inner = min(upright, key=lambda e: (e.Center() - cq.Vector(t, t, h / 2)).Length)
     edge = inner if rng.uniform() < 0.7 else upright[int(rng.integers(len(upright)))]
-    return Case("L", _tilted(rng, body), edge, 0.0) if False else Case("L", body, edge, t * float(rng.uniform(0.1, 0.4)))
+    return Case("L", body, edge, t * float(rng.uniform(0.1, 0.4)))
 
 
 def box_with_round_end(rng: Rng) -> Case:

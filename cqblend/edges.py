@@ -111,6 +111,7 @@ def _joint(shape: TopoDS_Shape, edges: list[TopoDS_Edge], numbers: tuple[int, ..
             first, second = second, first
         elif not request.first.IsSame(first):
             raise SelectionError(f"first= is not one of the two faces at edge {numbers[0]}")
+    edges = _grown(edges, first, second, faces_at, solid)
     ordered, closed = chain(edges, first)
     spine = EdgeSpine(ordered, closed)
     points = spine.points(np.linspace(0, 1, 65)[: -1 if closed else None])
@@ -123,6 +124,26 @@ def _joint(shape: TopoDS_Shape, edges: list[TopoDS_Edge], numbers: tuple[int, ..
     if size < 10 * tolerance:
         raise SizeError(f"{joint.name}: size {size:g} is below ten times the edge's own tolerance, {tolerance:.2g}")
     return joint
+
+
+def _grown(
+    edges: list[TopoDS_Edge], first: TopoDS_Face, second: TopoDS_Face, faces_at: Ancestors, solid: TopoDS_Shape
+) -> list[TopoDS_Edge]:
+    """Follow the joint past vertices at which only the two faces meet: there it merely happens to be cut into edges."""
+    edges_at, faces_around = Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE), Ancestors(solid, TopAbs_VERTEX, TopAbs_FACE)
+    pair = [first, second]
+    grown, waiting = list(edges), list(edges)
+    while waiting:
+        for vertex in ends(waiting.pop()):
+            if len(faces_around(vertex)) > 2:
+                continue
+            for edge in edges_at(vertex):
+                between = faces_at(edge)
+                joins = len(between) == 2 and all(any(face.IsSame(one) for one in pair) for face in between)
+                if joins and not any(edge.IsSame(one) for one in grown):
+                    grown.append(edge)
+                    waiting.append(edge)
+    return grown
 
 
 def _check_sharp(joint: Joint) -> None:

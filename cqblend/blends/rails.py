@@ -22,7 +22,8 @@ from cqblend.splines import Curve, fit
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
-FEWEST, MOST = 16, 512  # spans of a cubic rail
+FEWEST = 16  # spans of a cubic rail
+FINEST = 4096  # its shortest span, as a share of the rail
 
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
@@ -58,6 +59,15 @@ class Wanted:
     direction: float = 1e-6
     length: float = 1e-3
     bulge: float = 1.0
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far a fitted rail is from what was wanted, at every sample: in space (mm), in direction (rad), in length."""
+
+    position: Array
+    direction: Array
+    length: Array
 
 
 def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
@@ -122,8 +132,8 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
 
 def _build(
     primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
-) -> tuple[Rail, float]:
-    """Fit one rail and its directions to the contacts at the rail's parameters t; also return its error in space (mm).
+) -> tuple[Rail, Errors]:
+    """Fit one rail and its directions to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of them. The
     samples may reach past the domain that the rail is wanted on; errors are measured on it alone.
@@ -143,8 +153,8 @@ def _build(
     if not inside.all():
         c, d = c.clip(*domain), d.clip(*domain)
     near = np.stack([np.interp(c.breaks, t, column) for column in uv.T], -1)
-    rail = Rail(primary, c, d, near, float(angle[inside].max()), float(np.abs(ratio[inside]).max()))
-    return rail, float(np.linalg.norm(point - jet[0], axis=1)[inside].max())
+    errors = Errors(np.linalg.norm(point - jet[0], axis=1)[inside], angle[inside], np.abs(ratio[inside]))
+    return Rail(primary, c, d, near, float(errors.direction.max()), float(errors.length.max())), errors
 
 
 def _exact_pair(
@@ -153,8 +163,8 @@ def _exact_pair(
     """Return both rails if the made curves reproduce the contacts and their directions to rounding, else None."""
     rails = []
     for side, primary in enumerate(primaries):
-        rail, error = _build(primary, t, solved, side, weight, make, bulge, (t[0], t[-1]))
-        if error > EXACT * size or rail.direction > 1e-11 or rail.length > 1e-11:
+        rail, errors = _build(primary, t, solved, side, weight, make, bulge, (t[0], t[-1]))
+        if errors.position.max() > EXACT * size or rail.direction > 1e-11 or rail.length > 1e-11:
             return None
         rails.append(rail)
     return rails[0], rails[1]
@@ -201,34 +211,52 @@ def circular(
 def cubic(
     primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, *, closed: bool
 ) -> tuple[Rail, Rail]:
-    """Return C2 cubic rails on the fewest stations, by doubling, that meet what is wanted.
+    """Return C2 cubic rails on the fewest stations that meet what is wanted, by halving the spans that do not.
+
+    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved to 1/4096 of the
+    rail, and what remains in direction and length stands in the certificate.
 
     Raises
     ------
     GeometryError
-        If 512 stations do not suffice; the message names what was reached.
+        If what remains in position is more than ten times what is wanted.
     """
-    spans = FEWEST
+    breaks = np.linspace(*domain, FEWEST + 1)
+    finest = (domain[1] - domain[0]) / FINEST
     while True:
-        margin = OVERLAP if closed else 0
-        t = domain[0] + (domain[1] - domain[0]) * np.arange(-2 * margin, 2 * (spans + margin) + 1) / (2 * spans)
+        nodes = _overlapped(breaks) if closed else breaks
+        t = np.empty(2 * len(nodes) - 1)
+        t[::2], t[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
         solved = solve(t)
 
-        def make(values: Array, t: Array = t) -> Curve:
-            return fit.interpolate(t[::2], values[::2])
+        def make(values: Array, nodes: Array = nodes) -> Curve:
+            return fit.interpolate(nodes, values[::2])
 
         ones = np.ones(len(t))
         built = [
             _build(primary, t, solved, side, ones, make, wanted.bulge, domain) for side, primary in enumerate(primaries)
         ]
-        position = max(error for _, error in built)
-        direction = max(rail.direction for rail, _ in built)
-        length = max(rail.length for rail, _ in built)
-        if position <= wanted.position and direction <= wanted.direction and length <= wanted.length:
-            return built[0][0], built[1][0]
-        if spans == MOST:
-            raise GeometryError(
-                f"rails on {MOST} stations miss the contacts by {position:.2g} mm and {direction:.2g} rad: the edge or its "
-                "faces are not smooth enough for this size; try a smaller one"
-            )
-        spans *= 2
+        bad = np.zeros(len(breaks) - 1, bool)
+        for _, errors in built:
+            bad |= errors.position[1::2] > wanted.position
+            bad |= (errors.direction[1::2] > wanted.direction) | (errors.length[1::2] > wanted.length)
+        bad &= np.diff(breaks) > finest
+        if not bad.any():
+            break
+        breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
+    missed = max(float(errors.position.max()) for _, errors in built)
+    if missed > 10 * wanted.position:
+        raise GeometryError(
+            f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are not smooth "
+            "enough for this size; try a smaller one"
+        )
+    return built[0][0], built[1][0]
+
+
+def _overlapped(breaks: Array) -> Array:
+    """Continue the breaks of a closed rail past its joint, by ``OVERLAP`` stations each way."""
+    period, count = breaks[-1] - breaks[0], len(breaks) - 1
+    laps = -(-OVERLAP // count)
+    tiled = (breaks[:-1] + period * np.arange(-laps, laps + 1)[:, None]).ravel()
+    start = laps * count
+    return np.concatenate([tiled[start - OVERLAP : start], breaks, tiled[start + count + 1 : start + count + OVERLAP]])
