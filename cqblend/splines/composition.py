@@ -133,12 +133,12 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
 def barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
     """Barycentric coordinate functions (m+1, n) of coordinate k in the interval that each piece of `cut` runs through.
 
-    A polynomial coordinate that is constant on every piece comes back with degree 0, which keeps isoparametric curves
-    at the degree they have.
+    A polynomial coordinate that is constant to rounding on every piece comes back with degree 0, which keeps
+    isoparametric curves at the degree they have.
     """
     numerator, weight = _coordinates(cut)
     u = numerator[:, k]
-    if len(weight) == 1 and (u == u[:1]).all():
-        u = u[:1]
+    if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * _EPS * np.abs(u).max():
+        u = u.mean(axis=0, keepdims=True)
     start, end = lines[index], lines[index + 1]
     return (end * weight - u) / (end - start), (u - start * weight) / (end - start)

@@ -396,16 +396,16 @@ class Spline:
             degree = self._coefs.shape[axis] - 1
             if amount is not None and not 0 <= amount <= degree:
                 raise InputError(f"cannot reduce degree {degree} by {amount}")
-            for step in range(degree if amount is None else amount):
-                lower = along(bernstein.reduce, coefs, axis, k)
-                back = along(lambda c, s=step + 1: bernstein.elevate(c, s), lower, axis, k)  # type: ignore[misc]
-                back = _elevated(back, [n - 1 for n in self._coefs.shape[:k]])
-                error = np.abs(back - self._coefs).max()
+            start, steps = coefs, range(1, degree + 1) if amount is None else [amount]
+            for step in steps:
+                lower = along(lambda c, r=step: bernstein.reduce(c, r), start, axis, k)  # type: ignore[misc]
+                back = _elevated(lower, [n - 1 for n in start.shape[:k]])
+                error = np.abs(back - start).max()
                 if error > tolerance * scale:
                     if amount is None:
                         break
                     raise GeometryError(
-                        f"not of degree {degree - step - 1}: reducing changes a coefficient by {error:.3g}, "
+                        f"not of degree {degree - step}: reducing changes a coefficient by {error:.3g}, "
                         f"more than {tolerance:g} of the largest, {scale:.3g}"
                     )
                 coefs = lower
