@@ -7,6 +7,7 @@ code is its own oracle (all but `reduce`). This module must not know breaks, kno
 weight.
 """
 
+import itertools
 from functools import lru_cache
 from math import comb
 from typing import Any
@@ -37,16 +38,16 @@ def _weights(coefs: Array, directions: int = 1) -> Array:
 
 
 def _convolve(a: Array, b: Array, directions: int = 1) -> Array:
-    """Product in the scaled basis: plain convolution over the leading axes, broadcasting over the others."""
-    if a.shape[:directions] > b.shape[:directions]:
-        a, b = b, a
-    sizes = [m + n - 1 for m, n in zip(a.shape[:directions], b.shape[:directions], strict=True)]
-    if a.shape[:directions] == (1,) * directions:
+    """Multiply in the scaled basis: plain convolution over the leading axes, broadcasting over the others."""
+    small, large = a.shape[:directions], b.shape[:directions]
+    if small > large:
+        a, b, small, large = b, a, large, small
+    if max(small) == 1:
         return np.asarray(a * b)
     rest = np.broadcast(a[(0,) * directions], b[(0,) * directions]).shape
-    out = np.zeros((*sizes, *rest), dtype=np.result_type(a, b))
-    for index in np.ndindex(a.shape[:directions]):
-        window = tuple(slice(i, i + n) for i, n in zip(index, b.shape[:directions], strict=True))
+    out = np.zeros((*(m + n - 1 for m, n in zip(small, large, strict=True)), *rest), dtype=np.result_type(a, b))
+    for index in itertools.product(*map(range, small)):
+        window = tuple([slice(i, i + n) for i, n in zip(index, large, strict=True)])
         out[window] += a[index] * b
     return out
 
@@ -186,7 +187,7 @@ def evaluate(coefs: Array, values: Array) -> Array:
 
 def _basis_products(degree: int, x: Array, y: Array) -> Array:
     """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), all in the scaled basis: (p+1, m p + 1, n)."""
-    pair = np.stack([x, y], axis=1)
+    pair = np.concatenate([x[:, None], y[:, None]], axis=1)
     powers = [np.ones_like(pair[:1]), pair]
     while len(powers) <= degree:
         powers.append(_convolve(powers[-1], pair))

@@ -118,13 +118,17 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
     numerator, weight = _coordinates(cut)
     index = np.array([_pieces(numerator[:, k], weight, line) for k, line in enumerate(lines)])
     changed = (index[:, 1:] != index[:, :-1]).any(axis=0)
-    needed = changed | np.isin(merged[1:-1], breaks)
+    needed = changed if changed.all() else changed | np.isin(merged[1:-1], breaks)
     if not needed.all():
         kept = np.concatenate([[True], needed])
         cut, index = curve._cut(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
     continuity = cut._continuity[0].copy()
     for k, order in enumerate(orders):
-        for j in np.flatnonzero(index[k, 1:] != index[k, :-1]):
+        step = np.diff(index[k])
+        moved = np.flatnonzero(step)
+        lower = np.minimum(index[k, moved], index[k, moved + 1])
+        continuity[moved] = np.minimum(continuity[moved], order[lower])
+        for j in np.flatnonzero(np.abs(step) > 1):  # only where the curve itself jumps
             low, high = sorted(index[k, j : j + 2])
             continuity[j] = min(continuity[j], order[low:high].min())
     return cut, index, continuity

@@ -15,7 +15,7 @@ from cqblend.splines import bernstein
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
-from cqblend.splines.evaluation import Side, locate, quotient
+from cqblend.splines.evaluation import BLOCK, Side, locate, quotient
 from cqblend.splines.spline import Spline, _elevated
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
@@ -151,6 +151,9 @@ class Curve(Spline):
 
     def _derivatives(self, t: Array, orders: Sequence[int], side: Side) -> Array:
         """Homogeneous derivatives (len(orders), dim_h, N) at flat t; orders increase."""
+        if len(t) > BLOCK:
+            parts = [self._derivatives(t[i : i + BLOCK], orders, side) for i in range(0, len(t), BLOCK)]
+            return np.concatenate(parts, axis=-1)
         piece, s, x, length = locate(self.breaks, t, side)
         gathered = self._coefs.take(piece, axis=-1)
         out = np.zeros((len(orders), self._coefs.shape[1], len(t)))

@@ -14,6 +14,9 @@ from cqblend.splines.bernstein import Array
 
 Side = Literal["left", "right"]
 
+BLOCK = 4096
+"""Scattered points evaluated at a time: the coefficients gathered for them should stay in the cache."""
+
 
 def locate(breaks: Array, t: Array, side: Side = "right") -> tuple[Array, Array, Array, Array]:
     """Piece of each parameter, its barycentric coordinates (s, x) there, and the piece's length.

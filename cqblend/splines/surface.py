@@ -16,7 +16,7 @@ from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
 from cqblend.splines.curve import Curve
-from cqblend.splines.evaluation import Side, design, locate, quotient
+from cqblend.splines.evaluation import BLOCK, Side, design, locate, quotient
 from cqblend.splines.spline import Spline, _with, along
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
@@ -178,6 +178,11 @@ class Surface(Spline):
     def _partials(self, u: Array, v: Array, ku: int, kv: int, total: int, side: Side) -> Array:
         """Homogeneous partial derivatives (ku+1, kv+1, dim_h, N) up to the total order, zero above it, at flat u, v."""
         (p, q), n = self.degree, len(u)
+        if n > BLOCK:
+            parts = [
+                self._partials(u[i : i + BLOCK], v[i : i + BLOCK], ku, kv, total, side) for i in range(0, n, BLOCK)
+            ]
+            return np.concatenate(parts, axis=-1)
         iu, su, xu, hu = locate(self._breaks[0], u, side)
         iv, sv, xv, hv = locate(self._breaks[1], v, side)
         shape = self._coefs.shape

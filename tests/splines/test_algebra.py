@@ -190,6 +190,14 @@ def test_evaluation_at_degree_48():
     assert float(np.abs(exact(f(t, 3)) - truth).max()) < 1e-14 * np.abs(g.coefs).max()
 
 
+def test_many_points_are_the_same_points():
+    s, rng = Surface.from_bspline(*wavy()), np.random.default_rng(0)
+    u, v = rng.uniform(0, 1, (2, 10000))
+    np.testing.assert_array_equal(s(u, v)[9000:], s(u[9000:], v[9000:]))
+    f = s.isoparametric(u=0.4)
+    np.testing.assert_array_equal(f(v, 1)[9000:], f(v[9000:], 1))
+
+
 def test_side_at_a_break():
     corner = Curve([0, 1, 2], np.array([[0.0, 1.0], [1.0, 3.0]])[:, None, :])
     assert corner(1.0, 1).item() == 2

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 from spline_oracles import bernstein_value, exact
@@ -121,3 +122,13 @@ def test_derivative_is_the_limit_of_differences(p):
     slope, t, h = bernstein_value(bernstein.derivative(a), Fraction(1, 3)), Fraction(1, 3), Fraction(1, 10**30)
     difference = (bernstein_value(a, t + h) - bernstein_value(a, t - h)) / (2 * h)
     assert abs(float((slope - difference).item())) < 1e-50
+
+
+def test_kernels_run_on_mpmath():
+    with mpmath.workdps(60):
+        big = np.vectorize(mpmath.mpf, otypes=[object])
+        patch, u = random(4, 4, 3, 2), np.abs(random(4, 2, seed=1))
+        truth = bernstein.compose(exact(patch), 1 - exact(u), exact(u), 1 - exact(u), exact(u))
+        got = bernstein.compose(big(patch), 1 - big(u), big(u), 1 - big(u), big(u))
+        error = max(abs(x - mpmath.mpf(y.numerator) / y.denominator) for x, y in zip(got.flat, truth.flat, strict=True))
+        assert error < mpmath.mpf(10) ** -55
