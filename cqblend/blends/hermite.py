@@ -40,7 +40,7 @@ def _rows(rails: tuple[Rail, Rail]) -> list[Curve]:
     """Return C1, T1, T2, C2 as homogeneous splines on common breaks, each of the lowest degree that it really has."""
     rows = []
     for rail in rails:
-        rows.append([_lowest(rail.primary.position(rail.c)), _lowest(rail.primary.tangent(rail.c, rail.d))])
+        rows.append([_lowest(curve, rail.c) for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d))])
     curves = [rows[0][0], rows[0][1], rows[1][1], rows[1][0]]
     breaks = merge(*(curve.breaks for curve in curves))
     return [curve.cut(breaks[1:-1]) for curve in curves]
@@ -53,9 +53,9 @@ def merge(*sets: Array) -> Array:
     return breaks[np.append(True, np.diff(breaks) > tiny)]
 
 
-def _lowest(curve: Curve) -> Curve:
-    """Reduce the degree as far as the spline really allows."""
-    return curve.reduce(tolerance=1e-13)
+def _lowest(curve: Curve, rail: Curve) -> Curve:
+    """Reduce the degree where a light rail, of degree 1 or 2, lets terms cancel; short cubic pieces only seem to."""
+    return curve.reduce(tolerance=1e-13) if rail.degree < 3 else curve
 
 
 def _surface(rows: list[Curve]) -> Surface:

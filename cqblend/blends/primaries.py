@@ -30,13 +30,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.roots import sign_changes
+from cqblend.splines.composition import follow
 
 Array = NDArray[np.float64]
 
@@ -76,10 +77,6 @@ class Primary(ABC):
     @abstractmethod
     def tangent(self, c: Curve, d: Curve) -> Curve:
         """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
-
-    def cuts(self, c: Curve) -> Array:  # noqa: ARG002 - most surfaces are smooth everywhere
-        """Return where the rail c crosses lines on which the surface is less than smooth."""
-        return np.empty(0)
 
     def is_native(self) -> bool:
         """Whether a rail's native curve is the lifted one, so that a pcurve can be taken from it without fitting."""
@@ -407,6 +404,8 @@ class Tensor(Primary):
     rational: bool = False
     angular: tuple[bool, bool] = (False, False)
     periods: tuple[float | None, float | None] = (None, None)
+    knots: tuple[Array, Array] | None = None  # continuity at the inner breaks
+    joints: tuple[int, int] = (0, 0)  # and where a closed direction meets itself
 
     @classmethod
     def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False)) -> Tensor:
@@ -414,9 +413,17 @@ class Tensor(Primary):
         coefs = surface.coefs
         if not surface.rational:
             coefs = np.concatenate([coefs, np.ones_like(coefs[:, :, :1])], axis=2)
-        spans = [b[-1] - b[0] for b in surface.breaks]
-        periods = tuple(float(span) if flag else None for span, flag in zip(spans, closed, strict=True))
-        return cls(surface.breaks, coefs, surface, surface.rational, (False, False), (periods[0], periods[1]))
+        periods = [float(b[-1] - b[0]) if flag else None for b, flag in zip(surface.breaks, closed, strict=True)]
+        joints = [_joint_order(surface, axis) if closed[axis] else 0 for axis in (0, 1)]
+        return cls(
+            surface.breaks,
+            coefs,
+            surface,
+            surface.rational,
+            periods=(periods[0], periods[1]),
+            knots=surface.continuity,
+            joints=(joints[0], joints[1]),
+        )
 
     @property
     def degrees(self) -> tuple[int, int]:
@@ -425,15 +432,6 @@ class Tensor(Primary):
 
     def is_native(self) -> bool:
         return not any(self.angular)
-
-    @property
-    def smoothness(self) -> int:
-        """The least continuity across the inner knot lines, and across the joints of closed directions."""
-        if self.surface is None:
-            return 1
-        orders = [int(order) for orders in self.surface.continuity for order in orders]
-        orders += [0 for period in self.periods if period is not None]
-        return min(orders, default=3)
 
     def wrap(self, uv: Array) -> Array:
         """Shift native parameters (n, 2) into the domain along periodic directions."""
@@ -493,84 +491,88 @@ class Tensor(Primary):
                 out[:, axis] = y / (x + y)
         return out
 
-    def _lines(self, c: Curve, axis: int) -> Array:
-        """Return the inner knot lines, periodically repeated, that the rail can reach."""
-        breaks, period = self.breaks[axis], self.periods[axis]
-        if self.angular[axis]:
-            return np.empty(0)
-        if period is None:
-            return breaks[1:-1]
-        pair = c.coefs[:, 2 * axis : 2 * axis + 2]
-        value = pair[:, 1] / pair.sum(1)
-        first, last = (np.floor((x - breaks[0]) / period) for x in (value.min(), value.max()))
-        return (breaks[:-1] + period * np.arange(first, last + 1)[:, None]).ravel()
-
-    def cuts(self, c: Curve) -> Array:
-        found = [np.empty(0)]
-        lengths = np.diff(c.breaks)
-        for axis in (0, 1):
-            pair = c.coefs[:, 2 * axis : 2 * axis + 2]
-            for line in self._lines(c, axis):
-                offset = pair[:, 1] - line * pair.sum(1)
-                column, root = sign_changes(offset, 1e-14 * (1 + abs(line)))
-                found.append(c.breaks[column] + root * lengths[column])
-        cuts = np.unique(np.concatenate(found))
-        near = np.abs(cuts[:, None] - c.breaks).min(axis=1, initial=np.inf)
-        return cuts[near > 1e-13 * (c.breaks[-1] - c.breaks[0])]
-
     def position(self, c: Curve) -> Curve:
-        cuts = self.cuts(c)
-        c = c.cut(cuts)
-        patches, pairs = self._local(c, c)
-        return self._curve(c, bernstein.compose(patches, *pairs), cuts, self.smoothness)
+        c, patches, shifts = self._follow(c, loss=0)
+        return Curve(c.breaks, bernstein.compose(patches, *self._local(c, shifts)), continuity=c.continuity)
 
     def tangent(self, c: Curve, d: Curve) -> Curve:
-        cuts = self.cuts(c)
-        c = c.cut(cuts)
-        d = d.cut(cuts)
-        patches, pairs = self._local(c, c)
-        _, rates = self._local(c, d)
-        p, q = self.degrees
-        total: Array | None = None
-        for axis, degree in ((0, p), (1, q)):
-            rest = np.moveaxis(patches, axis, 0)
-            for side in (0, 1):
-                part = np.moveaxis(rest[1:] if side else rest[:-1], 0, axis)
-                rate = rates[2 * axis + side]
-                if not rate.any():
-                    continue
-                term = degree * bernstein.product(bernstein.compose(part, *pairs), rate[:, None])
-                total = term if total is None else total + term
-        if total is None:
-            total = np.zeros((1, 4, len(c.breaks) - 1))
-        return self._curve(c, total, cuts, self.smoothness - 1)
+        c, patches, shifts = self._follow(c, loss=1)
+        d = d.cut(c.breaks[1:-1])
+        pairs, rates = self._local(c, shifts), self._local(d, shifts)
+        total = np.zeros((1, 4, len(c.breaks) - 1))
+        for axis, degree in enumerate(self.degrees):
+            along = np.moveaxis(patches, axis, 0)
+            for part, rate in ((along[:-1], rates[2 * axis]), (along[1:], rates[2 * axis + 1])):
+                if rate.any():
+                    composed = bernstein.compose(np.moveaxis(part, 0, axis), *pairs)
+                    term = degree * bernstein.product(composed, rate[:, None])
+                    total = bernstein.elevate(total, len(term) - len(total)) + term
+        return Curve(c.breaks, total, continuity=np.minimum(c.continuity, d.continuity))
 
-    def _curve(self, c: Curve, coefs: Array, cuts: Array, smoothness: int) -> Curve:
-        """Make a curve of composed pieces, as smooth as the rail, but at the knot lines only as they allow."""
-        continuity = np.where(np.isin(c.breaks[1:-1], cuts), np.minimum(smoothness, c.continuity), c.continuity)
-        return Curve(c.breaks, coefs, continuity=np.maximum(continuity, 0))
+    def _lines(self, c: Curve, axis: int, loss: int) -> tuple[Array, Array]:
+        """Return the knot lines that the rail may cross, ends included, periodically repeated, and their continuity."""
+        assert self.knots is not None
+        breaks, orders = self.breaks[axis], np.asarray(self.knots[axis]) - loss
+        period = self.periods[axis]
+        if period is None:
+            return breaks, orders
+        pair = c.coefs[:, 2 * axis : 2 * axis + 2]
+        value = pair[:, 1] / pair.sum(1)
+        first, last = (int(np.floor((x - breaks[0]) / period)) for x in (value.min(), value.max()))
+        laps = range(first, last + 1)
+        lines = np.concatenate([breaks[:-1] + lap * period for lap in laps] + [breaks[-1:] + last * period])
+        joint = [self.joints[axis] - loss]
+        return lines, np.concatenate([orders, *([*joint, *orders] for _ in laps[1:])])
 
-    def _local(self, c: Curve, d: Curve) -> tuple[Array, tuple[Array, Array, Array, Array]]:
-        """Return the patch under each piece of c (p+1, q+1, 4, n) and d's pairs localised to it, four arrays (m+1, n)."""
-        index, pairs = [], []
-        middle = c((c.breaks[:-1] + c.breaks[1:]) / 2)
-        for axis in (0, 1):
-            x, y = d.coefs[:, 2 * axis], d.coefs[:, 2 * axis + 1]
-            breaks = self.breaks[axis]
-            if self.angular[axis]:
-                index.append(np.zeros(x.shape[1], int))
+    def _follow(self, c: Curve, loss: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None]]:
+        """Cut the rail at knot lines.
+
+        Returns the rail, with the continuity that a composition with the surface's derivatives of order ``loss`` has; the
+        patch under each piece, (p+1, q+1, 4, n); and per direction the interval that each piece lies in, None if angular.
+        """
+        axes = [axis for axis in (0, 1) if not self.angular[axis]]
+        if not axes:
+            return c, np.repeat(self.patches[..., 0], len(c.breaks) - 1, axis=-1), [None, None]
+        lines, orders = zip(*(self._lines(c, axis, loss) for axis in axes), strict=True)
+        weight = c.coefs[:, 2 * axes[0] : 2 * axes[0] + 2].sum(1)
+        plain = np.stack([*(c.coefs[:, 2 * axis + 1] for axis in axes), weight], 1)
+        cut, found, continuity = follow(Curve(c.breaks, plain, rational=True, continuity=c.continuity), lines, orders)
+        c = c.cut(cut.breaks[1:-1])
+        index = [np.zeros(len(c.breaks) - 1, int), np.zeros(len(c.breaks) - 1, int)]
+        spans: list[tuple[Array, Array] | None] = [None, None]
+        for axis, line, at in zip(axes, lines, found, strict=True):
+            spans[axis] = line[at], line[at + 1]
+            index[axis] = at % (len(self.breaks[axis]) - 1)
+        c = Curve(c.breaks, c.coefs, continuity=np.maximum(continuity, 0))
+        return c, self.patches[..., index[0], index[1]], spans
+
+    def _local(self, c: Curve, spans: list[tuple[Array, Array] | None]) -> tuple[Array, Array, Array, Array]:
+        """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n)."""
+        pairs = []
+        for axis, span in enumerate(spans):
+            x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
+            if span is None:
                 pairs += [x, y]
-                continue
-            value = middle[:, 2 * axis + 1] / (middle[:, 2 * axis] + middle[:, 2 * axis + 1])
-            shift = np.zeros_like(value)
-            period = self.periods[axis]
-            if period is not None:
-                shift = period * np.floor((value - breaks[0]) / period)
-            i = np.clip(np.searchsorted(breaks, value - shift, side="right") - 1, 0, len(breaks) - 2)
-            low, high = breaks[i] + shift, breaks[i + 1] + shift
-            index.append(i)
-            pairs += [(high * (x + y) - y) / (high - low), (y - low * (x + y)) / (high - low)]
-        return self.patches[..., index[0], index[1]], (pairs[0], pairs[1], pairs[2], pairs[3])
+            else:
+                low, high = span
+                pairs += [(high * (x + y) - y) / (high - low), (y - low * (x + y)) / (high - low)]
+        return pairs[0], pairs[1], pairs[2], pairs[3]
+
+
+def _joint_order(surface: Surface, axis: int) -> int:
+    """Return the continuity, up to 2, with which a closed surface meets itself."""
+    low, high = surface.domain[axis]
+    other = np.linspace(*surface.domain[1 - axis], 17)
+    size = float(np.abs(surface.coefs).max())
+
+    def row(at: float, k: int, side: Literal["left", "right"]) -> Array:
+        uv = (np.full(17, at), other) if axis == 0 else (other, np.full(17, at))
+        return surface(*uv, *((k, 0) if axis == 0 else (0, k)), side=side)
+
+    for k in (1, 2):
+        if np.abs(row(low, k, "right") - row(high, k, "left")).max() * (high - low) ** k > 1e-11 * size:
+            return k - 1
+    return 2
 
 
 def revolved_patches(frame: Frame, profile: Array) -> Array:
@@ -620,6 +622,7 @@ class Revolution(Tensor):
             rational=True,
             angular=(True, False),
             periods=(2 * np.pi, period),
+            knots=(np.empty(0, int), profile.continuity),
             frame=frame,
             profile=profile,
         )

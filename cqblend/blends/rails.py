@@ -23,11 +23,14 @@ from cqblend.splines import Curve, fit
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
 FEWEST = 16  # spans of a cubic rail
-FINEST = 4096  # its shortest span, as a share of the rail
+FINE, FINEST = 1 / 256, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
+
+SLIVER = 2e-5  # breaks nearer to each other than this share of the rail are brought together
 
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
 Maker = Callable[[Array], Curve]
+Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, by which change of native parameters
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Wanted:
     """What rails are to meet: tolerances in space (mm), in direction (rad) and in length (relative), and the bulge."""
 
     position: float
-    direction: float = 1e-6
+    direction: float = 1e-5
     length: float = 1e-3
     bulge: float = 1.0
 
@@ -213,8 +216,9 @@ def cubic(
 ) -> tuple[Rail, Rail]:
     """Return C2 cubic rails on the fewest stations that meet what is wanted, by halving the spans that do not.
 
-    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved to 1/4096 of the
-    rail, and what remains in direction and length stands in the certificate.
+    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256 of the
+    rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length stands in
+    the certificate; the tangent planes are exact all the same.
 
     Raises
     ------
@@ -222,28 +226,21 @@ def cubic(
         If what remains in position is more than ten times what is wanted.
     """
     breaks = np.linspace(*domain, FEWEST + 1)
-    finest = (domain[1] - domain[0]) / FINEST
+    moves: Moves = []
     while True:
-        nodes = _overlapped(breaks) if closed else breaks
-        t = np.empty(2 * len(nodes) - 1)
-        t[::2], t[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
-        solved = solve(t)
-
-        def make(values: Array, nodes: Array = nodes) -> Curve:
-            return fit.interpolate(nodes, values[::2])
-
-        ones = np.ones(len(t))
-        built = [
-            _build(primary, t, solved, side, ones, make, wanted.bulge, domain) for side, primary in enumerate(primaries)
-        ]
-        bad = np.zeros(len(breaks) - 1, bool)
+        built = _through(primaries, solve, breaks, domain, wanted.bulge, moves, closed=closed)
+        share = np.diff(breaks) / (domain[1] - domain[0])
+        bad = np.zeros(len(share), bool)
         for _, errors in built:
-            bad |= errors.position[1::2] > wanted.position
-            bad |= (errors.direction[1::2] > wanted.direction) | (errors.length[1::2] > wanted.length)
-        bad &= np.diff(breaks) > finest
+            bad |= (errors.position[1::2] > wanted.position) & (share > FINEST)
+            turned = (errors.direction[1::2] > wanted.direction) | (errors.length[1::2] > wanted.length)
+            bad |= turned & (share > FINE)
         if not bad.any():
             break
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
+    breaks, moves = _gathered((built[0][0], built[1][0]), breaks)
+    if moves:
+        built = _through(primaries, solve, breaks, domain, wanted.bulge, moves, closed=closed)
     missed = max(float(errors.position.max()) for _, errors in built)
     if missed > 10 * wanted.position:
         raise GeometryError(
@@ -251,6 +248,63 @@ def cubic(
             "enough for this size; try a smaller one"
         )
     return built[0][0], built[1][0]
+
+
+def _through(
+    primaries: tuple[Primary, Primary],
+    solve: Solver,
+    breaks: Array,
+    domain: Domain,
+    bulge: float,
+    moves: Moves,
+    *,
+    closed: bool,
+) -> list[tuple[Rail, Errors]]:
+    """Interpolate the contacts at the breaks, moved as told, and measure at the breaks and half-way between."""
+    nodes = _overlapped(breaks) if closed else breaks
+    t = np.empty(2 * len(nodes) - 1)
+    t[::2], t[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
+    solved = solve(t)
+    for side, at, shift in moves:
+        apart = t - at
+        if closed:
+            apart -= (domain[1] - domain[0]) * np.round(apart / (domain[1] - domain[0]))
+        solved.uv[side][np.abs(apart) < 1e-13] += shift
+
+    def make(values: Array) -> Curve:
+        return fit.interpolate(nodes, values[::2])
+
+    ones = np.ones(len(t))
+    return [_build(primary, t, solved, side, ones, make, bulge, domain) for side, primary in enumerate(primaries)]
+
+
+def _gathered(rails: tuple[Rail, Rail], breaks: Array) -> tuple[Array, Moves]:
+    """Find knot-line crossings that nearly coincide with each other or with a break, and bring them together.
+
+    The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a sliver
+    between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross theirs in the
+    plane of symmetry, apart by the tolerance of the edge. Returns the breaks, with one more for a pair of crossings, and how
+    far to move which rail's contact there, along the rail, so that it lies on its knot line.
+    """
+    slack = SLIVER * (breaks[-1] - breaks[0])
+    crossings = []
+    for side, rail in enumerate(rails):
+        cut = rail.primary.position(rail.c).breaks
+        crossings += [(t, side) for t in cut[~np.isin(cut, rail.c.breaks)].tolist()]
+    moves: Moves = []
+    added: list[float] = []
+    for i, (t, side) in enumerate(crossings):
+        targets = np.append(breaks, added)
+        nearest = float(targets[np.abs(targets - t).argmin()])
+        if abs(nearest - t) > slack:
+            if not any(abs(other - t) <= slack for other, at in crossings[i + 1 :] if at != side):
+                continue
+            nearest = t
+            added.append(t)
+        if not any(side == taken and nearest == at for taken, at, _ in moves):
+            here, there = rails[side].native(np.array([nearest, t]))
+            moves.append((side, nearest, there - here))
+    return np.sort(np.append(breaks, added)), moves
 
 
 def _overlapped(breaks: Array) -> Array:

@@ -139,7 +139,7 @@ class Surgery:
         point = side.native.jet(curve(t))[0]
         gap = np.linalg.norm(point - self.rows[i](t), axis=1).max()
         edge = make_edge(self.curves[i], vertices, span, 1.05 * gap)
-        attach(edge, side.face, curve2d(curve, shift))
+        attach(edge, side.face, curve2d(curve if span == self.domain else curve.clip(*span), shift))
         attach(edge, self.face, Geom2d_Line(gp_Pnt2d(0, i), gp_Dir2d(1, 0)))
         for vertex in vertices:
             loosen(vertex, 1.05 * gap)
