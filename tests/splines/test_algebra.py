@@ -180,6 +180,23 @@ def test_rational_arc_is_a_circle_through_the_third_derivative():
     close(arc.dot(arc).degree, 4)
 
 
+@pytest.mark.parametrize("p", [3, 6, 10, 18, 24])
+def test_dot_and_cross_are_exact_to_rounding(p):
+    """Ten spans, up to degree 48: coefficients against the products of exact values."""
+    rng = np.random.default_rng(p)
+    f, g = (Curve.from_bspline(p, clamped(p, 10), rng.uniform(-1, 1, (p + 10, 3))) for _ in range(2))
+    dot, cross = f.dot(g), f.cross(g)
+    for t in exact(rng.uniform(0, 1, 12)):
+        a, b = (piece_value(c.breaks, c.coefs, t) for c in (f, g))
+        truth = np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+        assert (
+            abs(float((piece_value(dot.breaks, dot.coefs, t) - (a * b).sum()).item())) < 1e-15 * np.abs(dot.coefs).max()
+        )
+        assert (
+            float(np.abs(piece_value(cross.breaks, cross.coefs, t) - truth).max()) < 1e-15 * np.abs(cross.coefs).max()
+        )
+
+
 def test_evaluation_at_degree_48():
     f = Curve.bezier(np.random.default_rng(1).uniform(-1, 1, (49, 3))).cut([0.3])
     t = np.random.default_rng(2).uniform(0, 1, 20)
