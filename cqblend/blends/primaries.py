@@ -78,6 +78,10 @@ class Primary(ABC):
     def tangent(self, c: Curve, d: Curve) -> Curve:
         """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
 
+    def lines(self, axis: int) -> Array:  # noqa: ARG002 - most surfaces are smooth everywhere
+        """Return the inner knot lines of a native parameter."""
+        return np.empty(0)
+
     def is_native(self) -> bool:
         """Whether a rail's native curve is the lifted one, so that a pcurve can be taken from it without fitting."""
         return False
@@ -432,6 +436,9 @@ class Tensor(Primary):
 
     def is_native(self) -> bool:
         return not any(self.angular)
+
+    def lines(self, axis: int) -> Array:
+        return self.breaks[axis][1:-1]
 
     def wrap(self, uv: Array) -> Array:
         """Shift native parameters (n, 2) into the domain along periodic directions."""

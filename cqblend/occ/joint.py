@@ -1,0 +1,202 @@
+"""What is selected: an edge between two faces of a solid, checked, measured and read into primaries.
+
+A joint is the input of the whole pipeline in :mod:`cqblend.edges`: which solid, which edges, which faces on which side, and the
+questions about them that only the topology can answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.gp import gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+
+from cqblend.blends.contact import Contacts, Stations, inward
+from cqblend.blends.primaries import Array, Primary
+from cqblend.errors import GeometryError, SelectionError
+from cqblend.occ.adapt import FaceSide, face_side
+from cqblend.occ.spine import EdgeSpine, chain
+from cqblend.occ.topology import Ancestors, Index, ends, ends_uv, explore, location_of
+
+SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
+ALONG = 0.02  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
+
+
+@dataclass(frozen=True)
+class Joint:
+    """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
+
+    ``edge`` and ``faces`` are numbers in the maps of the *input* shape, for messages and certificates.
+    """
+
+    solid: TopoDS_Shape
+    spine: EdgeSpine
+    sides: tuple[FaceSide, FaceSide]
+    edge: int
+    faces: tuple[int, int]
+
+    @property
+    def primaries(self) -> tuple[Primary, Primary]:
+        """The two primary surfaces."""
+        return self.sides[0].primary, self.sides[1].primary
+
+    @cached_property
+    def tolerance(self) -> float:
+        """The largest tolerance of the edges (mm)."""
+        return float(max(BRep_Tool.Tolerance_s(edge) for edge in self.spine.edges))
+
+    @cached_property
+    def convex(self) -> bool:
+        """Whether blending removes material."""
+        return bool(inward(self.sides, self.stations(np.array([0.5])))[2][0] > 0)
+
+    @cached_property
+    def extent(self) -> float:
+        """The diagonal of the solid's bounding box (mm)."""
+        box = Bnd_Box()
+        BRepBndLib.Add_s(self.solid, box)
+        return float(np.sqrt(box.SquareExtent()))
+
+    def stations(self, t: Array) -> Stations:
+        """Return the edge's stations at t."""
+        return self.spine.stations(t, self.sides)
+
+    def native(self, contacts: Contacts) -> list[Array]:
+        """Return contacts in the two faces' own parameters, in their windows."""
+        found = []
+        for side, uv in zip(self.sides, contacts.uv, strict=True):
+            lifted = side.primary.lift(uv)
+            uv = uv.copy() if side.native is side.primary else side.native.unlift(lifted, np.zeros_like(uv))
+            for axis, period in enumerate(side.native.periods):
+                if period is not None:
+                    start = side.bounds[axis, 0]
+                    uv[:, axis] = start + np.mod(uv[:, axis] - start, period)
+            found.append(uv)
+        return found
+
+    def outside(self, contacts: Contacts) -> tuple[int, float] | None:
+        """Return the number of the face that contacts leave, and the first t at which they do; None if they stay on both."""
+        for side, number, uv in zip(self.sides, self.faces, self.native(contacts), strict=True):
+            classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
+            for t, point in zip(contacts.t.tolist(), uv.tolist(), strict=True):
+                if classifier.Perform(gp_Pnt2d(*point)) == TopAbs_OUT:
+                    return number, t
+        return None
+
+    def clear_start(self, contacts: Contacts) -> float:
+        """Return the t of those of contacts all around at which a closed rail best starts: far from seams and knot lines."""
+        clearance = np.full(len(contacts.t), np.inf)
+        for side, uv in zip(self.sides, self.native(contacts), strict=True):
+            for axis, width in enumerate(np.ptp(side.bounds, axis=1)):
+                lines = np.append(side.bounds[axis], side.native.lines(axis))
+                clearance = np.minimum(clearance, np.abs(uv[:, axis, None] - lines).min(axis=1) / width)
+        return float(contacts.t[np.argmax(clearance)])
+
+    def end_planes(self) -> list[tuple[Array, list[Array]]]:
+        """Return, for both ends, the vertex's point and the normals there of the faces that are not sides.
+
+        Raises
+        ------
+        GeometryError
+            If such a face runs along the edge.
+        """
+        faces_at = Ancestors(self.solid, TopAbs_VERTEX, TopAbs_FACE)
+        directions = self.stations(np.array([0.0, 1.0])).direction
+        planes = []
+        for vertex, direction in zip(self.spine.vertices, directions, strict=True):
+            corner = location_of(vertex)
+            normals = []
+            for face in faces_at(vertex):
+                if any(face.IsSame(side.face) for side in self.sides):
+                    continue
+                side = face_side(face, corner[None])
+                normals.append(side.native.normals(_parameters_of(vertex, side.face)[None])[0])
+                if abs(normals[-1] @ direction) < ALONG:
+                    raise GeometryError("the face at the end of the edge runs along it; a blend cannot end on it")
+            planes.append((corner, normals))
+        return planes
+
+
+def _parameters_of(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
+    """Return a vertex's (u, v) on a face, from the end of an edge of that face."""
+    for use in explore(face, TopAbs_EDGE):
+        for end, uv in zip(ends(use), ends_uv(use, face), strict=True):
+            if end.IsSame(vertex) and not BRep_Tool.Degenerated_s(use):
+                return uv
+    raise GeometryError("a vertex is not on the boundary of its face")
+
+
+def find_joint(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], number: int, faces: tuple[int, int], *, swap: bool) -> Joint:
+    """Return the joint that the first of some edges is part of, with all of it that goes on between the same two faces.
+
+    ``number`` and ``faces`` are what messages and certificates call it; ``swap`` makes the second face side 1.
+
+    Raises
+    ------
+    SelectionError
+        If the edge is no sharp joint of two faces of a closed solid.
+    """
+    name, edge = f"edge {number}", edges[0]
+    solids = [solid for solid in explore(shape, TopAbs_SOLID) if Index(solid, TopAbs_EDGE).of(edge)]
+    if not solids:
+        raise SelectionError(f"{name} is not part of a solid; blends need a closed one")
+    solid = solids[0]
+    faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
+    pair = faces_at(edge)
+    if BRep_Tool.Degenerated_s(edge):
+        raise SelectionError(f"{name} is degenerate (a pole): it has no length to blend along")
+    if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
+        raise SelectionError(f"{name} is a seam of one closed face, not a joint of two")
+    if len(pair) != 2:
+        raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
+    pair.sort(key=Index(solid, TopAbs_FACE).of, reverse=swap)
+    between = [one for one in edges if _all_same(faces_at(one), pair)]
+    ordered, closed = chain(_grown(between, pair, faces_at, solid), pair[0])
+    spine = EdgeSpine(ordered, closed)
+    points = spine.points(np.linspace(0, 1, 65)[: -1 if closed else None])
+    around = closed or spine.turn() is not None
+    first, second = (face_side(face, points, around=around) for face in pair)
+    joint = Joint(solid, spine, (first, second), number, faces)
+    _check_sharp(joint, name)
+    return joint
+
+
+def _all_same(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:
+    return len(faces) == 2 and all(any(face.IsSame(one) for one in pair) for face in faces)
+
+
+def _grown(
+    edges: list[TopoDS_Edge], pair: list[TopoDS_Face], faces_at: Ancestors, solid: TopoDS_Shape
+) -> list[TopoDS_Edge]:
+    """Follow the joint past vertices at which only the two faces meet: there it merely happens to be cut into edges."""
+    edges_at, faces_around = Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE), Ancestors(solid, TopAbs_VERTEX, TopAbs_FACE)
+    grown, waiting = edges[:1], edges[:1]
+    while waiting:
+        for vertex in ends(waiting.pop()):
+            if len(faces_around(vertex)) > 2 and not any(vertex.IsSame(v) for edge in edges[1:] for v in ends(edge)):
+                continue
+            passable = edges_at(vertex) if len(faces_around(vertex)) == 2 else edges
+            for edge in passable:
+                touches = any(vertex.IsSame(v) for v in ends(edge))
+                if touches and _all_same(faces_at(edge), pair) and not any(edge.IsSame(one) for one in grown):
+                    grown.append(edge)
+                    waiting.append(edge)
+    return grown
+
+
+def _check_sharp(joint: Joint, name: str) -> None:
+    stations = joint.stations(np.linspace(0.02, 0.98, 17))
+    n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True))
+    angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
+    if angle.min() < SMOOTH:
+        raise SelectionError(f"{name} is smooth already: its faces meet at {angle.min():.2g} rad")
+    if angle.max() > np.pi - SMOOTH:
+        raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")
