@@ -184,15 +184,15 @@ def edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[Side, Side]:
     SelectionError
         The edge is not in the shape, is degenerate, or does not have exactly two sides.
     """
-    _require(shape, "shape")
-    edge = TopoDS.Edge_s(_require(edge, "edge", TopAbs_EDGE))
+    require_shape(shape, "shape")
+    edge = TopoDS.Edge_s(require_shape(edge, "edge", TopAbs_EDGE))
     faces_of = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndUniqueAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, faces_of)
     if not faces_of.Contains(edge):
         raise SelectionError("the edge is not an edge of the shape: pick it from the shape itself, not from a copy")
     if BRep_Tool.Degenerated_s(edge):
         raise SelectionError("the edge is degenerate (the pole of a surface): it has no length and no continuity")
-    sides = [side for face in faces_of.FindFromKey(edge) for side in _uses(TopoDS.Face_s(face), edge)]
+    sides = [side for face in faces_of.FindFromKey(edge) for side in uses_of(TopoDS.Face_s(face), edge)]
     if len(sides) != 2:
         what = "a free boundary" if len(sides) == 1 else f"used {len(sides)} times"
         raise SelectionError(f"the edge is {what}: continuity is measured between exactly two sides")
@@ -248,7 +248,7 @@ def edge_samples(edge: TopoDS_Edge, face: TopoDS_Face, ts: ArrayLike) -> EdgeSam
     -----
     Where the edge runs along a knot line of the surface, derivatives are those of the face's own side of that line.
     """
-    uses = _uses(face, edge)
+    uses = uses_of(face, edge)
     if not uses:
         raise SelectionError("the edge is not an edge of the face")
     if len(uses) == 1:
@@ -307,12 +307,11 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     InputError
         ``face`` is not a face.
     """
-    face = TopoDS.Face_s(_require(face, "face", TopAbs_FACE))
-    surface = BRep_Tool.Surface_s(face)
+    face = TopoDS.Face_s(require_shape(face, "face", TopAbs_FACE))
     bounds = BRepTools.UVBounds_s(face)
-    window = GeomAdaptor_Surface(surface, *bounds)
-    lines = _knot_lines(window, GeomAbs_C1)
-    knots = _knot_lines(window, GeomAbs_C3)
+    window = GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *bounds)
+    lines = knot_lines(window, GeomAbs_C1)
+    knots = knot_lines(window, GeomAbs_C3)
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
         low, high = bounds[2 * other : 2 * other + 2]
@@ -331,13 +330,25 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
         uv = uv[[boundary.Perform(gp_Pnt2d(*middle)) != TopAbs_OUT for middle in uv.mean(axis=1).tolist()]]
     if not len(uv):
         return Crease(0.0, None, None)
-    jets = _jets(surface, uv.reshape(-1, 2), order=1).reshape(-1, 2, 3, 3)
-    normals = [_unit(np.cross(jets[:, i, 1], jets[:, i, 2])) for i in (0, 1)]
-    angles = np.nan_to_num(angle_between(*normals))
+    points, normals = (array.reshape(-1, 2, 3) for array in face_normals(face, uv.reshape(-1, 2)))
+    angles = np.nan_to_num(angle_between(normals[:, 0], normals[:, 1]))
     worst = int(angles.argmax())
     u, v = uv[worst].mean(axis=0).tolist()
-    x, y, z = jets[worst, 0, 0].tolist()
+    x, y, z = points[worst, 0].tolist()
     return Crease(float(angles[worst]), (u, v), (x, y, z))
+
+
+def face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
+    """Points and outward unit normals of a face at parameters (n, 2): (n, 3) each, normals nan at degenerate points.
+
+    Raises
+    ------
+    GeometryError
+        OCCT cannot evaluate the surface.
+    """
+    jets = _jets(BRep_Tool.Surface_s(face), uv, order=1)
+    normals = _unit(np.cross(jets[:, 1], jets[:, 2]))
+    return jets[:, 0], -normals if face.Orientation() == TopAbs_REVERSED else normals
 
 
 def angle_between(a: Array, b: Array) -> Array:
@@ -348,7 +359,7 @@ def angle_between(a: Array, b: Array) -> Array:
 # ------------------------------------------------------------------------------------------------------------- topology
 
 
-def _require(shape: object, name: str, kind: TopAbs_ShapeEnum | None = None) -> TopoDS_Shape:
+def require_shape(shape: object, name: str, kind: TopAbs_ShapeEnum | None = None) -> TopoDS_Shape:
     """Let a shape of the right kind pass."""
     if not isinstance(shape, TopoDS_Shape):
         raise InputError(f"{name} is of type {type(shape).__name__}: a TopoDS shape is needed")
@@ -360,7 +371,7 @@ def _require(shape: object, name: str, kind: TopAbs_ShapeEnum | None = None) -> 
     return shape
 
 
-def _uses(face: TopoDS_Face, edge: TopoDS_Edge) -> list[Side]:
+def uses_of(face: TopoDS_Face, edge: TopoDS_Edge) -> list[Side]:
     """Return the sides of an edge on which a face lies: two on a seam, none if the edge floats inside the face."""
     uses = []
     explorer = TopExp_Explorer(face, TopAbs_EDGE)
@@ -478,7 +489,7 @@ def _knots(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
     return _intervals(curve.NbIntervals(GeomAbs_C3), lambda ends: curve.Intervals(ends, GeomAbs_C3))
 
 
-def _knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
+def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
     """Return the u and the v between which a surface is certainly of a class, with both ends of its domain."""
     return (
         _intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
@@ -490,7 +501,7 @@ def _beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Ite
     """Yield, per direction with knot lines: its index, points' signed distances (n, lines), the domain's length."""
     adaptor = GeomAdaptor_Surface(surface)
     periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
-    for k, ends in enumerate(_knot_lines(adaptor, order)):
+    for k, ends in enumerate(knot_lines(adaptor, order)):
         closed = periodic[k] and isinstance(surface, Geom_BSplineSurface)
         lines = ends[:-1] if closed else ends[1:-1]
         if lines.size:
