@@ -27,6 +27,7 @@ from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import (
     BRepCheck_Analyzer,
+    BRepCheck_ListOfStatus,
     BRepCheck_NoError,
     BRepCheck_Result,
     BRepCheck_Shell,
@@ -385,15 +386,19 @@ def flaws(shape: TopoDS_Shape) -> list[Flaw]:
 
 
 def _flaws_of(result: BRepCheck_Result, part: TopoDS_Shape) -> list[Flaw]:
-    """Return the complaints about one sub-shape: in whatever it belongs to, and by itself if they arise in no context."""
+    """Return the complaints about one sub-shape: in whatever it belongs to, or by itself if in nothing."""
     found = []
     result.InitContextIterator()
     while result.MoreShapeInContext():
-        found += [Flaw(part, result.ContextualShape(), status) for status in result.StatusOnShape()]
+        found += [Flaw(part, result.ContextualShape(), status) for status in _errors(result.StatusOnShape())]
         result.NextShapeInContext()
     heard = {flaw.status for flaw in found}
-    found += [Flaw(part, part, status) for status in result.Status() if status not in heard]
-    return [flaw for flaw in found if flaw.status != BRepCheck_NoError]
+    return found + [Flaw(part, part, status) for status in _errors(result.Status()) if status not in heard]
+
+
+def _errors(statuses: BRepCheck_ListOfStatus) -> list[BRepCheck_Status]:
+    """Return the errors in a list of statuses; "no error" stands alone, and OCP takes long to iterate."""
+    return [] if statuses.IsEmpty() or statuses.First() == BRepCheck_NoError else list(statuses)
 
 
 def _not_inherited(found: list[Flaw], before: list[Flaw]) -> list[Flaw]:
