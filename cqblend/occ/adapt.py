@@ -61,17 +61,13 @@ OFFSET_TOLERANCE = 1e-9  # mm, of the B-spline that stands in for an offset surf
 class FaceSide(Side):
     """A face next to the blended edge: its primary, and how to get back to its own parameters.
 
-    ``native`` is the primary in the face's own parameters; it differs from ``primary`` on spheres, where solving takes
+    ``native`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It differs from ``primary`` on spheres, where solving takes
     another axis so that poles stay out of the way, and shares its lifted parameters.
     """
 
     face: TopoDS_Face
     native: Primary
-
-    @property
-    def bounds(self) -> Array:
-        """The face's window in its own parameters, ((u0, u1), (v0, v1))."""
-        return np.array(BRepTools.UVBounds_s(self.face)).reshape(2, 2)
+    bounds: Array
 
     def working(self, uv: Array) -> Array:
         """Turn the face's own parameters (n, 2) into those of ``primary``."""
@@ -93,10 +89,11 @@ def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) ->
     while isinstance(surface, Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
     native = _primary(surface, forward, edge_points)
+    bounds = np.array(BRepTools.UVBounds_s(forward)).reshape(2, 2)
     if not isinstance(native, Sphere) or len(edge_points) < 2:
-        return FaceSide(native, outward, forward, native)
+        return FaceSide(native, outward, forward, native, bounds)
     working = _turned(native, edge_points, around=around)
-    return FaceSide(working, outward, forward, replace(native, pole=working.pole))
+    return FaceSide(working, outward, forward, replace(native, pole=working.pole), bounds)
 
 
 def _frame(position: gp_Ax3) -> Frame:
@@ -150,7 +147,8 @@ def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
         axis /= np.linalg.norm(axis)
     x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     x /= np.linalg.norm(x)
-    frame = Frame(sphere.frame.origin, np.array([x, np.cross(axis, x), axis]))
+    y = np.cross(axis, x) * np.linalg.det(sphere.frame.axes)  # of the same handedness, so that normals agree
+    frame = Frame(sphere.frame.origin, np.array([x, y, axis]))
     return replace(sphere, frame=frame, pole=axis if around else sphere.pole, spinning=around)
 
 

@@ -29,6 +29,7 @@ from cqblend.blends.rails import Rail
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk
 from cqblend.occ.adapt import FaceSide, face_side, pcurve
+from cqblend.occ.spheres import boundary, respun
 from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
     BUILDER,
@@ -59,9 +60,13 @@ END = 1e-9  # mm: an end curve is fitted until it lies on blend and neighbour to
 
 @dataclass
 class Rewrite:
-    """What becomes of the boundary of one face: edges replaced (by pieces, FORWARD, or by nothing) and edge uses added."""
+    """What becomes of one face: edges replaced (by pieces, FORWARD, or by nothing) and edge uses added.
+
+    Or ``made``, another FORWARD face in its place.
+    """
 
     face: TopoDS_Face
+    made: TopoDS_Face | None = None
     replaced: dict[int, list[TopoDS_Edge]] = field(default_factory=dict)
     added: list[TopoDS_Edge] = field(default_factory=list)  # oriented as in the FORWARD face
 
@@ -105,6 +110,7 @@ class Surgery:
     blend: Blend
 
     def __post_init__(self) -> None:
+        self.originals = self.sides
         self.edges = Index(self.solid, TopAbs_EDGE)
         self.faces = Index(self.solid, TopAbs_FACE)
         self.rewrites: dict[int, Rewrite] = {}
@@ -113,6 +119,10 @@ class Surgery:
         rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
         self.rows = rows
         self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in rows]
+        if self.spine.closed:
+            pairs = zip(self.sides, self.blend.rails, strict=True)
+            first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
+            self.sides = (first, second)
         self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.rails, strict=True)]
 
     @property
@@ -172,21 +182,27 @@ class Surgery:
     def _trim(self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]) -> list[TopoDS_Edge]:
         """Replace the old edge by rail i in the boundary of its face, splitting it at seams; return the rail's edges."""
         side = self.sides[i]
-        rewrite = self.rewrite(side.face)
+        rewrite = self.rewrite(self.originals[i].face)
         crossings = self.crossings(i)
         crossings = crossings[(crossings > span[0]) & (crossings < span[1])]
         stops = np.concatenate([span[:1], crossings, span[1:]]).tolist()
         between = [make_vertex(point) for point in self.rows[i](crossings)]
         chain = [vertices[0], *between, vertices[1]]
         rail = [self.rail_edge(i, (chain[k], chain[k + 1]), (stops[k], stops[k + 1])) for k in range(len(stops) - 1)]
+        ahead = (side.outward > 0) == (i == 0)
+        uses = rail if ahead else [flipped(edge) for edge in reversed(rail)]
+        if side is not self.originals[i]:
+            start = _rail_frame(self.blend.rails[i], np.array([span[0]]))[1][0]
+            BUILDER.Add(side.face, boundary(side, uses[0], start))
+            rewrite.made = side.face
+            return rail
+        rewrite.added += uses
         for edge in self.spine.edges:
             rewrite.replaced[self.edges.of(edge)] = []
         if vertices[0].IsSame(vertices[1]):
             self._cut_seams(i, rewrite, np.array(stops[:-1]), chain[:-1])
         else:
             self._cut_seams(i, rewrite, crossings, between)
-        ahead = (side.outward > 0) == (i == 0)
-        rewrite.added += rail if ahead else [flipped(edge) for edge in reversed(rail)]
         return rail
 
     def closed(self) -> Proposal:
@@ -395,7 +411,7 @@ class Surgery:
         made = {number: self._rebuilt(rewrite) for number, rewrite in self.rewrites.items()}
         for number, face in made.items():
             face.Orientation(self.faces[number].Orientation())
-        sides = (made[self.faces.of(self.sides[0].face)], made[self.faces.of(self.sides[1].face)])
+        sides = (made[self.faces.of(self.originals[0].face)], made[self.faces.of(self.originals[1].face)])
         for side, rail in zip(sides, rails, strict=True):
             for edge in rail:
                 BUILDER.Continuity(edge, side, blend, GeomAbs_G1)
@@ -403,6 +419,8 @@ class Surgery:
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
         """Return the FORWARD face with its new boundary; wires that nothing happens to are taken over."""
+        if rewrite.made is not None:
+            return rewrite.made
         face = TopoDS.Face_s(rewrite.face.EmptyCopied())
         loose = list(rewrite.added)
         for wire in explore(rewrite.face, TopAbs_WIRE):

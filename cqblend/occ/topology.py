@@ -143,6 +143,18 @@ def make_edge(
     return edge
 
 
+def make_pole(face: TopoDS_Face, vertex: TopoDS_Vertex, pcurve: Geom2d_Curve, span: tuple[float, float]) -> TopoDS_Edge:
+    """Make a FORWARD degenerate edge: a vertex in space, a line on the face."""
+    edge = TopoDS_Edge()
+    BUILDER.MakeEdge(edge)
+    BUILDER.UpdateEdge(edge, pcurve, face, CONFUSION)
+    BUILDER.Add(edge, vertex.Oriented(TopAbs_FORWARD))
+    BUILDER.Add(edge, vertex.Oriented(TopAbs_REVERSED))
+    BUILDER.Range(edge, *span)
+    BUILDER.Degenerated(edge, True)
+    return edge
+
+
 def attach(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve) -> None:
     """Give an edge its pcurve on a face, whatever its location; two, for FORWARD and REVERSED use, make it a seam."""
     BUILDER.UpdateEdge(edge, *pcurves, face, BRep_Tool.Tolerance_s(edge))
