@@ -40,7 +40,9 @@ def _rows(rails: tuple[Rail, Rail]) -> list[Curve]:
     """Return C1, T1, T2, C2 as homogeneous splines on common breaks, each of the lowest degree that it really has."""
     rows = []
     for rail in rails:
-        rows.append([_lowest(curve, rail.c) for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d))])
+        rows.append(
+            [_lowest(curve, rail.c) for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d))]
+        )
     curves = [rows[0][0], rows[0][1], rows[1][1], rows[1][0]]
     breaks = merge(*(curve.breaks for curve in curves))
     return [curve.cut(breaks[1:-1]) for curve in curves]
@@ -69,7 +71,9 @@ def _surface(rows: list[Curve]) -> Surface:
     continuity = np.min([row.continuity for row in (c1, t1, t2, c2)], axis=0)
     breaks = (c1.breaks, np.array([0.0, 1.0]))
     rational = bool(np.abs(weight - 1).max() > 1e-14)
-    return Surface(breaks, poles if rational else poles[:, :, :3], rational=rational, continuity=(continuity, np.empty(0, int)))
+    return Surface(
+        breaks, poles if rational else poles[:, :, :3], rational=rational, continuity=(continuity, np.empty(0, int))
+    )
 
 
 def hermite(rails: tuple[Rail, Rail], form: str, tolerance: float, angular_tolerance: float) -> Blend:
@@ -146,7 +150,9 @@ def _compact(rows: list[Curve], tolerance: float, angular_tolerance: float) -> l
             )
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
     order = [fitted[0], fitted[1], fitted[3], fitted[2]]
-    return [_homogeneous(curve, row, weight) for curve, row, weight in zip(order, rows, (1.0, 0.0, 0.0, 1.0), strict=True)]
+    return [
+        _homogeneous(curve, row, weight) for curve, row, weight in zip(order, rows, (1.0, 0.0, 0.0, 1.0), strict=True)
+    ]
 
 
 def _homogeneous(curve: Curve, source: Curve, weight: float) -> Curve:

@@ -13,7 +13,7 @@ surface          lifted coordinates c                   degree of P(c), c cubic
 plane            (u, v, w)                              3
 cylinder, cone   half-angle pair (a, b) and a length    6
 sphere           unit quaternion                        6
-torus            two half-angle pairs                   12
+torus, ring      two half-angle pairs                   12
 revolution       half-angle pair, (gamma, delta)        6 + 3 q
 spline (p, q)    barycentric pairs of u and of v        3 (p + q)
 ===============  =====================================  ========================
@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines import Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
 
 Array = NDArray[np.float64]
@@ -116,6 +116,15 @@ def near_period(value: Array, near: Array, period: float) -> Array:
     return value + period * np.round((near - value) / period)
 
 
+def unwrapped(uv: Array, periods: tuple[float | None, float | None]) -> Array:
+    """Take the jumps by whole periods out of parameters (n, 2) along a curve."""
+    out = uv.copy()
+    for axis, period in enumerate(periods):
+        if period is not None:
+            out[:, axis] = np.unwrap(out[:, axis], period=period)
+    return out
+
+
 def half_angle(angle: Array) -> Array:
     """Return (cos, sin) of half the angles, (n, 2): the homogeneous parameter of a circle."""
     return np.stack([np.cos(angle / 2), np.sin(angle / 2)], -1)
@@ -138,7 +147,7 @@ CIRCLE = np.array([[[1, 0], [0, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1]]], float
 
 @dataclass(frozen=True)
 class Frame:
-    """A placed coordinate system: origin (3,) and axes (3, 3), one unit vector a row; may be left-handed."""
+    """A placed coordinate system: origin (3,) and axes (3, 3), one vector a row; may be left-handed."""
 
     origin: Array
     axes: Array
@@ -227,7 +236,10 @@ class Plane(Quadric):
 
 @dataclass(frozen=True)
 class Cylinder(Quadric):
-    """S(u, v) = O + R (cos u X + sin u Y) + v Z. Lifted: (a, b, v w), w = a^2 + b^2."""
+    """S(u, v) = O + R (cos u X + sin u Y) + v Z. Lifted: (a, b, v w), w = a^2 + b^2.
+
+    In a frame that is not orthonormal, any extruded ellipse.
+    """
 
     radius: float = 1.0
     periods = (2 * np.pi, None)
@@ -459,7 +471,7 @@ class Tensor(Primary):
 
     def _weight(self, uv: Array) -> tuple[Array, Array]:
         """Return the weight w (n,) of the spline and its derivatives (wu, wv), (n, 2)."""
-        if not self.rational or self.surface is None:
+        if not self.rational or self.surface is None or self.kinked:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
         weight = Surface(self.breaks, self.patches[:, :, 3:])
         jet = weight.jet(*self.wrap(uv).T, 1)[..., 0]
@@ -499,10 +511,27 @@ class Tensor(Primary):
         return out
 
     def position(self, c: Curve) -> Curve:
+        raw = self._position(c)
+        return _scaled(raw, _levelling(raw)) if self.kinked else raw
+
+    def tangent(self, c: Curve, d: Curve) -> Curve:
+        raw = self._tangent(c, d)
+        if not self.kinked:
+            return raw
+        position = self._position(c)
+        gauged = raw.elevate(position.degree + 3 - raw.degree) + _scaled(position, _gauge(position, raw))
+        return _scaled(gauged, _levelling(position))
+
+    @property
+    def kinked(self) -> bool:
+        """Whether the weight is less than C2 somewhere: then the homogeneous spline has kinks that the surface has not."""
+        return self.rational and self.knots is not None and any((np.asarray(order) < 2).any() for order in self.knots)
+
+    def _position(self, c: Curve) -> Curve:
         c, patches, shifts = self._follow(c, loss=0)
         return Curve(c.breaks, bernstein.compose(patches, *self._local(c, shifts)), continuity=c.continuity)
 
-    def tangent(self, c: Curve, d: Curve) -> Curve:
+    def _tangent(self, c: Curve, d: Curve) -> Curve:
         c, patches, shifts = self._follow(c, loss=1)
         d = d.cut(c.breaks[1:-1])
         pairs, rates = self._local(c, shifts), self._local(d, shifts)
@@ -566,6 +595,30 @@ class Tensor(Primary):
         return pairs[0], pairs[1], pairs[2], pairs[3]
 
 
+def _ends(curve: Curve, order: int) -> Array:
+    """Return the jets of a homogeneous curve at both ends of every piece, from inside, (order+1, n, 2, 4)."""
+    first, last = curve.jet(curve.breaks[:-1], order, side="right"), curve.jet(curve.breaks[1:], order, side="left")
+    return np.stack([first, last], axis=2)
+
+
+def _levelling(position: Curve) -> Curve:
+    """Return the piecewise cubic factor that makes the weight w of a rail one, and level, at every break: about 1/w."""
+    weight, rate = _ends(position, 1)[..., 3:]
+    return fit.hermite(position.breaks, np.stack([1 / weight, -rate / weight**2]))
+
+
+def _gauge(position: Curve, field: Curve) -> Curve:
+    """Return the piecewise cubic multiple of P(c) that cancels the weight of a field at every break, to first order."""
+    weight, rate = _ends(position, 1)[..., 3:]
+    change, bend = _ends(field, 1)[..., 3:]
+    return fit.hermite(position.breaks, np.stack([-change / weight, (change * rate - bend * weight) / weight**2]))
+
+
+def _scaled(curve: Curve, factor: Curve) -> Curve:
+    """Multiply a homogeneous curve by a scalar one on the same breaks; nothing more than continuity is claimed."""
+    return Curve(curve.breaks, bernstein.product(curve.coefs, factor.coefs), continuity=np.zeros(len(curve.breaks) - 2, int))
+
+
 def _joint_order(surface: Surface, axis: int) -> int:
     """Return the continuity, up to 2, with which a closed surface meets itself."""
     low, high = surface.domain[axis]
@@ -626,7 +679,7 @@ class Revolution(Tensor):
         return cls(
             breaks=(np.array([0.0, 1.0]), profile.breaks),
             patches=revolved_patches(frame, coefs),
-            rational=True,
+            rational=profile.rational,
             angular=(True, False),
             periods=(2 * np.pi, period),
             knots=(np.empty(0, int), profile.continuity),
@@ -641,19 +694,18 @@ class Revolution(Tensor):
 
 
 @dataclass(frozen=True)
-class Torus(Tensor):
-    """S(u, v) = O + (R + r cos v)(cos u X + sin u Y) + r sin v Z."""
+class Ring(Tensor):
+    """S(u, v) = the ellipse M + A cos v + B sin v, given in the frame, turned by u about the frame's Z axis; a torus is one."""
 
     frame: Frame = field(default_factory=lambda: Frame(np.zeros(3), np.eye(3)))
-    major: float = 2.0
-    minor: float = 1.0
+    ellipse: Array = field(default_factory=lambda: np.array([[2.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0]]))
 
     @classmethod
-    def placed(cls, frame: Frame, major: float, minor: float) -> Torus:
-        """Place a torus of radii R = ``major`` and r = ``minor``."""
+    def turning(cls, frame: Frame, ellipse: Array) -> Ring:
+        """Turn an ellipse, rows M, A, B (3, 3), about the frame's Z axis."""
+        middle, a, b = ellipse
         profile = np.zeros((3, 4, 1))
-        profile[:, 0, 0] = [major + minor, 0, major - minor]
-        profile[1, 2, 0] = minor
+        profile[:, :3, 0] = [middle + a, b, middle - a]
         profile[:, 3, 0] = [1, 0, 1]
         unit_span = np.array([0.0, 1.0])
         return cls(
@@ -663,12 +715,11 @@ class Torus(Tensor):
             angular=(True, True),
             periods=(2 * np.pi, 2 * np.pi),
             frame=frame,
-            major=major,
-            minor=minor,
+            ellipse=ellipse,
         )
 
     def jet(self, uv: Array) -> Array:
-        cos, sin = self.minor * np.cos(uv[:, 1]), self.minor * np.sin(uv[:, 1])
-        zero = np.zeros_like(cos)
-        profile = np.array([[self.major + cos, zero, sin], [-sin, zero, cos], [-cos, zero, -sin]])
-        return turned_jet(self.frame, uv[:, 0], profile.swapaxes(1, 2))
+        middle, a, b = self.ellipse
+        cos, sin = np.cos(uv[:, 1:]), np.sin(uv[:, 1:])
+        profile = np.array([middle + cos * a + sin * b, cos * b - sin * a, -cos * a - sin * b])
+        return turned_jet(self.frame, uv[:, 0], profile)

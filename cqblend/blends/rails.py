@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.contact import Contacts
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit
+from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit, unwrapped
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
@@ -95,19 +95,10 @@ def along(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
 
     def solve_along(t: Array) -> Contacts:
         solved = solve(t)
-        uv = [_unwrapped(primary, found) for primary, found in zip(primaries, solved.uv, strict=True)]
+        uv = [unwrapped(found, primary.periods) for primary, found in zip(primaries, solved.uv, strict=True)]
         return Contacts(t, solved.point, (uv[0], uv[1]), solved.reach)
 
     return solve_along
-
-
-def _unwrapped(primary: Primary, uv: Array) -> Array:
-    """Take out the jumps of native parameters by whole periods."""
-    out = uv.copy()
-    for axis, period in enumerate(primary.periods):
-        if period is not None:
-            out[:, axis] = np.unwrap(out[:, axis], period=period)
-    return out
 
 
 def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
@@ -122,7 +113,7 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
         solved = solve(base)
         uv = []
         for primary, found in zip(primaries, solved.uv, strict=True):
-            found = _unwrapped(primary, found)
+            found = unwrapped(found, primary.periods)
             winding = np.zeros(2)
             for axis, period in enumerate(primary.periods):
                 if period is not None:
@@ -161,7 +152,13 @@ def _build(
 
 
 def _exact_pair(
-    primaries: tuple[Primary, Primary], solved: Contacts, t: Array, weight: Array, make: Maker, bulge: float, size: float
+    primaries: tuple[Primary, Primary],
+    solved: Contacts,
+    t: Array,
+    weight: Array,
+    make: Maker,
+    bulge: float,
+    size: float,
 ) -> tuple[Rail, Rail] | None:
     """Return both rails if the made curves reproduce the contacts and their directions to rounding, else None."""
     rails = []

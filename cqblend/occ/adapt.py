@@ -6,6 +6,7 @@ Everything else is read as a B-spline in the face's own parameters, where the ra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,22 +14,26 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools
 from OCP.Geom import (
-    Geom_BezierSurface,
+    Geom_BoundedCurve,
     Geom_BSplineSurface,
+    Geom_Circle,
     Geom_ConicalSurface,
+    Geom_Curve,
     Geom_CylindricalSurface,
     Geom_ElementarySurface,
-    Geom_OffsetSurface,
+    Geom_Ellipse,
+    Geom_Line,
     Geom_Plane,
     Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
     Geom_Surface,
     Geom_SurfaceOfLinearExtrusion,
     Geom_SurfaceOfRevolution,
+    Geom_SweptSurface,
     Geom_ToroidalSurface,
+    Geom_TrimmedCurve,
 )
-from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxSurface
-from OCP.GeomAbs import GeomAbs_C1
+from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Ax3
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Face
@@ -43,18 +48,19 @@ from cqblend.blends.primaries import (
     Primary,
     Quadric,
     Revolution,
+    Ring,
     Sphere,
     Tensor,
-    Torus,
     tangent_coordinates,
+    unwrapped,
 )
 from cqblend.blends.rails import Rail
-from cqblend.errors import GeometryError, UnsupportedError
+from cqblend.errors import GeometryError
 from cqblend.occ import bulk
+from cqblend.occ.convert import ParameterMap, with_parameters
 from cqblend.splines import Curve, Surface, fit
 
 PCURVE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
-OFFSET_TOLERANCE = 1e-9  # mm, of the B-spline that stands in for an offset surface
 
 
 @dataclass(frozen=True)
@@ -73,9 +79,8 @@ class FaceSide(Side):
         """Turn the face's own parameters (n, 2) into those of ``primary``."""
         if self.native is self.primary:
             return uv
-        lifted = self.native.lift(uv)
-        near = self.primary.unlift(lifted, np.zeros((len(uv), 2)))
-        return np.stack([np.unwrap(near[:, 0]), near[:, 1]], -1)
+        found = self.primary.unlift(self.native.lift(uv), np.zeros((len(uv), 2)))
+        return unwrapped(found, self.primary.periods)
 
 
 def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) -> FaceSide:
@@ -88,12 +93,15 @@ def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) ->
     surface = BRep_Tool.Surface_s(face)
     while isinstance(surface, Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
-    native = _primary(surface, forward, edge_points)
     bounds = np.array(BRepTools.UVBounds_s(forward)).reshape(2, 2)
-    if not isinstance(native, Sphere) or len(edge_points) < 2:
-        return FaceSide(native, outward, forward, native, bounds)
-    working = _turned(native, edge_points, around=around)
-    return FaceSide(working, outward, forward, replace(native, pole=working.pole), bounds)
+    native = _primary(surface, forward, edge_points)
+    primary = native
+    if isinstance(native, Mapped):
+        primary = native.spline
+    elif isinstance(native, Sphere) and len(edge_points) > 1:
+        primary = _turned(native, edge_points, around=around)
+        native = replace(native, pole=primary.pole)
+    return FaceSide(primary, outward, forward, native, bounds)
 
 
 def _frame(position: gp_Ax3) -> Frame:
@@ -105,11 +113,78 @@ def _frame(position: gp_Ax3) -> Frame:
 def _primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Primary:
     if isinstance(surface, Geom_ElementarySurface):
         return _elementary(surface, points)
-    if isinstance(surface, Geom_SurfaceOfRevolution):
-        revolved = _revolution(surface)
-        if revolved is not None:
-            return revolved
-    return Tensor.of(*_spline(surface, face))
+    if isinstance(surface, Geom_SurfaceOfLinearExtrusion | Geom_SurfaceOfRevolution):
+        swept = _revolution(surface, face) if isinstance(surface, Geom_SurfaceOfRevolution) else _extrusion(surface)
+        if swept is not None:
+            return swept
+    closed = (bool(surface.IsUClosed()), bool(surface.IsVClosed()))
+    if isinstance(surface, Geom_BSplineSurface):  # all of it: rails may run past the face's end
+        return Tensor.of(Surface.from_bspline(*bulk.surface_to_arrays(surface)), closed)
+    spline, parameters = with_parameters(face)
+    whole = [
+        flag and width > 0.999 * (high - low)
+        for flag, width, (low, high) in zip(
+            closed, (b[-1] - b[0] for b in spline.breaks), np.array(surface.Bounds()).reshape(2, 2), strict=True
+        )
+    ]
+    tensor = Tensor.of(spline, (whole[0], whole[1]))
+    return tensor if parameters == ParameterMap() else Mapped(tensor, parameters)
+
+
+@dataclass(frozen=True)
+class Mapped(Primary):
+    """A spline in the parameters of the face it came from: those of conics, which a rational spline does not keep."""
+
+    spline: Tensor
+    parameters: ParameterMap
+
+    @property
+    def periods(self) -> tuple[float | None, float | None]:  # type: ignore[override]
+        """Those of the spline: the parameters agree at the ends of every arc."""
+        return self.spline.periods
+
+    def lines(self, axis: int) -> Array:
+        return self.spline.lines(axis)
+
+    def _change(self, change: Callable[[Array], Array], uv: Array) -> Array:
+        inside = self.spline.wrap(uv)
+        return change(inside) + (uv - inside)
+
+    def jet(self, uv: Array) -> Array:
+        at = self._change(self.parameters.to_spline, uv)
+        jet = self.spline.jet(at)
+        at = self.spline.wrap(at)
+        for axis, arcs, first, second in ((0, self.parameters.u, 1, 3), (1, self.parameters.v, 2, 5)):
+            if arcs is not None:
+                rate, bend = (values[:, None] for values in arcs.rates(at[:, axis]))
+                jet[second] = (jet[second] - jet[first] * bend / rate) / rate**2
+                jet[first], jet[4] = jet[first] / rate, jet[4] / rate
+        return jet
+
+    def lift(self, uv: Array) -> Array:
+        return self.spline.lift(self._change(self.parameters.to_spline, uv))
+
+    def unlift(self, c: Array, near: Array) -> Array:
+        return self._change(self.parameters.to_face, self.spline.unlift(c, near))
+
+    def push(self, uv: Array, c: Array, rs: Array) -> Array:
+        at = self.spline.wrap(self._change(self.parameters.to_spline, uv))
+        rates = [
+            1.0 if arcs is None else arcs.rates(at[:, axis])[0]
+            for axis, arcs in enumerate((self.parameters.u, self.parameters.v))
+        ]
+        return self.spline.push(
+            self._change(self.parameters.to_spline, uv), c, np.stack([rs[:, 0] / rates[0], rs[:, 1] / rates[1]], -1)
+        )
+
+    def scale(self, c: Array, weight: Array) -> Array:
+        return self.spline.scale(c, weight)
+
+    def position(self, c: Curve) -> Curve:
+        return self.spline.position(c)
+
+    def tangent(self, c: Curve, d: Curve) -> Curve:
+        return self.spline.tangent(c, d)
 
 
 def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
@@ -127,7 +202,8 @@ def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
         middle = points.mean(axis=0) - frame.origin
         return Sphere(frame, surface.Radius(), middle / np.linalg.norm(middle))
     assert isinstance(surface, Geom_ToroidalSurface)
-    return Torus.placed(frame, surface.MajorRadius(), surface.MinorRadius())
+    major, minor = surface.MajorRadius(), surface.MinorRadius()
+    return Ring.turning(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
 
 
 def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
@@ -152,43 +228,48 @@ def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     return replace(sphere, frame=frame, pole=axis if around else sphere.pole, spinning=around)
 
 
-def _revolution(surface: Geom_SurfaceOfRevolution) -> Revolution | None:
-    """Read a revolved B-spline; None if the profile is of another kind, whose parameter a B-spline would not keep."""
-    basis = surface.BasisCurve()
-    if basis.DynamicType().Name() not in {"Geom_BSplineCurve", "Geom_BezierCurve"}:
+def _basis(surface: Geom_SweptSurface) -> Geom_Curve:
+    curve = surface.BasisCurve()
+    while isinstance(curve, Geom_TrimmedCurve):
+        curve = curve.BasisCurve()
+    return curve
+
+
+def _ellipse(curve: Geom_Curve) -> Array | None:
+    """Return centre and half-axes of a circle or ellipse, rows M, A, B with the curve M + A cos t + B sin t."""
+    if not isinstance(curve, Geom_Circle | Geom_Ellipse):
         return None
-    spline = GeomConvert.CurveToBSplineCurve_s(basis)
-    axis = surface.Axis()
+    position = curve.Position()
+    frame = _frame(gp_Ax3(position.Location(), position.Direction(), position.XDirection()))
+    major, minor = (curve.Radius(),) * 2 if isinstance(curve, Geom_Circle) else (curve.MajorRadius(), curve.MinorRadius())
+    return np.array([frame.origin, major * frame.axes[0], minor * frame.axes[1]])
+
+
+def _extrusion(surface: Geom_SurfaceOfLinearExtrusion) -> Cylinder | None:
+    """Read an extruded ellipse; None for other profiles, which are read as splines."""
+    ellipse = _ellipse(_basis(surface))
+    if ellipse is None:
+        return None
+    along = surface.Direction()
+    return Cylinder(Frame(ellipse[0], np.array([ellipse[1], ellipse[2], [along.X(), along.Y(), along.Z()]])))
+
+
+def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor | None:
+    """Read a revolved ellipse, line or spline; None for other profiles, whose parameter a spline would not keep."""
+    basis, axis = _basis(surface), surface.Axis()
     frame = _frame(gp_Ax3(axis.Location(), axis.Direction()))
-    degree, knots, poles, weights = bulk.curve_to_arrays(spline)
+    ellipse = _ellipse(basis)
+    if ellipse is not None:
+        local = (ellipse - [frame.origin, np.zeros(3), np.zeros(3)]) @ frame.axes.T
+        return Ring.turning(frame, local)
+    if isinstance(basis, Geom_Line):
+        _, _, low, high = BRepTools.UVBounds_s(face)
+        basis = Geom_TrimmedCurve(basis, low, high)
+    elif not isinstance(basis, Geom_BoundedCurve):
+        return None
+    degree, knots, poles, weights = bulk.curve_to_arrays(GeomConvert.CurveToBSplineCurve_s(basis))
     profile = Curve.from_bspline(degree, knots, (poles - frame.origin) @ frame.axes.T, weights)
     return Revolution.turning(frame, profile, closed=bool(basis.IsClosed()))
-
-
-def _spline(surface: Geom_Surface, face: TopoDS_Face) -> tuple[Surface, tuple[bool, bool]]:
-    """Return the surface as a spline in its own parameters, and in which directions it is closed."""
-    closed = (bool(surface.IsUClosed()), bool(surface.IsVClosed()))
-    if isinstance(surface, Geom_BezierSurface):
-        surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
-    elif isinstance(surface, Geom_SurfaceOfLinearExtrusion):
-        u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
-        if closed[0]:
-            u0, u1 = surface.BasisCurve().FirstParameter(), surface.BasisCurve().LastParameter()
-        if surface.BasisCurve().DynamicType().Name() not in {"Geom_BSplineCurve", "Geom_BezierCurve", "Geom_Line"}:
-            raise UnsupportedError("an extruded conic is not yet a face that can be blended; rebuild it as a B-spline")
-        margin = v1 - v0
-        trimmed = Geom_RectangularTrimmedSurface(surface, u0, u1, v0 - margin, v1 + margin)
-        surface = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
-    elif isinstance(surface, Geom_OffsetSurface):
-        trimmed = Geom_RectangularTrimmedSurface(surface, *BRepTools.UVBounds_s(face))
-        approximation = GeomConvert_ApproxSurface(trimmed, OFFSET_TOLERANCE, GeomAbs_C1, GeomAbs_C1, 14, 14, 100, 0)
-        if not approximation.HasResult() or approximation.MaxError() > 10 * OFFSET_TOLERANCE:
-            raise GeometryError(f"the offset surface could not be approximated to {OFFSET_TOLERANCE:g} mm")
-        surface = approximation.Surface()
-    if not isinstance(surface, Geom_BSplineSurface):
-        kind = surface.DynamicType().Name()
-        raise UnsupportedError(f"a face of type {kind} cannot be blended yet")
-    return Surface.from_bspline(*bulk.surface_to_arrays(surface)), closed
 
 
 def pcurve(side: FaceSide, rail: Rail) -> Curve:
@@ -207,13 +288,10 @@ def pcurve(side: FaceSide, rail: Rail) -> Curve:
         return _native_pcurve(side.native, c)
     native = side.native
     position = native.position(c)
-    breaks = c.breaks
+    breaks = position.breaks
     inner = (np.arange(1, 4) / 4)[:, None]
     dense = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 257)]))
-    guide = native.unlift(c(dense), np.zeros((len(dense), 2)))
-    for axis, period in enumerate(native.periods):
-        if period is not None:
-            guide[:, axis] = np.unwrap(guide[:, axis], period=period)
+    guide = unwrapped(native.unlift(c(dense), np.zeros((len(dense), 2))), native.periods)
 
     def parameters(t: Array) -> Array:
         near = np.stack([np.interp(t, dense, column) for column in guide.T], -1)
@@ -232,7 +310,9 @@ def pcurve(side: FaceSide, rail: Rail) -> Curve:
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
-    raise GeometryError(f"a rail cannot be followed in the angles of its face to {PCURVE:g}: it runs too near to a pole")
+    raise GeometryError(
+        f"a rail cannot be followed in the angles of its face to {PCURVE:g}: it runs too near to a pole"
+    )
 
 
 def _native_pcurve(native: Primary, c: Curve) -> Curve:

@@ -101,6 +101,15 @@ class Arcs:
         tan, atan = (np.tanh, np.arctanh) if self.hyperbolic else (np.tan, np.arctan)
         return np.asarray(middle + 2 * atan(tan(half / 2) * (spline - middle) / half))
 
+    def rates(self, spline: Floats) -> tuple[Floats, Floats]:
+        """Return the first two derivatives of :meth:`to_conic`."""
+        middle, half = self._arc(spline)
+        slope = (np.tanh if self.hyperbolic else np.tan)(half / 2) / half
+        x = slope * (spline - middle)
+        growth = 1 - x**2 if self.hyperbolic else 1 + x**2
+        sign = 1 if self.hyperbolic else -1
+        return 2 * slope / growth, sign * 4 * slope**2 * x / growth**2
+
     def _arc(self, values: Floats) -> tuple[Floats, Floats]:
         index = np.clip(np.searchsorted(self.breaks, values, side="right") - 1, 0, len(self.breaks) - 2)
         start, stop = self.breaks[index], self.breaks[index + 1]

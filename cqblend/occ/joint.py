@@ -134,7 +134,9 @@ def _parameters_of(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
     raise GeometryError("a vertex is not on the boundary of its face")
 
 
-def find_joint(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], number: int, faces: tuple[int, int], *, swap: bool) -> Joint:
+def find_joint(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], number: int, faces: tuple[int, int], *, swap: bool
+) -> Joint:
     """Return the joint that the first of some edges is part of, with all of it that goes on between the same two faces.
 
     ``number`` and ``faces`` are what messages and certificates call it; ``swap`` makes the second face side 1.

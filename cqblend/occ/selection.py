@@ -43,7 +43,9 @@ def joints(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], first: TopoDS_Face
         def find(current: TopoDS_Shape, number: int = number, pair: list[int] = pair, swap: bool = swap) -> Joint:
             picked = [edge_index[n] for n in waiting]
             if not Index(current, TopAbs_EDGE).of(picked[0]):
-                raise UnsupportedError(f"edge {number} shares a vertex with one blended before it: chains are not built yet")
+                raise UnsupportedError(
+                    f"edge {number} shares a vertex with one blended before it: chains are not built yet"
+                )
             faces = (pair[-1], pair[0]) if swap else (pair[0], pair[-1])
             joint = find_joint(current, picked, number, faces, swap=swap)
             done.extend(joint.spine.edges)

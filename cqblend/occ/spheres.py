@@ -20,7 +20,18 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Wire
 from cqblend.blends.primaries import Array, Frame, Sphere
 from cqblend.blends.rails import Rail
 from cqblend.occ.adapt import FaceSide
-from cqblend.occ.topology import attach, ends, explore, flipped, location_of, make_edge, make_face, make_pole, make_vertex, make_wire
+from cqblend.occ.topology import (
+    attach,
+    ends,
+    explore,
+    flipped,
+    location_of,
+    make_edge,
+    make_face,
+    make_pole,
+    make_vertex,
+    make_wire,
+)
 
 WINDOW = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 

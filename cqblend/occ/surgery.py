@@ -22,8 +22,8 @@ from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
-from cqblend.blends.hermite import Blend
 from cqblend.blends.contact import newton
+from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array, Primary, tangent_coordinates
 from cqblend.blends.rails import Rail
 from cqblend.errors import GeometryError, SizeError, TopologyError
@@ -137,7 +137,9 @@ class Surgery:
 
     # -- rails ---------------------------------------------------------------------------------------------------------
 
-    def rail_edge(self, i: int, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]) -> TopoDS_Edge:
+    def rail_edge(
+        self, i: int, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]
+    ) -> TopoDS_Edge:
         """Make rail i's edge over a span of t: its 3D curve the blend's own row, with pcurves on both faces."""
         side, curve = self.sides[i], self.pcurves[i]
         middle = curve(np.array([sum(span) / 2]))[0]
@@ -168,7 +170,9 @@ class Surgery:
                 weight = coefs[:, 2] if curve.rational else np.ones_like(coefs[:, 0])
                 value = coefs[:, axis] / weight
                 start = side.bounds[axis, 0]
-                for k in range(int(np.floor((value.min() - start) / period)), int(np.ceil((value.max() - start) / period)) + 1):
+                for k in range(
+                    int(np.floor((value.min() - start) / period)), int(np.ceil((value.max() - start) / period)) + 1
+                ):
                     line = start + k * period
                     at_breaks = curve(curve.breaks)[:, axis] - line
                     found.append(curve.breaks[np.abs(at_breaks) < SNAP * period])
@@ -179,7 +183,9 @@ class Surgery:
         t = t[(t > low + SNAP * (high - low)) & (t < high - SNAP * (high - low))]
         return t[np.append(True, np.diff(t) > SNAP * (high - low))] if len(t) else t
 
-    def _trim(self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]) -> list[TopoDS_Edge]:
+    def _trim(
+        self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]
+    ) -> list[TopoDS_Edge]:
         """Replace the old edge by rail i in the boundary of its face, splitting it at seams; return the rail's edges."""
         side = self.sides[i]
         rewrite = self.rewrite(self.originals[i].face)
@@ -309,7 +315,8 @@ class Surgery:
             shared = [
                 edge
                 for edge in Ancestors(self.solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex)
-                if {self.faces.of(face) for face in by_edge(edge)} == {self.faces.of(side.face), self.faces.of(others[0])}
+                if {self.faces.of(face) for face in by_edge(edge)}
+                == {self.faces.of(side.face), self.faces.of(others[0])}
             ]
             if len(shared) != 1:
                 raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
@@ -323,7 +330,9 @@ class Surgery:
         edge = self._end_edge(curve, neighbour, (made[0], made[1]))
         rewrite = self.rewrite(others[0])
         rewrite.added.append(edge if arrives else flipped(edge))
-        return _End(vertex, edge, (made[0], made[1]), (trims[0], trims[1]), (float(ends_at[0, 0]), float(ends_at[1, 0])))
+        return _End(
+            vertex, edge, (made[0], made[1]), (trims[0], trims[1]), (float(ends_at[0, 0]), float(ends_at[1, 0]))
+        )
 
     def _end_curve(self, native: Primary, corner: Array, at: Array, start: float) -> Curve:
         """Return the curve v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]."""
@@ -343,7 +352,9 @@ class Surgery:
             guess = at + tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
             x, good = newton(system, np.column_stack([t, guess]), size, size)
             if not good.all():
-                raise TopologyError("the blend does not meet the face at the end of the edge: the size is too large for it")
+                raise TopologyError(
+                    "the blend does not meet the face at the end of the edge: the size is too large for it"
+                )
             return np.column_stack([x[:, 0], v, x[:, 1:], native.jet(x[:, 1:])[0]])
 
         count = 1
@@ -392,7 +403,9 @@ class Surgery:
                 project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*location_of(new).tolist()), curve, *whole)
                 slack = 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
                 if project.NbPoints() == 0 or project.LowerDistance() > slack:
-                    raise SizeError(f"the blend reaches beyond the end of edge {number} next to it: the size is too large")
+                    raise SizeError(
+                        f"the blend reaches beyond the end of edge {number} next to it: the size is too large"
+                    )
                 which = 0 if vertices[0].IsSame(old) else 1
                 span[which], vertices[which] = project.LowerDistanceParameter(), new
                 loosen(new, 1.05 * project.LowerDistance())
@@ -439,7 +452,12 @@ class Surgery:
 def _cubic(values: Array) -> Curve:
     """Return the cubic on [0, 1] through values at 0, 1/3, 2/3 and 1, the even ones of (7, k)."""
     q = values[::2]
-    coefs = [q[0], (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6, (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6, q[3]]
+    coefs = [
+        q[0],
+        (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6,
+        (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6,
+        q[3],
+    ]
     return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
 
 
@@ -472,7 +490,9 @@ def traced(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]
             vertex, at = ends(uses[loop[-1]])[1], stops[loop[-1]]
             waiting = [k for k in [loop[0], *rest] if ends(uses[k])[0].IsSame(vertex)]
             if not waiting:
-                raise TopologyError("the face's boundary cannot be closed along the rail: the size is too large for the face")
+                raise TopologyError(
+                    "the face's boundary cannot be closed along the rail: the size is too large for the face"
+                )
             nearest = min(waiting, key=lambda k: float(np.abs(starts[k] - at).max()))
             if nearest == loop[0]:
                 break

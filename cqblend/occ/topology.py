@@ -25,7 +25,16 @@ from OCP.TopAbs import (
     TopAbs_WIRE,
 )
 from OCP.TopExp import TopExp, TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
+from OCP.TopoDS import (
+    TopoDS,
+    TopoDS_Edge,
+    TopoDS_Face,
+    TopoDS_Shape,
+    TopoDS_Shell,
+    TopoDS_Solid,
+    TopoDS_Vertex,
+    TopoDS_Wire,
+)
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from cqblend.blends.primaries import Array
@@ -130,7 +139,10 @@ def make_vertex(point: Array, tolerance: float = CONFUSION) -> TopoDS_Vertex:
 
 
 def make_edge(
-    curve: Geom_Curve, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float], tolerance: float = CONFUSION
+    curve: Geom_Curve,
+    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+    span: tuple[float, float],
+    tolerance: float = CONFUSION,
 ) -> TopoDS_Edge:
     """Make a FORWARD edge on a 3D curve; pcurves are added with :func:`attach`."""
     edge = TopoDS_Edge()
@@ -160,9 +172,7 @@ def attach(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve) -> None
     BUILDER.UpdateEdge(edge, *pcurves, face, BRep_Tool.Tolerance_s(edge))
 
 
-def trimmed(
-    edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]
-) -> TopoDS_Edge:
+def trimmed(edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]) -> TopoDS_Edge:
     """Return a FORWARD copy of an edge over another range, with all its curves."""
     copy = TopoDS.Edge_s(forward(edge).EmptyCopied())
     BUILDER.Add(copy, vertices[0].Oriented(TopAbs_FORWARD))
@@ -194,7 +204,9 @@ def make_face(surface: Geom_Surface) -> TopoDS_Face:
     return face
 
 
-def with_faces(solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: Index, added: Iterable[TopoDS_Face]) -> TopoDS_Solid:
+def with_faces(
+    solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: Index, added: Iterable[TopoDS_Face]
+) -> TopoDS_Solid:
     """Return a solid with faces replaced, by number; new faces go into the shell of the first one replaced."""
     out = TopoDS_Solid()
     BUILDER.MakeSolid(out)
