@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cqblend import __version__
-from cqblend.errors import CqblendError, InputError, StepError
+from cqblend.errors import CqblendError, InputError, InstallationError, StepError
 
 OK, FAILED, USAGE = 0, 1, 2
 
@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     continuity.add_argument("input", type=Path, metavar="FILE.step")
     _add_near(continuity, repeatable=False)
 
-    demo = _command(commands, "demo", _demo, "blend an edge, write the result as STEP and print the certificate")
+    demo = _command(commands, "demo", _demo, "blend the Utah teapot: certificate, teapot.step and teapot.png")
     demo.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: the working directory")
     return parser
 
@@ -160,12 +160,32 @@ def _continuity(options: argparse.Namespace) -> None:
 
 
 def _demo(options: argparse.Namespace) -> None:
-    from cqblend.demo import run
+    from cqblend import demo
+    from cqblend.occ.step import write_step
 
-    with _step("blending"):
-        result, path = run(options.output)
+    step, picture = options.output / "teapot.step", options.output / "teapot.png"
+    with _step("blending the spout of the Utah teapot onto its body"):
+        pot = demo.sharp()
+        result = demo.blended(pot)
     print(result.certificate)
-    print(f"written to {path}")
+    _make_folder(options.output)
+    with _step(f"writing {step}"):
+        write_step(result.shape.wrapped, step)
+    print(f"written to {step}", flush=True)
+    try:
+        with _step("drawing"):
+            demo.draw(pot, result, picture)
+    except (InstallationError, OSError) as error:
+        print(f"no picture: {error}")
+    else:
+        print(f"drawn in {picture}")
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"the folder {folder} cannot be made: {error.strerror}") from error
 
 
 @contextmanager

@@ -8,53 +8,45 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cqblend import teapot
+from cqblend import picture, teapot
 from cqblend.front import BlendResult, blend_edges
-from cqblend.occ.step import write_step
+from cqblend.picture import Part, View
 
 if TYPE_CHECKING:
     import cadquery
 
-WIDTH = 0.15  # the teapot is 3 high
+WIDTH = 0.15  # the teapot is 2.4 high
+SIZE = (900, 560)  # pixels
+PORCELAIN, COPPER = (0.93, 0.89, 0.82), (0.80, 0.42, 0.18)
 
 
-def run(folder: Path, *, width: float = WIDTH) -> tuple[BlendResult, Path, Path]:
-    """Blend the teapot's spout, write ``teapot.step`` and ``teapot.png``; return the result and both paths.
+def sharp() -> cadquery.Shape:
+    """Return the teapot with a sharp edge around the spout."""
+    return teapot.body().fuse(teapot.spout())
+
+
+def blended(pot: cadquery.Shape, *, form: str = "exact") -> BlendResult:
+    """Blend the edge along which spout and body meet."""
+    between = [edge for edge in pot.Edges() if len(edge.ancestors(pot, "Face").Faces()) == 2]
+    joint = min(between, key=lambda edge: abs(edge.Center().x - 1.93) + abs(edge.Center().z - 1.05))
+    return blend_edges(pot, joint, width=WIDTH, form=form)
+
+
+def draw(pot: cadquery.Shape, result: BlendResult, path: Path) -> None:
+    """Draw the blended teapot, and the joint enlarged: before, after, and as a zebra.
 
     Raises
     ------
-    StepError
+    InstallationError
+        This machine cannot draw without a display.
+    OSError
         The file cannot be written.
     """
-    pot = teapot.body().fuse(teapot.spout())
-    result = blend_edges(pot, joint(pot), width=width, form="exact")
-    step, picture = folder / "teapot.step", folder / "teapot.png"
-    folder.mkdir(parents=True, exist_ok=True)
-    write_step(result.shape.wrapped, step)
-    draw(result, picture)
-    return result, step, picture
-
-
-def joint(pot: cadquery.Shape) -> cadquery.Edge:
-    """Return the edge along which spout and body meet."""
-    sharp = [edge for edge in pot.Edges() if len(edge.ancestors(pot, "Face").Faces()) == 2]
-    return min(sharp, key=lambda edge: abs(edge.Center().x - 1.93) + abs(edge.Center().z - 1.05))
-
-
-def draw(result: BlendResult, path: Path) -> None:
-    """Draw the blended teapot, the blend in another colour, without a display."""
-    from cadquery.vis import show, style
-
-    blends = [face.hashCode() for face in result.faces]
-    others = [face for face in result.shape.Faces() if face.hashCode() not in blends]
-    show(
-        *(style(face, tol=2e-3, angTol=0.05, color="antique_white", markersize=0, linewidth=1) for face in others),
-        *(style(face, tol=2e-3, angTol=0.05, color="chocolate", markersize=0, linewidth=1) for face in result.faces),
-        width=900,
-        height=640,
-        screenshot=str(path),
-        interact=False,
-        zoom=1.1,
-        roll=-20,
-        elevation=-62,
-    )
+    blends = {face.hashCode() for face in result.faces}
+    body = [face for face in result.shape.Faces() if face.hashCode() not in blends]
+    whole, coloured = Part(body, PORCELAIN), Part(result.faces, COPPER)
+    enlarged = [[Part(pot.Faces(), PORCELAIN)], [whole, coloured], [Part(result.shape.Faces(), None)]]
+    views = [View([whole, coloured], (0.35, -1.0, 0.45), (0.62, 0.0, 1.2), 3.9, (0.0, 0.36, 1.0, 1.0))]
+    for i, parts in enumerate(enlarged):
+        views.append(View(parts, (0.55, -1.0, 0.35), (1.95, 0.0, 1.1), 1.45, (i / 3, 0.0, (i + 1) / 3, 0.36)))
+    picture.draw(views, path, size=SIZE)

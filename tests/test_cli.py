@@ -102,11 +102,36 @@ def test_continuity(capsys, box):
 
 
 def test_demo(capsys, tmp_path):
-    code, out, _ = run(capsys, "demo", "--output", tmp_path / "new")
+    folder = tmp_path / "new"
+    code, out, _ = run(capsys, "demo", "--output", folder)
     assert code == 0
     assert "valid blend, exact" in out
-    written = Path(out.splitlines()[-1].removeprefix("written to "))
-    assert cq.importers.importStep(str(written)).val().isValid()
+    assert out.splitlines()[-2:] == [f"written to {folder / 'teapot.step'}", f"drawn in {folder / 'teapot.png'}"]
+    assert cq.importers.importStep(str(folder / "teapot.step")).val().isValid()
+    picture = (folder / "teapot.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert 50_000 < len(picture) < 200_000  # an empty one has 3,000
+
+
+def test_demo_without_a_picture(capsys, tmp_path, monkeypatch):
+    """Without OpenGL, VTK falls back on a kind of window that crashes; everything else must come all the same."""
+    from vtkmodules import vtkRenderingCore, vtkRenderingOpenGL2
+
+    monkeypatch.setattr(vtkRenderingCore, "vtkRenderWindow", vtkRenderingOpenGL2.vtkOSOpenGLRenderWindow)
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: None)
+    code, out, err = run(capsys, "demo", "--output", tmp_path)
+    assert code == 0
+    assert "valid blend, exact" in out
+    assert "error" not in err
+    assert out.splitlines()[-1].startswith("no picture: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["teapot.step"]
+
+
+def test_demo_in_a_folder_that_cannot_be_made(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    code, _, err = run(capsys, "demo", "--output", tmp_path / "file" / "folder")
+    assert code == 2
+    assert "file" in err.splitlines()[-1]
 
 
 # failures

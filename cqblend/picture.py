@@ -1,0 +1,169 @@
+"""Pictures of shapes, rendered by VTK without a window: what the demo and the documentation show.
+
+Exists because ``cadquery.vis`` draws one view at a time, and has no zebra: stripes reflected in a surface, which break
+where normals do and bend sharply where curvature does. Normals are OCCT's own at every vertex of the mesh. Knows shapes
+only through CadQuery; nothing else in cqblend needs this module.
+"""
+
+from __future__ import annotations
+
+import ctypes.util
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cqblend.errors import InstallationError
+
+if TYPE_CHECKING:
+    import cadquery
+
+Colour = tuple[float, float, float]
+Triple = tuple[float, float, float]
+
+WHITE: Colour = (1.0, 1.0, 1.0)
+INK: Colour = (0.15, 0.15, 0.2)
+DEVIATION, ANGLE = 3e-4, 0.08  # of the mesh: relative to the face, and rad between neighbouring normals
+STRIPES = 9
+
+
+@dataclass(frozen=True)
+class Part:
+    """Faces to be drawn in one colour; ``None`` for a zebra."""
+
+    faces: Iterable[cadquery.Face]
+    colour: Colour | None
+
+    @cached_property
+    def meshes(self) -> list[Any]:
+        """The faces as VTK's triangles, with exact normals."""
+        return [_triangles(face) for face in self.faces]
+
+
+@dataclass(frozen=True)
+class View:
+    """Parts as seen from a direction, in parallel projection.
+
+    ``focus`` is what the middle of the view shows, ``height`` how much of the model it shows (mm), ``window`` which
+    part of the picture it fills, (x0, y0, x1, y1) between 0 and 1 from the lower left.
+    """
+
+    parts: Sequence[Part]
+    eye: Triple
+    focus: Triple
+    height: float
+    window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
+
+
+def draw(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
+    """Render views into one PNG file of the given size in pixels.
+
+    Raises
+    ------
+    InstallationError
+        This machine has no OpenGL that draws without a display.
+    OSError
+        The file cannot be written.
+    """
+    from vtkmodules.vtkCommonCore import vtkLogger
+    from vtkmodules.vtkIOImage import vtkPNGWriter
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow, vtkWindowToImageFilter
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # it warns of every kind of display that it looks for in vain
+    window = vtkRenderWindow()
+    if window.IsA("vtkOSOpenGLRenderWindow") and not ctypes.util.find_library(
+        "OSMesa"
+    ):  # VTK's last resort, and it crashes
+        raise InstallationError("there is no OpenGL to draw with; on Debian and Ubuntu: apt-get install libegl1")
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(8)
+    window.SetSize(*size)
+    for view in views:
+        window.AddRenderer(_renderer(view))
+    window.Render()
+    image = vtkWindowToImageFilter()
+    image.SetInput(window)
+    image.SetInputBufferTypeToRGB()
+    image.ReadFrontBufferOff()
+    writer = vtkPNGWriter()
+    writer.SetCompressionLevel(9)
+    writer.SetInputConnection(image.GetOutputPort())
+    writer.WriteToMemoryOn()
+    writer.Write()
+    path.write_bytes(memoryview(writer.GetResult()))
+
+
+def _renderer(view: View) -> Any:
+    from vtkmodules.vtkRenderingCore import vtkRenderer
+
+    renderer = vtkRenderer()
+    renderer.SetViewport(*view.window)
+    renderer.SetBackground(*WHITE)
+    for part in view.parts:
+        for triangles in part.meshes:
+            renderer.AddActor(_surface(triangles, part.colour, np.array(view.eye)))
+    camera = renderer.GetActiveCamera()
+    camera.ParallelProjectionOn()
+    camera.SetParallelScale(view.height / 2)
+    camera.SetFocalPoint(*view.focus)
+    camera.SetPosition(*(np.array(view.focus) + 10 * view.height * np.array(view.eye)).tolist())
+    camera.SetViewUp(0, 0, 1)
+    renderer.ResetCameraClippingRange()
+    return renderer
+
+
+def _triangles(face: cadquery.Face) -> Any:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    mesh = face.toVtkPolyData(DEVIATION, ANGLE)
+    triangles = vtkPolyData()
+    triangles.SetPoints(mesh.GetPoints())
+    triangles.SetPolys(mesh.GetPolys())
+    triangles.GetPointData().SetNormals(mesh.GetPointData().GetNormals())
+    return triangles
+
+
+def _surface(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) -> Any:
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(triangles)
+    mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.SetInterpolationToPhong()
+    if colour is None:
+        _stripe(triangles, mapper, eye)
+        look.SetAmbient(0.35)
+        look.SetDiffuse(0.65)
+    else:
+        look.SetColor(*colour)
+        look.SetAmbient(0.15)
+        look.SetDiffuse(0.85)
+        look.SetSpecular(0.2)
+        look.SetSpecularPower(40)
+    return actor
+
+
+def _stripe(triangles: Any, mapper: Any, eye: NDArray[np.float64]) -> None:
+    """Colour a mesh in bands by the height of r = 2 (n.e) n - e, the direction in which it reflects the eye's rays."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkLookupTable
+
+    e = eye / np.linalg.norm(eye)
+    n = vtk_to_numpy(triangles.GetPointData().GetNormals()).astype(float)
+    height = 2 * (n @ e) * n[:, 2] - e[2]
+    triangles.GetPointData().SetScalars(numpy_to_vtk(height, deep=True))
+    table = vtkLookupTable()
+    table.SetNumberOfTableValues(2 * STRIPES)
+    table.SetRange(-1, 1)
+    for i in range(2 * STRIPES):
+        table.SetTableValue(i, *(WHITE if i % 2 else INK), 1)
+    mapper.SetLookupTable(table)
+    mapper.SetScalarRange(-1, 1)
+    mapper.InterpolateScalarsBeforeMappingOn()
