@@ -1,7 +1,8 @@
 """Random bodies with an edge to blend: eleven families, seeded, drawn once and for all.
 
-The draws were fixed before the code they try. Sizes, tilts and offsets vary so that poles, seams and oblique ends all come up;
-the radius is 0.1 to 0.4 of the smallest local size. Tests run the first draws of each family, the benchmark many more.
+The draws were fixed before the code they try. Sizes, tilts and offsets vary so that poles, seams and oblique ends all
+come up; the radius is 0.1 to 0.4 of the smallest local size. Tests run the first draws of each family, the benchmark
+many more.
 """
 
 from __future__ import annotations
@@ -118,7 +119,8 @@ def _freeform_block(rng: Rng, size: float, height: float) -> cq.Solid:
     points = [[cq.Vector(float(x), float(y), float(z[i, j])) for j, y in enumerate(at)] for i, x in enumerate(at)]
     top = cq.Face.makeSplineApprox(points, tol=1e-4, minDeg=3, maxDeg=3)
     floor = -(3 * height + 8)
-    prism = cq.Solid.extrudeLinear(cq.Face.makePlane(size * 0.8, size * 0.8), cq.Vector(0, 0, 60)).translate(cq.Vector(0, 0, floor))
+    prism = cq.Solid.extrudeLinear(cq.Face.makePlane(size * 0.8, size * 0.8), cq.Vector(0, 0, 60))
+    prism = prism.translate(cq.Vector(0, 0, floor))
     return max(prism.split(top).Solids(), key=lambda s: -s.Center().z)
 
 
@@ -179,7 +181,8 @@ def box_with_round_end(rng: Rng) -> Case:
     """An edge of a box that ends on a cylindrical face."""
     a, b, h = (float(x) for x in rng.uniform(14, 25, 3))
     radius = float(rng.uniform(0.8, 2.0)) * b
-    cutter = cq.Solid.makeCylinder(radius, 3 * h, cq.Vector(a + 0.8 * radius, b * float(rng.uniform(0.3, 0.7)), -h), cq.Vector(0, 0, 1))
+    place = cq.Vector(a + 0.8 * radius, b * float(rng.uniform(0.3, 0.7)), -h)
+    cutter = cq.Solid.makeCylinder(radius, 3 * h, place, cq.Vector(0, 0, 1))
     body = _solid(cq.Solid.makeBox(a, b, h).cut(cutter))
     along = [e for e in body.Edges() if abs(e.tangentAt(0.5).x) > 0.99]
     edge = along[int(rng.integers(len(along)))]

@@ -1,6 +1,7 @@
 """Blend edges of a solid: where rails, sections, topology surgery and verification come together.
 
-Works on ``TopoDS`` shapes, which it only hands on; the front doors translate. A result that does not verify is never returned.
+Works on ``TopoDS`` shapes, which it only hands on; the front doors translate. A result that does not verify is never
+returned.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, GeometryError, SizeError, VerificationError
 from cqblend.occ.certify import certify
 from cqblend.occ.joint import Joint
-from cqblend.occ.selection import joints
+from cqblend.occ.selection import Picks
 from cqblend.occ.surgery import Proposal, RailsTooShort, Surgery
 from cqblend.occ.topology import replaced_solid
 from cqblend.occ.verification import check_solid
@@ -48,8 +49,9 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     faces, certificates = [], []
-    for find in joints(shape, edges, request.first):
-        joint = find(shape)
+    picks = Picks(shape, edges, request.first)
+    while picks:
+        joint = picks.take(shape)
         try:
             proposal, blend = _blended(joint, request)
         except SizeError as error:

@@ -1,7 +1,7 @@
-"""The Utah teapot (Newell, 1975) as solids: what ``cqblend demo`` blends, and the paper it follows (Kim & Elber, figure 9).
+"""The Utah teapot (Newell, 1975) as solids: what ``cqblend demo`` blends, after figure 9 of Kim & Elber.
 
-Body, bottom and a planar cap on the rim make one solid, spout and lip with planar caps another; both are closed B-spline faces
-of class C1, degree 3 x 3, not approximations. Handle and lid are left out.
+Body, bottom and a planar cap on the rim make one solid, spout and lip with planar caps another; both are closed
+B-spline faces of class C1, degree 3 x 3, not approximations. Handle and lid are left out.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ def surface(rings: tuple[tuple[int, ...], ...]) -> Surface:
     patch = poles()
     coefs = np.stack([np.stack([patch[k] for k in ring]) for ring in rings])  # (nv, nu, 4, 4, 3)
     breaks = (np.arange(len(rings[0]) + 1.0), np.arange(len(rings) + 1.0))
-    return Surface(breaks, coefs.transpose(2, 3, 4, 1, 0), continuity=(np.ones(len(rings[0]) - 1, int), np.ones(len(rings) - 1, int)))
+    return Surface(
+        breaks,
+        coefs.transpose(2, 3, 4, 1, 0),
+        continuity=(np.ones(len(rings[0]) - 1, int), np.ones(len(rings) - 1, int)),
+    )
 
 
 def _solid(*surfaces: Surface) -> cadquery.Solid:

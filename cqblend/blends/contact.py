@@ -1,8 +1,9 @@
 """From an edge to the contact points of a blend: where a rolling ball, or a given width, touches the two faces.
 
-All stations along the edge are solved at once by a damped Newton iteration on the surfaces' own derivatives. The unknowns are
-the native parameters (u1, v1, u2, v2) of the two contacts; the station's plane, through the edge point and normal to the edge,
-fixes the parameter that the two rails share. Pure NumPy: the edge arrives as a function, the surfaces as primaries.
+All stations along the edge are solved at once by a damped Newton iteration on the surfaces' own derivatives. The
+unknowns are the native parameters (u1, v1, u2, v2) of the two contacts; the station's plane, through the edge point and
+normal to the edge, fixes the parameter that the two rails share. Pure NumPy: the edge arrives as a function, the
+surfaces as primaries.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Stations:
-    """Cross-sections of the joint at parameters ``t`` (n,): edge points, edge directions, and both faces' parameters there."""
+    """Cross-sections of the joint at parameters ``t`` (n,): edge points and directions, both faces' parameters."""
 
     t: Array
     point: Array
@@ -49,7 +50,7 @@ Spine = Callable[[Array], Stations]
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contact parameters (n, 2) on both sides, the edge points between them, and the cross derivatives' default length."""
+    """Contact parameters (n, 2) on both sides, edge points between them, the cross derivatives' default length."""
 
     t: Array
     point: Array
@@ -78,8 +79,8 @@ def newton(
 ) -> tuple[Array, Array]:
     """Solve F(x) = 0 for all stations at once.
 
-    ``system`` returns F (n, m), its Jacobian (n, m, m) and the length (n, m) of a unit step of each unknown in space. Steps
-    are held to ``stride`` in space. Returns x and a mask of the stations that converged to rounding.
+    ``system`` returns F (n, m), its Jacobian (n, m, m) and the length (n, m) of a unit step of each unknown in space.
+    Steps are held to ``stride`` in space. Returns x and a mask of the stations that converged to rounding.
     """
     x = start.copy()
     best = np.full(len(x), np.inf)
@@ -137,11 +138,9 @@ def intersect(sides: tuple[Side, Side], stations: Stations, scale: float) -> Sta
 
 
 def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, Array]:
-    """Return, per station, the two unit directions from the edge into the faces, (n, 3), and +1 where convex, -1 concave.
+    """Return the unit directions from the edge into both faces, (n, 3), and +1 where the edge is convex, else -1.
 
-    The orientation is that of the faces of a solid: a face lies to the left of its boundary, seen from outside. The edge
-    direction of ``stations`` is taken as it runs in face 1's boundary or against it, decided by the caller through the sign
-    of tau; see :func:`cqblend.edges`.
+    The stations run as the boundary of face 1 does: seen from outside, face 1 lies to their left.
     """
     n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
     into1 = np.cross(n1, stations.direction)
@@ -153,9 +152,9 @@ def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, 
 def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) -> Contacts:
     """Return where a ball of the given radius, its centre in each station's plane, touches both surfaces.
 
-    Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the unit normals towards the ball: into the material at a convex
-    edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening of the arc,
-    which makes a cubic Hermite section the best-known approximation of the arc.
+    Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the unit normals towards the ball: into the material at a
+    convex edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening
+    of the arc, which makes a cubic Hermite section the best-known approximation of the arc.
     """
     into1, into2, convex = inward(sides, stations)
     if np.any(convex != convex[0]):

@@ -4,9 +4,9 @@ In homogeneous 4-space, with v running from rail 1 to rail 2 (Kim & Elber, secti
 
     H(t, v) = C1 (2v^3 - 3v^2 + 1) + C2 (3v^2 - 2v^3) + T1 (v^3 - 2v^2 + v) - T2 (v^3 - v^2),
 
-whose four rows of poles across are C1, C1 + T1/3, C2 + T2/3, C2: both fields point into the blend. The *exact* form takes
-C = P(c) and T = DP(c) d as they are, of any degree. The *compact* form replaces them by quintics within a tolerance in
-position and angle.
+whose four rows of poles across are C1, C1 + T1/3, C2 + T2/3, C2: both fields point into the blend. The *exact* form
+takes C = P(c) and T = DP(c) d as they are, of any degree. The *compact* form replaces them by quintics within a
+tolerance in position and angle.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _euclidean(rail: Array, field: Array) -> tuple[Array, Array]:
     return np.stack([c0, c1, c2]), np.stack([f0, f1, f2])
 
 
-def _jets(rail: Curve, field: Curve, t: Array, side: str) -> tuple[Array, Array]:
+def _jets(rail: Curve, field: Curve, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array]:
     return _euclidean(
         np.stack([rail(t, k, side=side) for k in range(3)]), np.stack([field(t, k, side=side) for k in range(3)])
     )

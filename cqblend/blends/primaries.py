@@ -1,11 +1,11 @@
 """Primary surfaces as a blend sees them: numerically in their own parameters, symbolically through lifted ones.
 
-A blend needs two things of the surface it leaves from. Numbers, for the solvers: position and derivatives at many points, in
-the *native* parameters (u, v) of the CAD surface (angles on a cylinder). And symbols, for the result: the exact spline S(c(t))
-of a rail and the exact tangent field along it.
+A blend needs two things of the surface it leaves from. Numbers, for the solvers: position and derivatives at many
+points, in the *native* parameters (u, v) of the CAD surface (angles on a cylinder). And symbols, for the result: the
+exact spline S(c(t)) of a rail and the exact tangent field along it.
 
-The symbols use *lifted* parameters, homogeneous coordinates c in which the surface is a polynomial map P into homogeneous
-4-space and has neither seams nor knot lines that its geometry does not have:
+The symbols use *lifted* parameters, homogeneous coordinates c in which the surface is a polynomial map P into
+homogeneous 4-space and has neither seams nor knot lines that its geometry does not have:
 
 ===============  =====================================  ========================
 surface          lifted coordinates c                   degree of P(c), c cubic
@@ -18,10 +18,10 @@ revolution       half-angle pair, (gamma, delta)        6 + 3 q
 spline (p, q)    barycentric pairs of u and of v        3 (p + q)
 ===============  =====================================  ========================
 
-*Every* curve c(t) of lifted coordinates lies on the surface, and with *every* lifted direction d(t) the field DP(c) d is
-tangent to it: approximation errors in c and d move a rail or turn a direction, never take the blend off the tangent plane. A
-component of d along c itself is the scalar gauge of a rational Hermite blend; :meth:`Primary.push` chooses it so that the
-weight starts flat.
+*Every* curve c(t) of lifted coordinates lies on the surface, and with *every* lifted direction d(t) the field DP(c) d
+is tangent to it: approximation errors in c and d move a rail or turn a direction, never take the blend off the tangent
+plane. A component of d along c itself is the scalar gauge of a rational Hermite blend; :meth:`Primary.push` chooses it
+so that the weight starts flat.
 
 Nothing here knows OCCT; :mod:`cqblend.occ.adapt` reads a face into a primary.
 """
@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 # Order of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv.
 JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -78,7 +78,7 @@ class Primary(ABC):
     def tangent(self, c: Curve, d: Curve) -> Curve:
         """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
 
-    def lines(self, axis: int) -> Array:  # noqa: ARG002 - most surfaces are smooth everywhere
+    def lines(self, axis: int) -> Array:
         """Return the inner knot lines of a native parameter."""
         return np.empty(0)
 
@@ -101,7 +101,7 @@ def unit(vectors: Array) -> Array:
 
 
 def tangent_coordinates(jet: Array, vector: Array) -> Array:
-    """Return (r, s), (n, 2), with r Su + s Sv the projection of vectors (n, 3) on the tangent planes of a native jet."""
+    """Return (r, s), (n, 2), with r Su + s Sv the projection of vectors (n, 3) on a native jet's tangent planes."""
     su, sv = jet[1], jet[2]
     e, f, g = (su * su).sum(1), (su * sv).sum(1), (sv * sv).sum(1)
     p, q = (su * vector).sum(1), (sv * vector).sum(1)
@@ -340,9 +340,10 @@ class Cone(Quadric):
 class Sphere(Quadric):
     """S(u, v) = O + R n, n = cos v (cos u X + sin u Y) + sin v Z. Lifted: a quaternion that turns ``pole`` into n.
 
-    ``pole`` is a global unit vector. The quaternion is that of the shortest turn, whose one singular point is -pole: take the
-    pole from the middle of the rail. With ``spinning``, for rails around the frame's Z axis, which must be the pole, it is
-    followed by half a turn by -u about the pole: on circles of latitude it is then linear in the half-angle pair.
+    ``pole`` is a global unit vector. The quaternion is that of the shortest turn, whose one singular point is -pole:
+    take the pole from the middle of the rail. With ``spinning``, for rails around the frame's Z axis, which must be the
+    pole, it is followed by half a turn by -u about the pole: on circles of latitude it is then linear in the half-angle
+    pair.
     """
 
     radius: float = 1.0
@@ -409,9 +410,9 @@ class Sphere(Quadric):
 class Tensor(Primary):
     """A tensor-product spline. Lifted: barycentric pairs (alpha, beta, gamma, delta), u = beta/(alpha + beta).
 
-    A direction that is ``angular`` is one Bernstein span in the half-angle pair (a, b) itself and its native parameter is the
-    angle; ``patches`` are homogeneous, (p+1, q+1, 4, nu, nv). ``surface`` serves the numbers of a plain spline; where a
-    direction is angular a subclass computes them.
+    A direction that is ``angular`` is one Bernstein span in the half-angle pair (a, b) itself and its native parameter
+    is the angle; ``patches`` are homogeneous, (p+1, q+1, 4, nu, nv). ``surface`` serves the numbers of a plain spline;
+    where a direction is angular a subclass computes them.
     """
 
     breaks: tuple[Array, Array]
@@ -463,8 +464,12 @@ class Tensor(Primary):
 
     def jet(self, uv: Array) -> Array:
         assert self.surface is not None
-        jet = self.surface.jet(*self.wrap(uv).T, 2)
+        jet = self._spline_jet(self.surface, uv, 2)
         return np.stack([jet[i, j] for i, j in JET])
+
+    def _spline_jet(self, spline: Surface, uv: Array, order: int) -> Array:
+        u, v = self.wrap(uv).T
+        return spline.jet(u, v, order)
 
     def _pair(self, value: Array, axis: int) -> Array:
         return half_angle(value) if self.angular[axis] else np.stack([1 - value, value], -1)
@@ -474,7 +479,7 @@ class Tensor(Primary):
         if not self.rational or self.surface is None or self.kinked:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
         weight = Surface(self.breaks, self.patches[:, :, 3:])
-        jet = weight.jet(*self.wrap(uv).T, 1)[..., 0]
+        jet = self._spline_jet(weight, uv, 1)[..., 0]
         return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
 
     def lift(self, uv: Array) -> Array:
@@ -524,7 +529,7 @@ class Tensor(Primary):
 
     @property
     def kinked(self) -> bool:
-        """Whether the weight is less than C2 somewhere: then the homogeneous spline has kinks that the surface has not."""
+        """Whether the weight is less than C2 somewhere: the homogeneous spline has kinks that the surface has not."""
         return self.rational and self.knots is not None and any((np.asarray(order) < 2).any() for order in self.knots)
 
     def _position(self, c: Curve) -> Curve:
@@ -563,8 +568,9 @@ class Tensor(Primary):
     def _follow(self, c: Curve, loss: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None]]:
         """Cut the rail at knot lines.
 
-        Returns the rail, with the continuity that a composition with the surface's derivatives of order ``loss`` has; the
-        patch under each piece, (p+1, q+1, 4, n); and per direction the interval that each piece lies in, None if angular.
+        Returns the rail, with the continuity that a composition with the surface's derivatives of order ``loss`` has;
+        the patch under each piece, (p+1, q+1, 4, n); and per direction the interval that each piece lies in, None if
+        angular.
         """
         axes = [axis for axis in (0, 1) if not self.angular[axis]]
         if not axes:
@@ -616,7 +622,9 @@ def _gauge(position: Curve, field: Curve) -> Curve:
 
 def _scaled(curve: Curve, factor: Curve) -> Curve:
     """Multiply a homogeneous curve by a scalar one on the same breaks; nothing more than continuity is claimed."""
-    return Curve(curve.breaks, bernstein.product(curve.coefs, factor.coefs), continuity=np.zeros(len(curve.breaks) - 2, int))
+    return Curve(
+        curve.breaks, bernstein.product(curve.coefs, factor.coefs), continuity=np.zeros(len(curve.breaks) - 2, int)
+    )
 
 
 def _joint_order(surface: Surface, axis: int) -> int:
@@ -626,8 +634,10 @@ def _joint_order(surface: Surface, axis: int) -> int:
     size = float(np.abs(surface.coefs).max())
 
     def row(at: float, k: int, side: Literal["left", "right"]) -> Array:
-        uv = (np.full(17, at), other) if axis == 0 else (other, np.full(17, at))
-        return surface(*uv, *((k, 0) if axis == 0 else (0, k)), side=side)
+        here = np.full(17, at)
+        if axis == 0:
+            return surface(here, other, k, 0, side=side)
+        return surface(other, here, 0, k, side=side)
 
     for k in (1, 2):
         if np.abs(row(low, k, "right") - row(high, k, "left")).max() * (high - low) ** k > 1e-11 * size:
@@ -695,7 +705,7 @@ class Revolution(Tensor):
 
 @dataclass(frozen=True)
 class Ring(Tensor):
-    """S(u, v) = the ellipse M + A cos v + B sin v, given in the frame, turned by u about the frame's Z axis; a torus is one."""
+    """S(u, v) = the ellipse M + A cos v + B sin v, given in the frame, turned by u about its Z axis: tori and more."""
 
     frame: Frame = field(default_factory=lambda: Frame(np.zeros(3), np.eye(3)))
     ellipse: Array = field(default_factory=lambda: np.array([[2.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0]]))

@@ -1,11 +1,11 @@
-"""Rails: the curves in the parameter planes of the two primaries that a blend runs between, and its directions along them.
+"""Rails: the curves in the two parameter planes that a blend runs between, and its directions along them.
 
 Rail and direction are fitted in lifted parameters (see :mod:`cqblend.blends.primaries`), the only place where a blend
 approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
-Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a common
-axis (degree 2, at most a quarter turn each), else C2 cubic splines through the contacts, on as many stations as the tolerances
-need.
+Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
+common axis (degree 2, at most a quarter turn each), else C2 cubic splines through the contacts, on as many stations as
+the tolerances need.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
 
 
 def perpendicular(rate: Array, jet: Array, towards: Array) -> Array:
-    """Return the unit tangent vectors +-(C' x n) (n, 3), perpendicular to the rail (Kim & Elber's T2), on one side of it.
+    """Return the unit vectors +-(C' x n) (n, 3), perpendicular to the rail (Kim & Elber's T2), on one side of it.
 
     The side is that of the vectors ``towards`` on the whole.
     """
@@ -129,8 +129,8 @@ def _build(
 ) -> tuple[Rail, Errors]:
     """Fit one rail and its directions to the contacts at the rail's parameters t; also return its errors there.
 
-    ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of them. The
-    samples may reach past the domain that the rail is wanted on; errors are measured on it alone.
+    ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
+    them. The samples may reach past the domain that the rail is wanted on; errors are measured on it alone.
     """
     uv = solved.uv[side]
     jet = primary.jet(uv)
@@ -187,8 +187,9 @@ def circular(
 ) -> tuple[Rail, Rail] | None:
     """Return the rails as rational arcs of degree 2, or None if the joint is not one of revolution.
 
-    The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the half-angle
-    pair about the axis is linear in the rail's parameter, so that everything carried round the axis is quadratic.
+    The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the
+    half-angle pair about the axis is linear in the rail's parameter, so that everything carried round the axis is
+    quadratic.
     """
     total = turn * (domain[1] - domain[0])
     count = max(1, int(np.ceil(total / (np.pi / 2) - 1e-9)))
@@ -213,9 +214,9 @@ def cubic(
 ) -> tuple[Rail, Rail]:
     """Return C2 cubic rails on the fewest stations that meet what is wanted, by halving the spans that do not.
 
-    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256 of the
-    rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length stands in
-    the certificate; the tangent planes are exact all the same.
+    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256
+    of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
+    stands in the certificate; the tangent planes are exact all the same.
 
     Raises
     ------
@@ -241,8 +242,8 @@ def cubic(
     missed = max(float(errors.position.max()) for _, errors in built)
     if missed > 10 * wanted.position:
         raise GeometryError(
-            f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are not smooth "
-            "enough for this size; try a smaller one"
+            f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
+            "not smooth enough for this size; try a smaller one"
         )
     return built[0][0], built[1][0]
 
@@ -278,10 +279,10 @@ def _through(
 def _gathered(rails: tuple[Rail, Rail], breaks: Array) -> tuple[Array, Moves]:
     """Find knot-line crossings that nearly coincide with each other or with a break, and bring them together.
 
-    The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a sliver
-    between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross theirs in the
-    plane of symmetry, apart by the tolerance of the edge. Returns the breaks, with one more for a pair of crossings, and how
-    far to move which rail's contact there, along the rail, so that it lies on its knot line.
+    The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a
+    sliver between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross
+    theirs in the plane of symmetry, apart by the tolerance of the edge. Returns the breaks, with one more for a pair of
+    crossings, and how far to move which rail's contact there, along the rail, so that it lies on its knot line.
     """
     slack = SLIVER * (breaks[-1] - breaks[0])
     crossings = []

@@ -1,7 +1,7 @@
 """A face of a solid as a primary surface, and rails as pcurves on that face.
 
-Analytic faces stay analytic: the primary is their closed form, and a rail's pcurve in their angles is fitted to 1e-11 rad.
-Everything else is read as a B-spline in the face's own parameters, where the rail is its own pcurve.
+Analytic faces stay analytic: the primary is their closed form, and a rail's pcurve in their angles is fitted to 1e-11
+rad. Everything else is read as a B-spline in the face's own parameters, where the rail is its own pcurve.
 """
 
 from __future__ import annotations
@@ -67,8 +67,9 @@ PCURVE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as
 class FaceSide(Side):
     """A face next to the blended edge: its primary, and how to get back to its own parameters.
 
-    ``native`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It differs from ``primary`` on spheres, where solving takes
-    another axis so that poles stay out of the way, and shares its lifted parameters.
+    ``native`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It differs
+    from ``primary`` on spheres, where solving takes another axis so that poles stay out of the way, and shares its
+    lifted parameters.
     """
 
     face: TopoDS_Face
@@ -209,8 +210,8 @@ def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
 def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     """Give a sphere the axis on which the edge runs clear of the poles.
 
-    That is the edge's own axis, and the pole of the lift, if the edge runs ``around`` (closed, or an arc of a circle), else
-    one across it.
+    That is the edge's own axis, and the pole of the lift, if the edge runs ``around`` (closed, or an arc of a circle),
+    else one across it.
     """
     axis = sphere.pole
     if around:
@@ -241,7 +242,10 @@ def _ellipse(curve: Geom_Curve) -> Array | None:
         return None
     position = curve.Position()
     frame = _frame(gp_Ax3(position.Location(), position.Direction(), position.XDirection()))
-    major, minor = (curve.Radius(),) * 2 if isinstance(curve, Geom_Circle) else (curve.MajorRadius(), curve.MinorRadius())
+    if isinstance(curve, Geom_Circle):
+        major = minor = curve.Radius()
+    else:
+        major, minor = curve.MajorRadius(), curve.MinorRadius()
     return np.array([frame.origin, major * frame.axes[0], minor * frame.axes[1]])
 
 
@@ -275,8 +279,8 @@ def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor 
 def pcurve(side: FaceSide, rail: Rail) -> Curve:
     """Return the rail as a curve (u, v)(t) in the face's own parameters, continuous through seams.
 
-    Exact on planes and splines. On analytic faces a C2 quintic through value, first and second derivative, the derivatives
-    solved from the rail's in space, refined until it holds to 1e-11.
+    Exact on planes and splines. On analytic faces a C2 quintic through value, first and second derivative, the
+    derivatives solved from the rail's in space, refined until it holds to 1e-11.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The certificate of a blend: measured on the finished faces by :mod:`cqblend.occ.measure`, which knows nothing of blends."""
+"""The certificate of a blend: measured on the finished faces by :mod:`cqblend.occ.measure`, which knows no blends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What is selected: an edge between two faces of a solid, checked, measured and read into primaries.
 
-A joint is the input of the whole pipeline in :mod:`cqblend.edges`: which solid, which edges, which faces on which side, and the
-questions about them that only the topology can answer.
+A joint is the input of the whole pipeline in :mod:`cqblend.edges`: which solid, which edges, which faces on which side,
+and the questions about them that only the topology can answer.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Joint:
         return found
 
     def outside(self, contacts: Contacts) -> tuple[int, float] | None:
-        """Return the number of the face that contacts leave, and the first t at which they do; None if they stay on both."""
+        """Return the number of the face that contacts leave, and the first such t; None if they stay on both."""
         for side, number, uv in zip(self.sides, self.faces, self.native(contacts), strict=True):
             classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
             for t, point in zip(contacts.t.tolist(), uv.tolist(), strict=True):
@@ -92,7 +92,7 @@ class Joint:
         return None
 
     def clear_start(self, contacts: Contacts) -> float:
-        """Return the t of those of contacts all around at which a closed rail best starts: far from seams and knot lines."""
+        """Return the t, of contacts all around, at which a closed rail best starts: far from seams and knot lines."""
         clearance = np.full(len(contacts.t), np.inf)
         for side, uv in zip(self.sides, self.native(contacts), strict=True):
             for axis, width in enumerate(np.ptp(side.bounds, axis=1)):

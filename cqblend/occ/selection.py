@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -11,45 +11,62 @@ from cqblend.errors import InputError, SelectionError, UnsupportedError
 from cqblend.occ.joint import Joint, find_joint
 from cqblend.occ.topology import Ancestors, Index
 
-Find = Callable[[TopoDS_Shape], Joint]
 
+class Picks:
+    """The edges of a shape that are still to be blended; true as long as there are any.
 
-def joints(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], first: TopoDS_Face | None) -> Iterator[Find]:
-    """Yield, for one joint after the other, the function that finds it in a shape in which the earlier ones are blended.
+    Joints are taken one by one, each from the shape in which the earlier ones are blended already.
 
     Raises
     ------
+    InputError
+        No edge was given.
     SelectionError
-        An edge or the face given as first is foreign, or no joint; see :func:`cqblend.occ.joint.find_joint`.
-    UnsupportedError
-        A joint has a vertex in common with an earlier one.
+        An edge, or the face that is to be side 1, does not belong there.
     """
-    edge_index, face_index = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
-    faces_at = Ancestors(shape, TopAbs_EDGE, TopAbs_FACE)
-    numbers = [edge_index.of(edge) for edge in edges]
-    if not numbers:
-        raise InputError("no edge was given")
-    if 0 in numbers:
-        raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
-    named = {number: sorted(face_index.of(face) for face in faces_at(edge_index[number])) for number in numbers}
-    if first is not None and not any(face_index.of(first) in pair for pair in named.values()):
-        raise SelectionError(f"first= is not one of the faces at edge {numbers[0]}")
-    waiting = list(dict.fromkeys(numbers))
-    while waiting:
-        number, pair = waiting[0], named[waiting[0]]
-        swap = first is not None and len(pair) == 2 and pair[1] == face_index.of(first)
-        done: list[TopoDS_Edge] = []
 
-        def find(current: TopoDS_Shape, number: int = number, pair: list[int] = pair, swap: bool = swap) -> Joint:
-            picked = [edge_index[n] for n in waiting]
-            if not Index(current, TopAbs_EDGE).of(picked[0]):
-                raise UnsupportedError(
-                    f"edge {number} shares a vertex with one blended before it: chains are not built yet"
-                )
-            faces = (pair[-1], pair[0]) if swap else (pair[0], pair[-1])
-            joint = find_joint(current, picked, number, faces, swap=swap)
-            done.extend(joint.spine.edges)
-            return joint
+    def __init__(self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], first: TopoDS_Face | None) -> None:
+        self._edges, faces = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
+        faces_at = Ancestors(shape, TopAbs_EDGE, TopAbs_FACE)
+        numbers = [self._edges.of(edge) for edge in edges]
+        if not numbers:
+            raise InputError("no edge was given")
+        if 0 in numbers:
+            raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
+        self._waiting = list(dict.fromkeys(numbers))
+        self._faces = {n: sorted(faces.of(face) for face in faces_at(self._edges[n])) for n in self._waiting}
+        self._first = 0 if first is None else faces.of(first)
+        if first is not None and not any(self._first in pair for pair in self._faces.values()):
+            raise SelectionError(f"first= is not one of the faces at edge {numbers[0]}")
 
-        yield find
-        waiting = [n for n in waiting if not any(edge_index[n].IsSame(edge) for edge in done)]
+        if len(self._waiting) > 1:  # a bad pick is told before any other is blended
+            for number in self._waiting:
+                self._find(shape, [self._edges[number]], number)
+
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
+
+    def take(self, shape: TopoDS_Shape) -> Joint:
+        """Return the next joint, and drop all picked edges that are part of it.
+
+        Raises
+        ------
+        UnsupportedError
+            The edge shares a vertex with one that is blended already.
+        SelectionError
+            It is not a joint of two faces; see :func:`cqblend.occ.joint.find_joint`.
+        """
+        number = self._waiting[0]
+        picked = [self._edges[n] for n in self._waiting]
+        if not Index(shape, TopAbs_EDGE).of(picked[0]):
+            raise UnsupportedError(
+                f"edge {number} shares a vertex with one blended before it: chains over several faces are not built yet"
+            )
+        joint = self._find(shape, picked, number)
+        self._waiting = [n for n in self._waiting if not any(self._edges[n].IsSame(edge) for edge in joint.spine.edges)]
+        return joint
+
+    def _find(self, shape: TopoDS_Shape, picked: list[TopoDS_Edge], number: int) -> Joint:
+        low, high = min(self._faces[number], default=0), max(self._faces[number], default=0)
+        swap = low != high == self._first
+        return find_joint(shape, picked, number, (high, low) if swap else (low, high), swap=swap)

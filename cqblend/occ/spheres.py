@@ -1,8 +1,9 @@
 """Sphere faces with one boundary, given a new axis.
 
-A sphere face that ends at the blended edge alone may have its poles and its seam anywhere: next to the rail, where no pcurve can
-be followed, or so that the seam falls into pieces, which OCCT's STEP reader does not survive. Turning the axis of the same
-sphere into that of the rail leaves one pole, one uncut seam from the rail's start to it, and a pcurve once around.
+A sphere face that ends at the blended edge alone may have its poles and its seam anywhere: next to the rail, where no
+pcurve can be followed, or so that the seam falls into pieces, which OCCT's STEP reader does not survive. Turning the
+axis of the same sphere into that of the rail leaves one pole, one uncut seam from the rail's start to it, and a pcurve
+once around.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ WINDOW = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 
 
 def respun(side: FaceSide, rail: Rail, joint: list[TopoDS_Edge]) -> FaceSide | None:
-    """Return the side on a sphere with the rail's axis and its seam at the rail's start, the face still without a boundary.
+    """Return the side on a sphere with the rail's axis, its seam at the rail's start, the face without a boundary.
 
     None if the face is not a sphere, has other edges than those of the joint, or the rail does not run around its axis.
     """
@@ -68,7 +69,7 @@ def _surface(sphere: Sphere) -> Geom_SphericalSurface:
 
 
 def boundary(side: FaceSide, rail_use: TopoDS_Edge, into_blend: Array) -> TopoDS_Wire:
-    """Return the boundary of a respun FORWARD face: the rail's use, the seam, and the pole on the side away from the blend.
+    """Return the boundary of a respun FORWARD face: the rail's use, the seam, and the pole away from the blend.
 
     ``into_blend`` is the direction (3,) into the blend at the rail's start.
     """

@@ -1,7 +1,7 @@
 """The blended edge as a spine: stations at fractions t of its arc length, also some way past the ends of an open edge.
 
-A spine is one edge, or a chain of edges, between the same two faces. It runs as the first face's boundary does, seen from
-outside, so that the first face lies to its left.
+A spine is one edge, or a chain of edges, between the same two faces. It runs as the first face's boundary does, seen
+from outside, so that the first face lies to its left.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ class EdgeSpine:
         return float(turn) if turn < 2 * np.pi else None
 
     def stations(self, t: Array, sides: tuple[FaceSide, FaceSide]) -> Stations:
-        """Return stations at t; those past the ends of an open edge lie on its tangents, to be moved onto the surfaces."""
+        """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
         number, parameter = self.locate(t)
         point, direction = self._curve(number, parameter)
         past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length

@@ -1,9 +1,10 @@
 """Wire substitution: put a blend face into a solid by rewriting the boundaries of the faces it touches.
 
-No intersection is computed and no boolean is run. The two faces next to the edge are trimmed at the rails by replacing the
-edge in their wires, the blend face goes in on the same rail edges, whose 3D curves are its own boundary rows of poles, and the
-shell is put together again. A closed edge may cross seams: rail and seam are split there and the loops traced anew. An open
-edge ends on a neighbour face at each end: the end curve of the blend on that face is solved point by point.
+No intersection is computed and no boolean is run. The two faces next to the edge are trimmed at the rails by replacing
+the edge in their wires, the blend face goes in on the same rail edges, whose 3D curves are its own boundary rows of
+poles, and the shell is put together again. A closed edge may cross seams: rail and seam are split there and the loops
+traced anew. An open edge ends on a neighbour face at each end: the end curve of the blend on that face is solved point
+by point.
 
 The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees it.
 """
@@ -186,7 +187,7 @@ class Surgery:
     def _trim(
         self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]
     ) -> list[TopoDS_Edge]:
-        """Replace the old edge by rail i in the boundary of its face, splitting it at seams; return the rail's edges."""
+        """Replace the old edge by rail i in the boundary of its face, split at seams; return the rail's edges."""
         side = self.sides[i]
         rewrite = self.rewrite(self.originals[i].face)
         crossings = self.crossings(i)
