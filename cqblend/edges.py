@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's contacts
+EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
+GAP = 1e-7  # mm
+CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 
@@ -58,9 +61,11 @@ def blend_shape(
             raise SizeError(f"edge {joint.edge}: {error}{_largest(joint, request)}") from error
         except CqblendError as error:
             raise type(error)(f"edge {joint.edge}: {error}") from error
+        certificate = certify(joint, proposal, blend)
+        _check_promise(certificate, request, joint)
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
-        certificates.append(certify(joint, proposal, blend))
+        certificates.append(certificate)
     return shape, tuple(faces), Certificate.merge(certificates)
 
 
@@ -105,6 +110,22 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
     return proposal, blend
 
 
+def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint) -> None:
+    """Raise VerificationError if the finished faces do not measure up to what the form promises."""
+    angle = EXACT_ANGLE if certificate.form == "exact" else request.angular_tolerance
+    gap = max(GAP, request.tolerance, 2 * joint.tolerance)
+    for name, value, limit, unit in (
+        ("angle", certificate.angle, angle, "rad"),
+        ("gap", certificate.gap, gap, "mm"),
+        ("inner crease", certificate.inner_crease, CREASE, "rad"),
+    ):
+        if not value <= limit:
+            raise VerificationError(
+                f"edge {joint.edge}: the blend was made, but measures {name} {value:.2g} {unit}, more than {limit:.2g}; "
+                "it is withheld; try another size or form"
+            )
+
+
 def _check_size(joint: Joint, request: BlendRequest) -> None:
     """Raise SizeError if contacts leave their faces: on the whole of a closed edge, in the middle of an open one."""
     size = _size(request)
@@ -113,8 +134,16 @@ def _check_size(joint: Joint, request: BlendRequest) -> None:
         raise SizeError(f"size {least:g} is below ten times the edge's own tolerance, {joint.tolerance:.2g}")
     if size > joint.extent:
         raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
-    t = np.arange(24) / 24 if joint.spine.closed else np.array([0.5])
-    left = joint.outside(_solver(joint, request)(t))
+    t = np.arange(25) / 24
+    contacts = _solver(joint, request)(t)
+    for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
+        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
+        if not np.all(ahead > 0):
+            raise SizeError(
+                f"size {size:g} is too large: the rail turns back at t = {t[np.argmin(ahead)]:.3g}, where the edge bends "
+                "more sharply than that"
+            )
+    left = joint.outside(contacts if joint.spine.closed else contacts.pick(np.array([12])))
     if left is not None:
         raise SizeError(f"size {size:g} is too large: at t = {left[1]:.3g} the rail leaves face {left[0]}")
 

@@ -40,13 +40,6 @@ class Stations:
     direction: Array
     uv: tuple[Array, Array]
 
-    def pick(self, index: Array) -> Stations:
-        """Return some of the stations."""
-        return Stations(self.t[index], self.point[index], self.direction[index], (self.uv[0][index], self.uv[1][index]))
-
-
-Spine = Callable[[Array], Stations]
-
 
 @dataclass(frozen=True)
 class Contacts:
@@ -56,6 +49,10 @@ class Contacts:
     point: Array
     uv: tuple[Array, Array]
     reach: Array
+
+    def pick(self, index: Array) -> Contacts:
+        """Return some of the contacts."""
+        return Contacts(self.t[index], self.point[index], (self.uv[0][index], self.uv[1][index]), self.reach[index])
 
 
 def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
