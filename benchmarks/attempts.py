@@ -1,0 +1,139 @@
+"""One attempt at one edge, guarded: a worker process makes it, times it and measures what came out.
+
+Native fillets hang and crash, so every attempt runs in a process of its own that can be killed; cqblend's run the same
+way, so that times compare. What is measured is the same for both and asks only the finished shapes: validity relative
+to the input (many STEP bodies fail BRepCheck's exact mode before anything is done to them), change of volume, normal
+angle, edge tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+from OCP.BRep import BRep_Tool
+from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from cqblend.edges import blend_shape
+from cqblend.errors import CqblendError
+from cqblend.occ.measure import continuity_between, edge_sides
+from cqblend.occ.verification import check_solid, skew_plane, subshapes, volume_of
+from cqblend.request import BlendRequest
+
+SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
+REPEATS = 3  # of an operation, to take the median of its times
+SLOW = 5.0  # s: an operation that takes longer is not repeated
+
+Made = tuple[TopoDS_Shape, Sequence[TopoDS_Face]]
+Operation = Callable[[], Made]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an attempt: ``status`` is "ok", "invalid", or the name of what went wrong, told by ``message``."""
+
+    status: str
+    message: str = ""
+    change: float = math.nan  # of the volume, mm^3
+    angle: float = math.nan  # rad, largest along the rails
+    tolerance: float = math.nan  # mm, largest of a new edge
+    seconds: float = math.nan
+
+    @property
+    def ok(self) -> bool:
+        """Whether a valid solid came out."""
+        return self.status == "ok"
+
+
+def native(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float) -> Operation:
+    """Return the operation of rounding edges by OCCT's own fillet."""
+
+    def run() -> Made:
+        maker = BRepFilletAPI_MakeFillet(shape)
+        for edge in edges:
+            maker.Add(radius, edge)
+        maker.Build()
+        if not maker.IsDone():
+            raise ArithmeticError("not done")
+        return maker.Shape(), [TopoDS.Face_s(face) for edge in edges for face in maker.Generated(edge)]
+
+    return run
+
+
+def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, form: str = "auto") -> Operation:
+    """Return the operation of rounding edges by cqblend."""
+
+    def run() -> Made:
+        return blend_shape(shape, edges, BlendRequest.checked(radius, form=form))[:2]
+
+    return run
+
+
+def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcome:
+    """Run an operation on a shape in a process of its own, and measure what it makes."""
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    worker = context.Process(target=_work, args=(sender, shape, operation))
+    worker.start()
+    sender.close()
+    try:
+        if receiver.poll(timeout):
+            return receiver.recv()
+    except EOFError:
+        worker.join()
+        return Outcome("crash", f"exit code {worker.exitcode}")
+    finally:
+        worker.kill()
+        worker.join()
+    return Outcome("timeout", f"after {timeout:g} s")
+
+
+def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None:
+    times: list[float] = []
+    try:
+        while len(times) < REPEATS and sum(times) < SLOW:
+            start = time.perf_counter()
+            made = operation()
+            times.append(time.perf_counter() - start)
+        outcome = _measured(shape, *made, statistics.median(times))
+    except CqblendError as error:
+        outcome = Outcome(type(error).__name__, str(error))
+    except Exception as error:  # noqa: BLE001 - OCCT throws anything
+        outcome = Outcome("not done" if isinstance(error, ArithmeticError) else type(error).__name__, str(error))
+    sender.send(outcome)
+
+
+def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], seconds: float) -> Outcome:
+    known = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(before, TopAbs_EDGE, known)
+    fresh = [edge for edge in subshapes(after, TopAbs_EDGE) if not known.Contains(edge)]
+    problems = [] if faces else ["no face was made"]
+    problems += check_solid(before, after, faces, tolerance=math.inf)
+    plane = skew_plane(before)
+    change = volume_of(after, plane)[0] - volume_of(before, plane)[0]
+    angles = [0.0]
+    present = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(after, TopAbs_FACE, present)
+    for face in faces:
+        for edge in subshapes(face, TopAbs_EDGE) if present.Contains(face) else []:
+            if not BRep_Tool.Degenerated_s(edge):
+                angle = _angle(after, edge)
+                angles += [angle] if angle < SMOOTH else []
+    tolerance = max((BRep_Tool.Tolerance_s(edge) for edge in fresh), default=math.nan)
+    return Outcome("invalid" if problems else "ok", "; ".join(problems), change, max(angles), tolerance, seconds)
+
+
+def _angle(shape: TopoDS_Shape, edge: TopoDS_Edge) -> float:
+    try:
+        return continuity_between(edge_sides(shape, edge), 200).angle
+    except CqblendError:
+        return math.nan  # an open or singular edge: the validity tells
