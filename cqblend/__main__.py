@@ -164,11 +164,11 @@ def _demo(options: argparse.Namespace) -> None:
     from cqblend.occ.step import write_step
 
     step, picture = options.output / "teapot.step", options.output / "teapot.png"
+    _make_folder(options.output)
     with _step("blending the spout of the Utah teapot onto its body"):
         pot = demo.sharp()
         result = demo.blended(pot)
     print(result.certificate)
-    _make_folder(options.output)
     with _step(f"writing {step}"):
         write_step(result.shape.wrapped, step)
     print(f"written to {step}", flush=True)
