@@ -18,7 +18,7 @@ from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Array
 from cqblend.blends.rails import Rail, Solver, Wanted
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, GeometryError, SizeError, VerificationError
+from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.occ.certify import certify
 from cqblend.occ.joint import Joint
 from cqblend.occ.selection import Picks
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's contacts
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 GAP = 1e-7  # mm
+CAPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
@@ -91,12 +92,15 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
     """Propose a blended solid and verify it."""
     _check_size(joint, request)
-    domain = (0.0, 1.0) if joint.spine.closed else _reach(joint, request)
+    caps: tuple[float | None, float | None] = (None, None)
+    domain = (0.0, 1.0)
+    if not joint.spine.closed:
+        caps, domain = _reach(joint, request)
     for _ in range(4):
         blend = hermite(_rails(joint, request, domain), request.form, request.tolerance, request.angular_tolerance)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
         try:
-            proposal = surgery.closed() if joint.spine.closed else surgery.open()
+            proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
             break
         except RailsTooShort as short:
             slack = 0.1 * (short.needed[1] - short.needed[0])
@@ -192,19 +196,43 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
     return rail_forms.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
-def _reach(joint: Joint, request: BlendRequest) -> tuple[float, float]:
-    """Return the range of t over which open rails reach the planes of the faces at their ends, and a little more."""
-    t = np.array([0.0, 1.0])
-    contacts, directions = _solver(joint, request)(t), joint.stations(t).direction
-    points = [primary.jet(uv)[0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    margin = float(contacts.reach.max()) / 5
-    past = []
-    for end, (corner, normals) in enumerate(joint.end_planes()):
+def _reach(joint: Joint, request: BlendRequest) -> tuple[tuple[float | None, float | None], tuple[float, float]]:
+    """Return where open blends end in caps, and the range of t that their rails must cover.
+
+    They reach the planes of the faces at their ends, or of the caps, and a little more.
+    """
+    solve, length = _solver(joint, request), joint.spine.length
+    middle = solve(np.array([0.5]))
+    margin = float(middle.reach[0]) / 5
+    caps: list[float | None] = []
+    domain = []
+    for end, plane in enumerate(joint.end_planes()):
         sign = 1.0 if end else -1.0
-        needed = [
-            sign * float((corner - point[end]) @ normal) / float(directions[end] @ normal)
-            for normal in normals
-            for point in points
-        ]
-        past.append((max([0.0, *needed]) + margin) / joint.spine.length)
-    return -past[0], 1 + past[1]
+        if plane is None:
+            cap = _cap(joint, solve, end, float(middle.reach[0]))
+            caps.append(cap)
+            domain.append(cap + sign * 0.1 * margin / length)
+            continue
+        corner, normal = plane
+        t = np.array([float(end)])
+        contacts, direction = solve(t), joint.stations(t).direction[0]
+        points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
+        needed = [sign * float((corner - point) @ normal) / float(direction @ normal) for point in points]
+        caps.append(None)
+        domain.append(end + sign * (max([0.0, *needed]) + margin) / length)
+    return (caps[0], caps[1]), (domain[0], domain[1])
+
+
+def _cap(joint: Joint, solve: Solver, end: int, reach: float) -> float:
+    """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
+    for back in CAPS:
+        step = back * reach / joint.spine.length
+        t = np.array([end + step if end == 0 else end - step])
+        if step > 0.3:
+            break
+        try:
+            if joint.walled(solve(t), intersect(joint.sides, joint.stations(t), joint.spine.length)):
+                return float(t[0])
+        except CqblendError:
+            continue
+    raise TopologyError("the joint goes on past the end of the edge, and there is no room for a flat end before it")

@@ -51,6 +51,7 @@ from cqblend.blends.primaries import (
     Ring,
     Sphere,
     Tensor,
+    near_period,
     tangent_coordinates,
     unwrapped,
 )
@@ -82,6 +83,28 @@ class FaceSide(Side):
             return uv
         found = self.primary.unlift(self.native.lift(uv), np.zeros((len(uv), 2)))
         return unwrapped(found, self.primary.periods)
+
+    def own(self, uv: Array) -> Array:
+        """Turn parameters (n, 2) of ``primary`` into the face's own."""
+        if self.native is self.primary:
+            return uv.copy()
+        return self.native.unlift(self.primary.lift(uv), np.zeros_like(uv))
+
+    def beside(self, uv: Array, near: Array) -> Array:
+        """Shift the face's own parameters (n, 2) by whole periods next to ``near`` (n, 2)."""
+        out = uv.copy()
+        for axis, period in enumerate(self.native.periods):
+            if period is not None:
+                out[:, axis] = near_period(uv[:, axis], near[:, axis], period)
+        return out
+
+    def windowed(self, uv: Array) -> Array:
+        """Shift the face's own parameters (n, 2) by whole periods into its window."""
+        out = uv.copy()
+        for axis, period in enumerate(self.native.periods):
+            if period is not None:
+                out[:, axis] = self.bounds[axis, 0] + np.mod(uv[:, axis] - self.bounds[axis, 0], period)
+        return out
 
 
 def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) -> FaceSide:

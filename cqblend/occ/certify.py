@@ -42,7 +42,7 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
         poles=poles.shape[:2],
         rational=weights is not None,
         inner_crease=inner_crease(proposal.blend).angle,
-        method="wire substitution",
+        method="wire substitution" + (", flat ends" if proposal.caps else ""),
         valid=True,
         width=(float(across.min()), float(across.max())),
         stations=SAMPLES,

@@ -16,7 +16,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
@@ -27,7 +27,7 @@ from cqblend.occ.spine import EdgeSpine, chain
 from cqblend.occ.topology import Ancestors, Index, ends, ends_uv, explore, location_of
 
 SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
-ALONG = 0.02  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
+ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
 
 
 @dataclass(frozen=True)
@@ -71,16 +71,7 @@ class Joint:
 
     def native(self, contacts: Contacts) -> list[Array]:
         """Return contacts in the two faces' own parameters, in their windows."""
-        found = []
-        for side, uv in zip(self.sides, contacts.uv, strict=True):
-            lifted = side.primary.lift(uv)
-            uv = uv.copy() if side.native is side.primary else side.native.unlift(lifted, np.zeros_like(uv))
-            for axis, period in enumerate(side.native.periods):
-                if period is not None:
-                    start = side.bounds[axis, 0]
-                    uv[:, axis] = start + np.mod(uv[:, axis] - start, period)
-            found.append(uv)
-        return found
+        return [side.windowed(side.own(uv)) for side, uv in zip(self.sides, contacts.uv, strict=True)]
 
     def outside(self, contacts: Contacts) -> tuple[int, float] | None:
         """Return the number of the face that contacts leave, and the first such t; None if they stay on both."""
@@ -100,29 +91,36 @@ class Joint:
                 clearance = np.minimum(clearance, np.abs(uv[:, axis, None] - lines).min(axis=1) / width)
         return float(contacts.t[np.argmax(clearance)])
 
-    def end_planes(self) -> list[tuple[Array, list[Array]]]:
-        """Return, for both ends, the vertex's point and the normals there of the faces that are not sides.
+    def end_planes(self) -> list[tuple[Array, Array] | None]:
+        """Return, for both ends, point and normal of the one face on which a blend can end there.
 
-        Raises
-        ------
-        GeometryError
-            If such a face runs along the edge.
+        None where there is no such face, or it runs along the edge: the joint goes on past that vertex.
         """
         faces_at = Ancestors(self.solid, TopAbs_VERTEX, TopAbs_FACE)
         directions = self.stations(np.array([0.0, 1.0])).direction
-        planes = []
+        planes: list[tuple[Array, Array] | None] = []
         for vertex, direction in zip(self.spine.vertices, directions, strict=True):
+            others = [face for face in faces_at(vertex) if not any(face.IsSame(side.face) for side in self.sides)]
+            if len(others) != 1:
+                planes.append(None)
+                continue
             corner = location_of(vertex)
-            normals = []
-            for face in faces_at(vertex):
-                if any(face.IsSame(side.face) for side in self.sides):
-                    continue
-                side = face_side(face, corner[None])
-                normals.append(side.native.normals(_parameters_of(vertex, side.face)[None])[0])
-                if abs(normals[-1] @ direction) < ALONG:
-                    raise GeometryError("the face at the end of the edge runs along it; a blend cannot end on it")
-            planes.append((corner, normals))
+            side = face_side(others[0], corner[None])
+            normal = side.native.normals(_parameters_of(vertex, side.face)[None])[0]
+            planes.append((corner, normal) if abs(normal @ direction) > ALONG else None)
         return planes
+
+    def walled(self, contacts: Contacts, stations: Stations) -> bool:
+        """Whether the straight ways, in the parameter planes, from edge points to contacts stay on the faces."""
+        for side, uv, foot in zip(self.sides, contacts.uv, stations.uv, strict=True):
+            classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
+            on_edge = self.spine.on_face(contacts.t, side.face)
+            start, stop = side.beside(side.own(foot), on_edge), side.beside(side.own(uv), on_edge)
+            for share in (0.05, 0.25, 0.5, 0.75, 1.0):
+                for point in (start + share * (stop - start)).tolist():
+                    if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
+                        return False
+        return True
 
 
 def _parameters_of(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:

@@ -119,6 +119,15 @@ class EdgeSpine:
         reverse = np.array([edge.Orientation() == TopAbs_REVERSED for edge in self.edges])
         return table[:, :3], unit(table[:, 3:]) * np.where(reverse[number], -1.0, 1.0)[:, None]
 
+    def on_face(self, t: Array, face: TopoDS_Face) -> Array:
+        """Return the face's own parameters (n, 2) of the edge at t in [0, 1], as its pcurves have them."""
+        return self._on_face(*self.locate(t), face)
+
+    def _on_face(self, number: Array, parameter: Array, face: TopoDS_Face) -> Array:
+        curves = [BRep_Tool.CurveOnSurface_s(forward(edge), face, 0.0, 0.0) for edge in self.edges]
+        values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
+        return np.array([(value.X(), value.Y()) for value in values])
+
     def turn(self) -> float | None:
         """Return the angle of the arc that the spine is, None if it is not a circle's."""
         points = self.points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
@@ -147,9 +156,7 @@ class EdgeSpine:
         past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length
         uv = []
         for side in sides:
-            curves = [BRep_Tool.CurveOnSurface_s(forward(edge), side.face, 0.0, 0.0) for edge in self.edges]
-            values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
-            found = side.working(np.array([(value.X(), value.Y()) for value in values]))
+            found = side.working(self._on_face(number, parameter, side.face))
             if past.any():
                 jet = side.primary.jet(found)
                 found = found + tangent_coordinates(jet, direction * past[:, None])

@@ -11,6 +11,7 @@ The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,22 +21,20 @@ from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_G1
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
-from cqblend.blends.contact import newton
 from cqblend.blends.hermite import Blend
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates
+from cqblend.blends.primaries import Array
 from cqblend.blends.rails import Rail
 from cqblend.errors import GeometryError, SizeError, TopologyError
-from cqblend.occ import bulk
-from cqblend.occ.adapt import FaceSide, face_side, pcurve
+from cqblend.occ import bulk, endings
+from cqblend.occ.adapt import FaceSide, pcurve
 from cqblend.occ.spheres import boundary, respun
 from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
     BUILDER,
     CONFUSION,
-    Ancestors,
     Index,
     attach,
     ends,
@@ -43,7 +42,6 @@ from cqblend.occ.topology import (
     explore,
     flipped,
     forward,
-    location_of,
     loosen,
     make_edge,
     make_face,
@@ -52,11 +50,10 @@ from cqblend.occ.topology import (
     trimmed,
     with_faces,
 )
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve
 from cqblend.splines.roots import sign_changes
 
 SNAP = 1e-9  # relative: a rail end this near to a seam lies on it
-END = 1e-9  # mm: an end curve is fitted until it lies on blend and neighbour to this
 
 
 @dataclass
@@ -80,6 +77,7 @@ class Proposal:
     blend: TopoDS_Face
     sides: tuple[TopoDS_Face, TopoDS_Face]  # the trimmed faces
     rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]  # between blend and sides
+    caps: int  # how many ends are flat caps
 
 
 class RailsTooShort(GeometryError):
@@ -88,17 +86,6 @@ class RailsTooShort(GeometryError):
     def __init__(self, needed: tuple[float, float]) -> None:
         super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
         self.needed = needed
-
-
-@dataclass(frozen=True)
-class _End:
-    """One end of an open blend: its curve on the end face, its two corners, and the edges they cut short."""
-
-    vertex: TopoDS_Vertex
-    edge: TopoDS_Edge
-    corners: tuple[TopoDS_Vertex, TopoDS_Vertex]
-    trims: tuple[TopoDS_Edge, TopoDS_Edge]
-    t: tuple[float, float]
 
 
 @dataclass
@@ -114,6 +101,7 @@ class Surgery:
         self.originals = self.sides
         self.edges = Index(self.solid, TopAbs_EDGE)
         self.faces = Index(self.solid, TopAbs_FACE)
+        self.remains: dict[int, list[TopoDS_Edge]] = {self.edges.of(edge): [] for edge in self.spine.edges}
         self.rewrites: dict[int, Rewrite] = {}
         self.surface: Geom_BSplineSurface = bulk.surface_from_arrays(*self.blend.surface.to_bspline())
         self.face = make_face(self.surface)
@@ -185,9 +173,16 @@ class Surgery:
         return t[np.append(True, np.diff(t) > SNAP * (high - low))] if len(t) else t
 
     def _trim(
-        self, i: int, span: tuple[float, float], vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]
+        self,
+        i: int,
+        span: tuple[float, float],
+        vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+        walls: tuple[list[TopoDS_Edge], list[TopoDS_Edge]] = ([], []),
     ) -> list[TopoDS_Edge]:
-        """Replace the old edge by rail i in the boundary of its face, split at seams; return the rail's edges."""
+        """Replace the old edge by rail i in the boundary of its face, split at seams; return the rail's edges.
+
+        Where the blend ends in a cap, its wall leads from the edge to the rail, or back.
+        """
         side = self.sides[i]
         rewrite = self.rewrite(self.originals[i].face)
         crossings = self.crossings(i)
@@ -197,15 +192,15 @@ class Surgery:
         chain = [vertices[0], *between, vertices[1]]
         rail = [self.rail_edge(i, (chain[k], chain[k + 1]), (stops[k], stops[k + 1])) for k in range(len(stops) - 1)]
         ahead = (side.outward > 0) == (i == 0)
-        uses = rail if ahead else [flipped(edge) for edge in reversed(rail)]
+        path = [*walls[0], *rail, *(flipped(edge) for edge in walls[1])]
+        uses = path if ahead else [flipped(edge) for edge in reversed(path)]
         if side is not self.originals[i]:
             start = _rail_frame(self.blend.rails[i], np.array([span[0]]))[1][0]
             BUILDER.Add(side.face, boundary(side, uses[0], start))
             rewrite.made = side.face
             return rail
         rewrite.added += uses
-        for edge in self.spine.edges:
-            rewrite.replaced[self.edges.of(edge)] = []
+        rewrite.replaced |= self.remains
         if vertices[0].IsSame(vertices[1]):
             self._cut_seams(i, rewrite, np.array(stops[:-1]), chain[:-1])
         else:
@@ -279,146 +274,41 @@ class Surgery:
 
     # -- open edges ----------------------------------------------------------------------------------------------------
 
-    def open(self) -> Proposal:
-        """Blend an open edge, ending on the one other face at each of its vertices.
+    def open(self, caps: tuple[float | None, float | None] = (None, None)) -> Proposal:
+        """Blend an open edge, ending on the one other face at each of its vertices, or in caps at the given t.
 
         Raises
         ------
         RailsTooShort
-            If the blend must reach further than its rails to meet those faces.
+            If the blend must reach further than its rails.
         """
-        low, high = (self._end(vertex, start) for vertex, start in zip(self.spine.vertices, (0.0, 1.0), strict=True))
-        needed = (min(low.t[0], low.t[-1]), max(high.t[0], high.t[-1]))
+        low, high = (
+            endings.on_neighbour(self, end) if cap is None else endings.in_cap(self, end, cap)
+            for end, cap in enumerate(caps)
+        )
+        needed = (min(low.t), max(high.t))
         if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
             raise RailsTooShort(needed)
+        self.remains = endings.remains(self, low, high, caps)
         rails = []
-        for i, v in enumerate((0, -1)):
-            if low.t[v] >= high.t[v]:
+        for i in (0, 1):
+            if low.t[i] >= high.t[i]:
                 raise SizeError("the two ends of the blend meet: the size is too large for the length of the edge")
-            rails.append(self._trim(i, (low.t[v], high.t[v]), (low.corners[i], high.corners[i])))
-        self._trim_neighbours((low, high))
+            walls = ([*low.walls[i : i + 1]], [*high.walls[i : i + 1]])
+            rails.append(self._trim(i, (low.t[i], high.t[i]), (low.corners[i], high.corners[i]), walls))
+        endings.trim_neighbours(self, (low, high))
         uses = [*rails[0], high.edge, *(flipped(edge) for edge in reversed(rails[1])), flipped(low.edge)]
-        return self._assemble(make_wire(uses), (rails[0], rails[1]))
-
-    def _end(self, vertex: TopoDS_Vertex, start: float) -> _End:
-        """Solve the end curve of the blend on the face across from the edge at one vertex."""
-        by_vertex = Ancestors(self.solid, TopAbs_VERTEX, TopAbs_FACE)
-        others = [face for face in by_vertex(vertex) if not any(face.IsSame(side.face) for side in self.sides)]
-        if len(others) != 1:
-            raise TopologyError(
-                f"the edge ends at a vertex with {len(others)} further faces; a blend can end on exactly one"
-            )
-        corner = location_of(vertex)
-        neighbour = face_side(others[0], corner[None])
-        by_edge = Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
-        trims = []
-        for side in self.sides:
-            shared = [
-                edge
-                for edge in Ancestors(self.solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex)
-                if {self.faces.of(face) for face in by_edge(edge)}
-                == {self.faces.of(side.face), self.faces.of(others[0])}
-            ]
-            if len(shared) != 1:
-                raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
-            trims.append(shared[0])
-        use = next(use for use in explore(neighbour.face, TopAbs_EDGE) if use.IsSame(trims[0]))
-        arrives = ends(use)[1].IsSame(vertex)
-        at = ends_uv(use, neighbour.face)[1 if arrives else 0]
-        curve = self._end_curve(neighbour.native, corner, at, start)
-        ends_at = curve(np.array([0.0, 1.0]))
-        made = [make_vertex(point) for point in ends_at[:, 4:]]
-        edge = self._end_edge(curve, neighbour, (made[0], made[1]))
-        rewrite = self.rewrite(others[0])
-        rewrite.added.append(edge if arrives else flipped(edge))
-        return _End(
-            vertex, edge, (made[0], made[1]), (trims[0], trims[1]), (float(ends_at[0, 0]), float(ends_at[1, 0]))
-        )
-
-    def _end_curve(self, native: Primary, corner: Array, at: Array, start: float) -> Curve:
-        """Return the curve v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]."""
-        surface = self.blend.surface
-        size = float(np.linalg.norm(surface(start, 0.0) - surface(start, 1.0)))
-
-        def solve(v: Array) -> Array:
-            def system(x: Array) -> tuple[Array, Array, Array]:
-                h = surface.jet(x[:, 0], v, 1)
-                n = native.jet(x[:, 1:])
-                jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
-                metric = np.linalg.norm(jacobian, axis=1)
-                return h[0, 0] - n[0], jacobian, metric
-
-            t = np.full(len(v), start)
-            offset = surface(t, v) - corner
-            guess = at + tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
-            x, good = newton(system, np.column_stack([t, guess]), size, size)
-            if not good.all():
-                raise TopologyError(
-                    "the blend does not meet the face at the end of the edge: the size is too large for it"
-                )
-            return np.column_stack([x[:, 0], v, x[:, 1:], native.jet(x[:, 1:])[0]])
-
-        count = 1
-        while True:
-            v = np.linspace(0, 1, 6 * count + 1)
-            exact = solve(v)
-            curve = _cubic(exact) if count == 1 else fit.interpolate(v[::2], exact[::2])
-            fitted = curve(v)
-            on_blend = surface(fitted[:, 0], v)
-            on_face = native.jet(fitted[:, 2:4])[0]
-            error = max(np.abs(on_blend - fitted[:, 4:]).max(), np.abs(on_face - fitted[:, 4:]).max())
-            if error <= END or count >= 64:
-                return curve
-            count *= 2
-
-    def _end_edge(
-        self, curve: Curve, neighbour: FaceSide, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex]
-    ) -> TopoDS_Edge:
-        """Make the edge of an end curve, with its pcurves on the blend and on the neighbour."""
-        v = np.linspace(0, 1, 257)
-        value = curve(v)
-        on_blend = self.blend.surface(value[:, 0], value[:, 1])
-        on_face = neighbour.native.jet(value[:, 2:4])[0]
-        gap = max(np.linalg.norm(p - value[:, 4:], axis=1).max() for p in (on_blend, on_face))
-        degree, knots, poles, _ = curve.to_bspline()
-        edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0), 1.05 * gap)
-        attach(edge, self.face, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
-        attach(edge, neighbour.face, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
-        for vertex in vertices:
-            loosen(vertex, 1.05 * gap)
-        return edge
-
-    def _trim_neighbours(self, ends_of_blend: tuple[_End, _End]) -> None:
-        """Shorten the edges between the two sides and the end faces to where the blend's corners lie on them."""
-        by_edge = Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
-        cuts: dict[int, list[tuple[TopoDS_Vertex, TopoDS_Vertex]]] = {}
-        for end in ends_of_blend:
-            for edge, corner in zip(end.trims, end.corners, strict=True):
-                cuts.setdefault(self.edges.of(edge), []).append((end.vertex, corner))
-        for number, changes in cuts.items():
-            edge = TopoDS.Edge_s(forward(self.edges[number]))
-            curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
-            span, vertices = list(BRep_Tool.Range_s(edge)), list(ends(edge))
-            whole = span.copy()
-            for old, new in changes:
-                project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*location_of(new).tolist()), curve, *whole)
-                slack = 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
-                if project.NbPoints() == 0 or project.LowerDistance() > slack:
-                    raise SizeError(
-                        f"the blend reaches beyond the end of edge {number} next to it: the size is too large"
-                    )
-                which = 0 if vertices[0].IsSame(old) else 1
-                span[which], vertices[which] = project.LowerDistanceParameter(), new
-                loosen(new, 1.05 * project.LowerDistance())
-            if span[0] >= span[1]:
-                raise SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
-            piece = trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
-            for face in by_edge(edge):
-                self.rewrite(face).replaced[number] = [piece]
+        made = [ending.cap for ending in (low, high) if ending.cap is not None]
+        return self._assemble(make_wire(uses), (rails[0], rails[1]), made)
 
     # -- assembling ----------------------------------------------------------------------------------------------------
 
-    def _assemble(self, boundary: TopoDS_Wire, rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]) -> Proposal:
+    def _assemble(
+        self,
+        boundary: TopoDS_Wire,
+        rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]],
+        caps: Sequence[TopoDS_Face] = (),
+    ) -> Proposal:
         """Close the blend face, rebuild every face that changed, and put the shell together."""
         BUILDER.Add(self.face, boundary)
         blend = TopoDS.Face_s(self.face.Reversed())
@@ -429,7 +319,7 @@ class Surgery:
         for side, rail in zip(sides, rails, strict=True):
             for edge in rail:
                 BUILDER.Continuity(edge, side, blend, GeomAbs_G1)
-        return Proposal(with_faces(self.solid, made, self.faces, [blend]), blend, sides, rails)
+        return Proposal(with_faces(self.solid, made, self.faces, [blend, *caps]), blend, sides, rails, len(caps))
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
         """Return the FORWARD face with its new boundary; wires that nothing happens to are taken over."""
@@ -448,18 +338,6 @@ class Surgery:
         for loop in traced(loose, rewrite.face):
             BUILDER.Add(face, make_wire(loop))
         return face
-
-
-def _cubic(values: Array) -> Curve:
-    """Return the cubic on [0, 1] through values at 0, 1/3, 2/3 and 1, the even ones of (7, k)."""
-    q = values[::2]
-    coefs = [
-        q[0],
-        (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6,
-        (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6,
-        q[3],
-    ]
-    return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
 
 
 def _like(piece: TopoDS_Edge, use: TopoDS_Edge) -> TopoDS_Edge:

@@ -80,6 +80,9 @@ VOLUME_ACCURACY = 1e-6
 ANGLE = 1e-4
 """Largest normal angle (radians) of an edge that is flagged smooth: native fillets on freeform faces reach 4e-5."""
 
+_CONFUSION = 1e-7
+"""OCCT's own tolerance, mm."""
+
 _CHANGE_ACCURACIES = (1e-5, 1e-8)
 """The same for the volume between a few faces and those that replaced them: the second if the first leaves a doubt."""
 
@@ -473,13 +476,15 @@ def _loose(old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape
 def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) -> list[str]:
     """Say so if replacing faces changed the volume in the wrong direction, by more than integration may err.
 
-    The new faces and the old ones, reversed, enclose what changed.
+    The new faces and the old ones, reversed, enclose what changed, but for gaps along edges that lie on their faces to
+    a tolerance only.
     """
     between = _compound([*new, *(face.Reversed() for face in old)])
     low, high = _bounds(between)
+    gaps = float(np.linalg.norm(high - low)) * sum(map(_gap_area, subshapes(between, TopAbs_EDGE)))
     for accuracy in _CHANGE_ACCURACIES:
         change, error = volume_of(between, accuracy=accuracy)
-        if abs(change) > 3 * error + 10 * accuracy * float((high - low).prod()):
+        if abs(change) > gaps + 3 * error + 10 * accuracy * float((high - low).prod()):
             break
     else:
         return []
@@ -487,6 +492,16 @@ def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) ->
         return []
     verb, kind = ("fell", "add") if grows else ("rose", "remove")
     return [f"the volume {verb} by {abs(change):.3g} mm^3, but the blend was to {kind} material"]
+
+
+def _gap_area(edge: TopoDS_Shape) -> float:
+    """Return the area, mm^2, by which faces may miss each other along an edge that is known to a tolerance above OCCT's."""
+    tolerance = BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge))
+    if tolerance <= 2 * _CONFUSION:
+        return 0.0
+    properties = GProp_GProps()
+    BRepGProp.LinearProperties_s(edge, properties)
+    return float(tolerance * properties.Mass())
 
 
 def _folds(face: TopoDS_Face) -> list[str]:
