@@ -17,7 +17,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_S
 from cqblend.errors import InputError, SelectionError
 from cqblend.occ.kinds import children
 from cqblend.occ.verification import check_solid, flaws, subshapes, verify, volume_of
-from tests.occ.test_measure import bspline
+from test_measure import bspline
 
 
 def wrapped(workplane: cq.Workplane) -> TopoDS_Shape:
