@@ -125,8 +125,8 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
     ):
         if not value <= limit:
             raise VerificationError(
-                f"edge {joint.edge}: the blend was made, but measures {name} {value:.2g} {unit}, more than {limit:.2g}; "
-                "it is withheld; try another size or form"
+                f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {unit}, over {limit:.2g}; it is "
+                "withheld; try another size or form"
             )
 
 
@@ -144,8 +144,8 @@ def _check_size(joint: Joint, request: BlendRequest) -> None:
         ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
         if not np.all(ahead > 0):
             raise SizeError(
-                f"size {size:g} is too large: the rail turns back at t = {t[np.argmin(ahead)]:.3g}, where the edge bends "
-                "more sharply than that"
+                f"size {size:g} is too large: the rail turns back at t = {t[np.argmin(ahead)]:.3g}, where the edge "
+                "bends more sharply than that"
             )
     left = joint.outside(contacts if joint.spine.closed else contacts.pick(np.array([12])))
     if left is not None:

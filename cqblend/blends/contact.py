@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit
+from cqblend.blends.primaries import Array, Primary, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError, SizeError
 
 STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts
@@ -57,17 +57,17 @@ class Contacts:
 
 def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
     """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""
-    cross = np.cross(jet[1], jet[2])
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
+    outer = cross(jet[1], jet[2])
+    length = np.linalg.norm(outer, axis=1, keepdims=True)
     if not np.all(length > 0):
         raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
-    n = cross / length
+    n = outer / length
 
     def rate(change: Array) -> Array:
         return (change - (change * n).sum(1, keepdims=True) * n) / length
 
-    du = rate(np.cross(jet[3], jet[2]) + np.cross(jet[1], jet[4]))
-    dv = rate(np.cross(jet[4], jet[2]) + np.cross(jet[1], jet[5]))
+    du = rate(cross(jet[3], jet[2]) + cross(jet[1], jet[4]))
+    dv = rate(cross(jet[4], jet[2]) + cross(jet[1], jet[5]))
     return n, du, dv
 
 
@@ -129,8 +129,8 @@ def intersect(sides: tuple[Side, Side], stations: Stations, scale: float) -> Sta
         raise GeometryError(f"the two surfaces do not cross cleanly at t = {where:.4g} of the edge")
     uv = (x[:, :2], x[:, 2:])
     point = sides[0].primary.jet(uv[0])[0]
-    cross = np.cross(sides[0].primary.normals(uv[0]), sides[1].primary.normals(uv[1]))
-    tau = unit(cross) * np.sign((cross * stations.direction).sum(1, keepdims=True))
+    outer = cross(sides[0].primary.normals(uv[0]), sides[1].primary.normals(uv[1]))
+    tau = unit(outer) * np.sign((outer * stations.direction).sum(1, keepdims=True))
     return Stations(stations.t, point, tau, uv)
 
 
@@ -140,8 +140,8 @@ def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, 
     The stations run as the boundary of face 1 does: seen from outside, face 1 lies to their left.
     """
     n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
-    into1 = np.cross(n1, stations.direction)
-    into2 = -np.cross(n2, stations.direction)
+    into1 = cross(n1, stations.direction)
+    into2 = -cross(n2, stations.direction)
     convex = -np.sign((into1 * n2).sum(1))
     return into1, into2, convex
 
@@ -191,7 +191,7 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
         good &= ((s2 - point) * into2).sum(1) > 0
         m1 = sign[0] * sides[0].primary.normals(uv1)
         m2 = sign[1] * sides[1].primary.normals(uv2)
-        theta = np.arctan2(np.linalg.norm(np.cross(m1, m2), axis=1), (m1 * m2).sum(1))
+        theta = np.arctan2(np.linalg.norm(cross(m1, m2), axis=1), (m1 * m2).sum(1))
         good &= theta > 1e-9
     if not good.all():
         where = stations.t[~good][0]

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.primaries import Array
+from cqblend.blends.primaries import Array, cross
 from cqblend.blends.rails import Rail
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines import Curve, Surface, fit
@@ -136,8 +136,8 @@ def _compact(rows: list[Curve], tolerance: float, angular_tolerance: float) -> l
             c, f = (fit.hermite(breaks, np.stack([a, b], axis=2)) for a, b in zip(starts, ends, strict=True))
             t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
             (point, rate, _), (vector, _, _) = _jets(rail, field, t, "right")
-            exact, fit_normal = np.cross(rate, vector), np.cross(c(t, 1), f(t))
-            angle = np.arctan2(np.linalg.norm(np.cross(exact, fit_normal), axis=1), (exact * fit_normal).sum(1))
+            exact, fit_normal = cross(rate, vector), cross(c(t, 1), f(t))
+            angle = np.arctan2(np.linalg.norm(cross(exact, fit_normal), axis=1), (exact * fit_normal).sum(1))
             gap = np.linalg.norm(c(t) - point, axis=1)
             errors = (gap > tolerance / 2) | (angle > angular_tolerance / 2)
             bad |= errors.reshape(len(inner), -1).any(axis=0)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.contact import Contacts
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates, unit, unwrapped
+from cqblend.blends.primaries import Array, Primary, cross, tangent_coordinates, unit, unwrapped
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
@@ -85,8 +85,8 @@ def perpendicular(rate: Array, jet: Array, towards: Array) -> Array:
 
     The side is that of the vectors ``towards`` on the whole.
     """
-    n = unit(np.cross(jet[1], jet[2]))
-    vector = unit(np.cross(rate, n))
+    n = unit(cross(jet[1], jet[2]))
+    vector = unit(cross(rate, n))
     return vector * np.sign((vector * towards).sum())
 
 
@@ -141,7 +141,7 @@ def _build(
     d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
     x, dx = curve(t), primary.tangent(c, d)(t)
     fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
-    angle = np.arctan2(np.linalg.norm(np.cross(fitted, vector), axis=1), (fitted * vector).sum(1))
+    angle = np.arctan2(np.linalg.norm(cross(fitted, vector), axis=1), (fitted * vector).sum(1))
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():

@@ -90,15 +90,10 @@ def on_neighbour(surgery: Surgery, end: int) -> Ending:
             f"the edge ends at a vertex with {len(others)} further faces; a blend can end on exactly one"
         )
     neighbour = face_side(others[0], location_of(vertex)[None])
-    faces_at = Ancestors(surgery.solid, TopAbs_EDGE, TopAbs_FACE)
-    trims = []
+    edges, trims = Ancestors(surgery.solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex), []
     for side in sides:
         pair = {surgery.faces.of(side), surgery.faces.of(others[0])}
-        shared = [
-            edge
-            for edge in Ancestors(surgery.solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex)
-            if {surgery.faces.of(face) for face in faces_at(edge)} == pair
-        ]
+        shared = [edge for edge in edges if {surgery.faces.of(face) for face in surgery.faces_at_edge(edge)} == pair]
         if len(shared) != 1:
             raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
         trims.append(shared[0])
@@ -281,7 +276,6 @@ def _wall(
 
 def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:
     """Shorten the edges between the two sides and the end faces to where the blend's corners lie on them."""
-    faces_at = Ancestors(surgery.solid, TopAbs_EDGE, TopAbs_FACE)
     cuts: dict[int, list[tuple[TopoDS_Vertex, TopoDS_Vertex]]] = {}
     for ending in endings:
         for edge, corner in zip(ending.trims, ending.corners, strict=False):
@@ -302,14 +296,14 @@ def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:
         if span[0] >= span[1]:
             raise SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
         piece = trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
-        for face in faces_at(edge):
+        for face in surgery.faces_at_edge(edge):
             surgery.rewrite(face).replaced[number] = [piece]
 
 
 def remains(
     surgery: Surgery, low: Ending, high: Ending, caps: tuple[float | None, float | None]
 ) -> dict[int, list[TopoDS_Edge]]:
-    """Return what remains, before the first cap and after the last, of every edge of the chain that the blend replaces."""
+    """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
     spine = surgery.spine
     stops = np.append(0.0, np.cumsum([piece.length for piece in spine.pieces])) / spine.length
     first, last = caps[0] or 0.0, 1.0 if caps[1] is None else caps[1]

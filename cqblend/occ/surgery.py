@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -35,6 +36,7 @@ from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
     BUILDER,
     CONFUSION,
+    Ancestors,
     Index,
     attach,
     ends,
@@ -113,6 +115,11 @@ class Surgery:
             first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
             self.sides = (first, second)
         self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.rails, strict=True)]
+
+    @cached_property
+    def faces_at_edge(self) -> Ancestors:
+        """The faces at each edge of the solid."""
+        return Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
 
     @property
     def domain(self) -> tuple[float, float]:

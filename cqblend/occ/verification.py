@@ -332,7 +332,7 @@ def check_solid(
         problems += _inside_out(after)
     problems += _loose(old, new, after, tolerance)
     problems += [line for face in new_faces for line in _folds(face)]
-    if grows is not None:
+    if grows is not None and not _beyond(before, new_faces, grows):
         problems += _wrong_way(old, new, grows)
     return problems
 
@@ -473,6 +473,20 @@ def _loose(old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape
     ]
 
 
+def _beyond(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool) -> bool:
+    """Whether the middle lines of the new faces clearly lie outside the old solid, if it was to grow, or inside it."""
+    wanted = TopAbs_OUT if grows else TopAbs_IN
+    classifier = BRepClass3d_SolidClassifier(before)
+    for face in new_faces:
+        u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
+        surface = BRep_Tool.Surface_s(face)
+        for share in (0.15, 0.5, 0.85):
+            classifier.Perform(surface.Value(u0 + share * (u1 - u0), (v0 + v1) / 2), _CONFUSION)
+            if classifier.State() != wanted:
+                return False
+    return bool(new_faces)
+
+
 def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) -> list[str]:
     """Say so if replacing faces changed the volume in the wrong direction, by more than integration may err.
 
@@ -495,7 +509,7 @@ def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) ->
 
 
 def _gap_area(edge: TopoDS_Shape) -> float:
-    """Return the area, mm^2, by which faces may miss each other along an edge that is known to a tolerance above OCCT's."""
+    """Return the area, mm^2, by which faces may miss each other along an edge of more than OCCT's own tolerance."""
     tolerance = BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge))
     if tolerance <= 2 * _CONFUSION:
         return 0.0
