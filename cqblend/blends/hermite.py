@@ -25,6 +25,7 @@ Form = Literal["exact", "compact"]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
 FINEST = 4096  # pieces of a compact blend
+JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,24 @@ def _rows(rails: tuple[Rail, Rail]) -> list[Curve]:
         rows.append(
             [_lowest(curve, rail.c) for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d))]
         )
+        _check_smooth(*rows[-1])
     curves = [rows[0][0], rows[0][1], rows[1][1], rows[1][0]]
     breaks = merge(*(curve.breaks for curve in curves))
     return [curve.cut(breaks[1:-1]) for curve in curves]
+
+
+def _check_smooth(rail: Curve, field: Curve) -> None:
+    """Raise GeometryError where the surface has a crease across the rail: there, the field jumps."""
+    t = rail.breaks[1:-1]
+    if not len(t):
+        return
+    before, after = (_jets(rail, field, t, side)[1][0] for side in ("left", "right"))
+    jump = np.linalg.norm(after - before, axis=1)
+    if jump.max() > JUMP * np.abs(after).max():
+        raise GeometryError(
+            f"a face has a crease across the blend at t = {t[jump.argmax()]:.4g}: the directions into the blend jump by "
+            f"{jump.max():.2g}; blend the smooth parts one by one"
+        )
 
 
 def merge(*sets: Array) -> Array:

@@ -124,6 +124,17 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
     return solve_around
 
 
+def _vectors(curve: Curve, field: Curve, t: Array) -> Array:
+    """Return the vectors (n, 3) of a homogeneous field along a homogeneous curve."""
+    x, dx = curve(t), field(t)
+    return (dx[:, :3] - x[:, :3] / x[:, 3:] * dx[:, 3:]) / x[:, 3:]
+
+
+def angle_between(a: Array, b: Array) -> Array:
+    """Return the angles (n,) between vectors (n, 3), right down to zero."""
+    return np.arctan2(np.linalg.norm(cross(a, b), axis=1), (a * b).sum(1))
+
+
 def _build(
     primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
 ) -> tuple[Rail, Errors]:
@@ -139,10 +150,15 @@ def _build(
     point, rate = euclidean(curve, t)
     vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach)[:, None]
     d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
-    x, dx = curve(t), primary.tangent(c, d)(t)
-    fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
-    angle = np.arctan2(np.linalg.norm(cross(fitted, vector), axis=1), (fitted * vector).sum(1))
+    field = primary.tangent(c, d)
+    fitted = _vectors(curve, field, t)
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
+    angle = angle_between(fitted, vector)
+    between = (t[:-1] + t[1:]) / 2  # a cubic's derivative errs less at the breaks and half-way than in between
+    uv_between = primary.unlift(c(between), (uv[:-1] + uv[1:]) / 2)
+    ideal = perpendicular(euclidean(curve, between)[1], primary.jet(uv_between), (vector[:-1] + vector[1:]) / 2)
+    off = angle_between(_vectors(curve, field, between), ideal)
+    angle[1:-1] = np.maximum(angle[1:-1], np.maximum(off[:-1], off[1:]))
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
         c, d = c.clip(*domain), d.clip(*domain)

@@ -10,7 +10,7 @@ from cqblend.occ.joint import Joint
 from cqblend.occ.measure import continuity_between, inner_crease
 from cqblend.occ.surgery import Proposal
 
-SAMPLES = 200  # points at which each piece of a rail is measured, beside those at its knots
+SAMPLES = 400  # points at which each piece of a rail is measured, beside those at its knots
 
 
 def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
