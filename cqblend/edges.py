@@ -34,6 +34,7 @@ RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 GAP = 1e-7  # mm
 CAPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
+CROSSED = ("IntersectingWires", "SelfIntersectingWire", "InvalidImbricationOfWires")  # BRepCheck's words for that
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
@@ -109,6 +110,8 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
         raise GeometryError("the blend runs on beside the face at the end of the edge without ever meeting it")
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance, 2 * request.tolerance)
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
+    if any(status in line for line in problems for status in CROSSED):
+        raise SizeError("the rail runs into another boundary of its face: the size is too large for it")
     if problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
     return proposal, blend
@@ -149,7 +152,7 @@ def _check_size(joint: Joint, request: BlendRequest) -> None:
             )
     left = joint.outside(contacts if joint.spine.closed else contacts.pick(np.array([12])))
     if left is not None:
-        raise SizeError(f"size {size:g} is too large: at t = {left[1]:.3g} the rail leaves face {left[0]}")
+        raise SizeError(f"size {size:g} is too large: at t = {left[1]:.3g} the rail reaches the end of face {left[0]}")
 
 
 def _largest(joint: Joint, request: BlendRequest) -> str:

@@ -59,7 +59,7 @@ def _check_smooth(rail: Curve, field: Curve) -> None:
     jump = np.linalg.norm(after - before, axis=1)
     if jump.max() > JUMP * np.abs(after).max():
         raise GeometryError(
-            f"a face has a crease across the blend at t = {t[jump.argmax()]:.4g}: the directions into the blend jump by "
+            f"a face has a crease across the blend at t = {t[jump.argmax()]:.4g}: the directions into it jump by "
             f"{jump.max():.2g}; blend the smooth parts one by one"
         )
 
