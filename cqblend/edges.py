@@ -39,6 +39,9 @@ CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbour
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 
+Caps = tuple[float | None, float | None]
+
+
 def blend_shape(
     shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest
 ) -> tuple[TopoDS_Shape, tuple[TopoDS_Face, ...], Certificate]:
@@ -91,12 +94,22 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
 
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
-    """Propose a blended solid and verify it."""
+    """Propose a blended solid and verify it: with its natural ends first, then, where those fail, with flat ones."""
     _check_size(joint, request)
-    caps: tuple[float | None, float | None] = (None, None)
-    domain = (0.0, 1.0)
-    if not joint.spine.closed:
-        caps, domain = _reach(joint, request)
+    if joint.spine.closed:
+        return _proposed(joint, request, (None, None), (0.0, 1.0))
+    natural = _ends(joint, request, flat=False)
+    try:
+        return _proposed(joint, request, *natural)
+    except (TopologyError, VerificationError):
+        flat = _ends(joint, request, flat=True)
+        if flat == natural:
+            raise
+        return _proposed(joint, request, *flat)
+
+
+def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
+    """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(4):
         blend = hermite(_rails(joint, request, domain), request.form, request.tolerance, request.angular_tolerance)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
@@ -107,7 +120,7 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
             slack = 0.1 * (short.needed[1] - short.needed[0])
             domain = (min(domain[0], short.needed[0] - slack), max(domain[1], short.needed[1] + slack))
     else:
-        raise GeometryError("the blend runs on beside the face at the end of the edge without ever meeting it")
+        raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance, 2 * request.tolerance)
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
     if any(status in line for line in problems for status in CROSSED):
@@ -141,7 +154,7 @@ def _check_size(joint: Joint, request: BlendRequest) -> None:
         raise SizeError(f"size {least:g} is below ten times the edge's own tolerance, {joint.tolerance:.2g}")
     if size > joint.extent:
         raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
-    t = np.arange(25) / 24
+    t = np.arange(25) / 24 if joint.spine.closed else (np.arange(25) + 0.5) / 25
     contacts = _solver(joint, request)(t)
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
         ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
@@ -199,31 +212,39 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
     return rail_forms.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
-def _reach(joint: Joint, request: BlendRequest) -> tuple[tuple[float | None, float | None], tuple[float, float]]:
-    """Return where open blends end in caps, and the range of t that their rails must cover.
+def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:
+    """Return where an open blend ends in caps, and the range of t that its rails must cover.
 
-    They reach the planes of the faces at their ends, or of the caps, and a little more.
+    They reach the planes of the faces at their ends, or of the caps, and a little more. There are caps where the joint
+    goes on past the end of the edge, or fades out there, or everywhere if ``flat``.
     """
     solve, length = _solver(joint, request), joint.spine.length
-    middle = solve(np.array([0.5]))
-    margin = float(middle.reach[0]) / 5
+    reach = float(solve(np.array([0.5])).reach[0])
     caps: list[float | None] = []
     domain = []
     for end, plane in enumerate(joint.end_planes()):
+        past = None if flat or plane is None else _past(joint, solve, end, *plane)
         sign = 1.0 if end else -1.0
-        if plane is None:
-            cap = _cap(joint, solve, end, float(middle.reach[0]))
+        if past is None:
+            cap = _cap(joint, solve, end, reach)
             caps.append(cap)
-            domain.append(cap + sign * 0.1 * margin / length)
-            continue
-        corner, normal = plane
-        t = np.array([float(end)])
-        contacts, direction = solve(t), joint.stations(t).direction[0]
-        points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-        needed = [sign * float((corner - point) @ normal) / float(direction @ normal) for point in points]
-        caps.append(None)
-        domain.append(end + sign * (max([0.0, *needed]) + margin) / length)
+            domain.append(cap + sign * 0.02 * reach / length)
+        else:
+            caps.append(None)
+            domain.append(end + sign * (past + reach / 5) / length)
     return (caps[0], caps[1]), (domain[0], domain[1])
+
+
+def _past(joint: Joint, solve: Solver, end: int, corner: Array, normal: Array) -> float | None:
+    """Return how far past the end of the edge the rails meet a plane; None if the joint has faded out there."""
+    t = np.array([float(end)])
+    try:
+        contacts = solve(t)
+    except GeometryError:
+        return None
+    direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
+    points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
+    return max([0.0, *(float((corner - point) @ normal) / float(direction @ normal) for point in points)])
 
 
 def _cap(joint: Joint, solve: Solver, end: int, reach: float) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from cqblend.blends.primaries import Array, Primary, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError, SizeError
 
+FLAT = 1e-3  # sine of the angle between the faces below which it does not tell convex from concave
 STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts
 PAIR = (0, 1)
 
@@ -135,15 +136,14 @@ def intersect(sides: tuple[Side, Side], stations: Stations, scale: float) -> Sta
 
 
 def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, Array]:
-    """Return the unit directions from the edge into both faces, (n, 3), and +1 where the edge is convex, else -1.
+    """Return the unit directions from the edge into both faces, (n, 3), and the sine of the turn: > 0 where convex.
 
     The stations run as the boundary of face 1 does: seen from outside, face 1 lies to their left.
     """
     n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
     into1 = cross(n1, stations.direction)
     into2 = -cross(n2, stations.direction)
-    convex = -np.sign((into1 * n2).sum(1))
-    return into1, into2, convex
+    return into1, into2, -(into1 * n2).sum(1)
 
 
 def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) -> Contacts:
@@ -153,10 +153,10 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
     convex edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening
     of the arc, which makes a cubic Hermite section the best-known approximation of the arc.
     """
-    into1, into2, convex = inward(sides, stations)
-    if np.any(convex != convex[0]):
+    into1, into2, turn = inward(sides, stations)
+    if turn.max() > FLAT and turn.min() < -FLAT:
         raise GeometryError("the edge changes between convex and concave; a ball cannot roll along it")
-    sign = np.array([-convex[0] * side.outward for side in sides])
+    sign = np.array([-np.sign(turn.sum()) * side.outward for side in sides])
     half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
     point, tau = stations.point, stations.direction
 

@@ -16,7 +16,7 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
@@ -78,7 +78,8 @@ class Joint:
         for side, number, uv in zip(self.sides, self.faces, self.native(contacts), strict=True):
             classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
             for t, point in zip(contacts.t.tolist(), uv.tolist(), strict=True):
-                if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
+                state = classifier.Perform(gp_Pnt2d(*point))
+                if state == TopAbs_OUT or (state == TopAbs_ON and not self.spine.closed):  # closed faces have seams
                     return number, t
         return None
 
