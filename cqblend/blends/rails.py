@@ -66,9 +66,14 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a fitted rail is from what was wanted, at every sample: in space (mm), in direction (rad), in length."""
+    """How far a fitted rail is from what was wanted, at every sample.
+
+    In space (mm), of that across the rail (what is along it only shifts the common parameter), in direction (rad), in
+    length (relative).
+    """
 
     position: Array
+    across: Array
     direction: Array
     length: Array
 
@@ -124,17 +129,6 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
     return solve_around
 
 
-def _vectors(curve: Curve, field: Curve, t: Array) -> Array:
-    """Return the vectors (n, 3) of a homogeneous field along a homogeneous curve."""
-    x, dx = curve(t), field(t)
-    return (dx[:, :3] - x[:, :3] / x[:, 3:] * dx[:, 3:]) / x[:, 3:]
-
-
-def angle_between(a: Array, b: Array) -> Array:
-    """Return the angles (n,) between vectors (n, 3), right down to zero."""
-    return np.arctan2(np.linalg.norm(cross(a, b), axis=1), (a * b).sum(1))
-
-
 def _build(
     primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
 ) -> tuple[Rail, Errors]:
@@ -150,20 +144,21 @@ def _build(
     point, rate = euclidean(curve, t)
     vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach)[:, None]
     d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
-    field = primary.tangent(c, d)
-    fitted = _vectors(curve, field, t)
+    x, dx = curve(t), primary.tangent(c, d)(t)
+    fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
-    angle = angle_between(fitted, vector)
-    between = (t[:-1] + t[1:]) / 2  # a cubic's derivative errs less at the breaks and half-way than in between
-    uv_between = primary.unlift(c(between), (uv[:-1] + uv[1:]) / 2)
-    ideal = perpendicular(euclidean(curve, between)[1], primary.jet(uv_between), (vector[:-1] + vector[1:]) / 2)
-    off = angle_between(_vectors(curve, field, between), ideal)
-    angle[1:-1] = np.maximum(angle[1:-1], np.maximum(off[:-1], off[1:]))
+    angle = np.arctan2(np.linalg.norm(cross(fitted, vector), axis=1), (fitted * vector).sum(1))
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
         c, d = c.clip(*domain), d.clip(*domain)
     near = np.stack([np.interp(c.breaks, t, column) for column in uv.T], -1)
-    errors = Errors(np.linalg.norm(point - jet[0], axis=1)[inside], angle[inside], np.abs(ratio[inside]))
+    offset = (point - jet[0])[inside]
+    errors = Errors(
+        np.linalg.norm(offset, axis=1),
+        np.linalg.norm(cross(offset, unit(rate[inside])), axis=1),
+        angle[inside],
+        np.abs(ratio[inside]),
+    )
     return Rail(primary, c, d, near, float(errors.direction.max()), float(errors.length.max())), errors
 
 
@@ -247,7 +242,7 @@ def cubic(
         bad = np.zeros(len(share), bool)
         for _, errors in built:
             for inner in (slice(1, None, 3), slice(2, None, 3)):
-                bad |= (errors.position[inner] > wanted.position) & (share > FINEST)
+                bad |= (errors.across[inner] > wanted.position) & (share > FINEST)
                 turned = (errors.direction[inner] > wanted.direction) | (errors.length[inner] > wanted.length)
                 bad |= turned & (share > FINE)
         if not bad.any():
@@ -256,7 +251,7 @@ def cubic(
     breaks, moves = _gathered((built[0][0], built[1][0]), breaks)
     if moves:
         built = _through(primaries, solve, breaks, domain, wanted.bulge, moves, closed=closed)
-    missed = max(float(errors.position.max()) for _, errors in built)
+    missed = max(float(errors.across.max()) for _, errors in built)
     if missed > 10 * wanted.position:
         raise GeometryError(
             f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
