@@ -1,0 +1,238 @@
+"""The Utah teapot: a spout blended onto its body, exactly smooth, out to STEP and cut in two."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import cadquery as cq
+import numpy as np
+import pytest
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.GCPnts import GCPnts_UniformAbscissa
+from OCP.GeomAbs import GeomAbs_C1
+from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+from OCP.GProp import GProp_GProps
+
+import cqblend
+from cqblend import demo, teapot
+from cqblend.occ.step import read_step, write_step
+
+STATIONS = 1000
+KNOT_LINE = 0.9
+"""Height at which the curvature of the body jumps: the patches above and below meet there with C1 only."""
+
+
+@cache
+def pot():
+    return demo.sharp()
+
+
+@cache
+def blended():
+    return demo.blended(pot())
+
+
+def sides(edge):
+    return edge.ancestors(pot(), "Face").Faces()
+
+
+def valid(shape) -> bool:
+    return BRepCheck_Analyzer(shape.wrapped, True, False, True).IsValid()
+
+
+def volume(shape) -> float:
+    """Return OCCT's volume by Gauss-Kronrod integration; its default is off by 1e-3 on this body."""
+    properties = GProp_GProps()
+    plane = gp_Pln(gp_Pnt(0.1, 0.2, 1.1), gp_Dir(0.3826, 0.5217, 0.7625))
+    BRepGProp.VolumePropertiesGK_s(shape.wrapped, properties, plane, 1e-8, False, True, False, False, False)
+    return properties.Mass()
+
+
+def rails(shape, blend):
+    """Return the edges between the blend and its neighbours, with these."""
+    found = []
+    for edge in blend.Edges():
+        others = [f for f in edge.ancestors(shape, "Face").Faces() if not f.isSame(blend)]
+        if others:
+            found.append((edge, others[0]))
+    return found
+
+
+def along(edge, count: int) -> list[float]:
+    """Return edge parameters at equal distances in space."""
+    curve = BRepAdaptor_Curve(edge.wrapped)
+    points = GCPnts_UniformAbscissa(curve, count, 1e-9)
+    assert points.IsDone()
+    return [points.Parameter(i) for i in range(1, points.NbPoints() + 1)]
+
+
+def meet(face, edge, parameters):
+    """Return OCCT's points and normals of a face at parameters of one of its edges, through the edge's pcurve."""
+    curve = BRep_Tool.CurveOnSurface_s(edge.wrapped, face.wrapped, 0.0, 0.0)
+    surface = BRep_Tool.Surface_s(face.wrapped)
+    points, normals = [], []
+    for t in parameters:
+        u, v = curve.Value(t).Coord()
+        n = np.cross(surface.DN(u, v, 1, 0).Coord(), surface.DN(u, v, 0, 1).Coord())
+        points.append(surface.Value(u, v).Coord())
+        normals.append(n / np.linalg.norm(n))
+    return np.array(points), np.array(normals)
+
+
+def gap_and_angle(shape, blend) -> tuple[float, float]:
+    gap = angle = 0.0
+    for edge, other in rails(shape, blend):
+        parameters = along(edge, STATIONS)
+        (p, n), (q, m) = (meet(face, edge, parameters) for face in (blend, other))
+        gap = max(gap, float(np.linalg.norm(p - q, axis=1).max()))
+        turn = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1)))
+        angle = max(angle, float(turn.max()))
+    return gap, angle
+
+
+# The solids.
+
+
+def test_body_is_one_solid_of_a_closed_c1_spline_a_bottom_and_a_planar_rim():
+    body = teapot.body()
+    assert valid(body)
+    assert body.Volume() > 0
+    kinds = sorted(face.geomType() for face in body.Faces())
+    assert kinds == ["BSPLINE", "BSPLINE", "PLANE"]
+    side = max((f for f in body.Faces() if f.geomType() == "BSPLINE"), key=lambda f: f.BoundingBox().zlen)
+    surface = BRep_Tool.Surface_s(side.wrapped)
+    assert surface.IsUClosed()
+    assert surface.Continuity() == GeomAbs_C1
+    seam = surface.UIso(surface.Bounds()[0]).Value(0.5)
+    assert seam.X() < -1
+    assert abs(seam.Y()) < 1e-12  # at -x, away from the spout
+
+
+def test_spout_is_one_solid_with_its_lip_and_a_planar_tip():
+    spout = teapot.spout()
+    assert valid(spout)
+    assert spout.Volume() > 0
+    assert sorted(face.geomType() for face in spout.Faces()) == ["BSPLINE", "BSPLINE", "PLANE", "PLANE"]
+    for face in spout.Faces():
+        if face.geomType() == "BSPLINE":
+            assert BRep_Tool.Surface_s(face.wrapped).IsUClosed()
+
+
+def test_surfaces_pass_through_newells_points():
+    """Corners of the patches as published in 1975."""
+    corners = {
+        (1.4, 0.0, 2.4),
+        (1.75, 0.0, 1.875),
+        (2.0, 0.0, 0.9),
+        (1.5, 0.0, 0.15),
+        (1.7, 0.0, 1.425),
+        (2.7, 0.0, 2.4),
+        (3.3, 0.0, 2.4),
+    }
+    published = {tuple(np.round(pole, 9).tolist()) for pole in teapot.poles().reshape(-1, 3)}
+    assert {c for c in corners if c not in published} <= {(1.75, 0.0, 1.875)}
+    assert teapot.poles().shape == (32, 4, 4, 3)
+
+
+def test_fused_pot_is_one_solid():
+    assert len(pot().Solids()) == 1
+    assert valid(pot())
+
+
+# The blend.
+
+
+def test_blend_is_exact_in_form_of_the_stated_width_and_valid():
+    result = blended()
+    certificate = result.certificate
+    assert certificate.form == "exact"
+    assert certificate.degree == (18, 3)
+    assert valid(result.shape)
+    assert certificate.valid
+    assert certificate.method == "wire substitution"
+    assert certificate.tolerance <= 5e-7
+    low, high = certificate.width
+    assert demo.WIDTH < low < high < 2 * demo.WIDTH
+    assert volume(result.shape) > volume(pot()) * (1 + 1e-5)
+    assert len(result.shape.Faces()) == len(pot().Faces()) + 1
+
+
+def test_rails_lie_at_the_width_from_the_old_edge():
+    kept = [edge.Center() for edge in blended().shape.Edges()]
+    (old,) = (e for e in pot().Edges() if all((e.Center() - c).Length > 1e-3 for c in kept) and len(sides(e)) == 2)
+    (blend,) = blended().faces
+    for edge, _ in rails(blended().shape, blend):
+        for t in np.linspace(0.02, 0.98, 9):
+            distance = cq.Vertex.makeVertex(*edge.positionAt(t).toTuple()).distance(old)
+            assert distance <= demo.WIDTH * (1 + 1e-4)
+            assert distance > 0.8 * demo.WIDTH
+
+
+def test_gap_and_angle_at_a_thousand_equidistant_points_along_both_rails():
+    (blend,) = blended().faces
+    gap, angle = gap_and_angle(blended().shape, blend)
+    assert gap <= 1e-10
+    assert angle <= 1e-10
+    assert blended().certificate.gap <= 1e-10
+    assert blended().certificate.angle <= 1e-10
+
+
+def test_crease_at_the_bodys_curvature_jump_is_reported():
+    """Where the rail crosses the knot line, the blend has a crease; measured here from both sides of its own knots."""
+    (blend,) = blended().faces
+    surface = BRep_Tool.Surface_s(blend.wrapped)
+    worst, where = 0.0, None
+    for k in range(surface.FirstUKnotIndex() + 1, surface.LastUKnotIndex()):
+        u = surface.UKnot(k)
+        for v in np.linspace(0.02, 0.98, 25).tolist():
+            sides = []
+            for du in (-1e-9, 1e-9):
+                n = np.cross(surface.DN(u + du, v, 1, 0).Coord(), surface.DN(u + du, v, 0, 1).Coord())
+                sides.append(n / np.linalg.norm(n))
+            angle = math.atan2(np.linalg.norm(np.cross(*sides)), sides[0] @ sides[1])
+            if angle > worst:
+                worst, where = angle, (u, v)
+    assert blended().certificate.inner_crease == pytest.approx(worst, rel=0.05)
+    assert math.radians(0.01) < worst < math.radians(2)
+    ends = [surface.Value(surface.UKnot(k), v).Z() for k in range(2, surface.LastUKnotIndex()) for v in (0.0, 1.0)]
+    assert min(abs(z - KNOT_LINE) for z in ends) < 1e-6
+    assert where is not None
+
+
+def test_verification_finds_nothing():
+    found = cqblend.verify(blended().shape, blended().faces)
+    assert found.ok, found.problems
+
+
+def test_step_read_back_is_valid_and_as_smooth(tmp_path):
+    path = tmp_path / "teapot.step"
+    write_step(blended().shape.wrapped, path)
+    again = cq.Shape.cast(read_step(path))
+    assert valid(again)
+    assert len(again.Faces()) == len(blended().shape.Faces())
+    assert volume(again) == pytest.approx(volume(blended().shape), rel=1e-9)
+    wanted = blended().faces[0].Center()
+    blend = min(again.Faces(), key=lambda face: (face.Center() - wanted).Length)
+    gap, angle = gap_and_angle(again, blend)
+    assert gap <= 1e-10
+    assert angle <= 1e-10
+    for edge, _ in rails(again, blend):
+        found = cqblend.continuity(again, edge)
+        assert found.angle <= 2 * blended().certificate.angle + 1e-12
+        assert found.tolerance <= 5e-7
+
+
+def test_cut_with_a_box_through_the_blend_is_valid():
+    shape, (blend,) = blended().shape, blended().faces
+    middle = blend.Center()
+    box = cq.Solid.makeBox(4, 4, 6).translate(cq.Vector(middle.x - 2, 0.05, middle.z - 3))
+    outside, inside = shape.cut(box), shape.intersect(box)
+    assert valid(outside)
+    assert valid(inside)
+    whole, out, within = (volume(one) for one in (shape, outside, inside))
+    assert min(out, within) > 0.1 * whole
+    assert out + within == pytest.approx(whole, rel=1e-6)
