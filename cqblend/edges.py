@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's contacts
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 GAP = 1e-7  # mm
-CAPS = (0.0, 0.03, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
+CAPS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
 CROSSED = ("IntersectingWires", "SelfIntersectingWire", "InvalidImbricationOfWires")  # BRepCheck's words for that
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
@@ -236,11 +236,11 @@ def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tup
 
 
 def _past(joint: Joint, solve: Solver, end: int, corner: Array, normal: Array) -> float | None:
-    """Return how far past the end of the edge the rails meet a plane; None if the joint has faded out there."""
+    """Return how far past the end of the edge the rails meet a plane; None if they do not get as far as the end."""
     t = np.array([float(end)])
     try:
         contacts = solve(t)
-    except GeometryError:
+    except (GeometryError, SizeError):
         return None
     direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
     points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]

@@ -103,6 +103,7 @@ class Surgery:
         self.originals = self.sides
         self.edges = Index(self.solid, TopAbs_EDGE)
         self.faces = Index(self.solid, TopAbs_FACE)
+        self.gone = [vertex for edge in self.spine.edges for vertex in ends(edge)]
         self.remains: dict[int, list[TopoDS_Edge]] = {self.edges.of(edge): [] for edge in self.spine.edges}
         self.rewrites: dict[int, Rewrite] = {}
         self.surface: Geom_BSplineSurface = bulk.surface_from_arrays(*self.blend.surface.to_bspline())
@@ -228,7 +229,6 @@ class Surgery:
     def _cut_seams(self, i: int, rewrite: Rewrite, stops: Array, vertices: list[TopoDS_Vertex]) -> None:
         """Cut the face's seams where the rail crosses them and drop what lies between rail and edge."""
         side = self.sides[i]
-        old = [vertex for edge in self.spine.edges for vertex in ends(edge)]
         if not vertices:
             point, field = np.empty((0, 3)), np.empty((0, 3))
         else:
@@ -250,7 +250,7 @@ class Surgery:
             marks.sort(key=lambda mark: mark[0])
             start, end = ends(edge)
             if not marks:
-                touching = [vertex for vertex in (start, end) if any(vertex.IsSame(o) for o in old)]
+                touching = [vertex for vertex in (start, end) if any(vertex.IsSame(o) for o in self.gone)]
                 if len(touching) == 1:
                     raise SizeError("the rail passes beyond the end of the face: the size is too large")
                 if len(touching) == 2:
@@ -297,6 +297,8 @@ class Surgery:
         if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
             raise RailsTooShort(needed)
         self.remains = endings.remains(self, low, high, caps)
+        kept = [vertex for vertex, cap in zip(self.spine.vertices, caps, strict=True) if cap is not None]
+        self.gone = [vertex for vertex in self.gone if not any(vertex.IsSame(one) for one in kept)]
         rails = []
         for i in (0, 1):
             if low.t[i] >= high.t[i]:
