@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.contact import Contacts
-from cqblend.blends.primaries import Array, Primary, cross, tangent_coordinates, unit, unwrapped
+from cqblend.blends.primaries import Array, Primary, cross, near_period, tangent_coordinates, unit, unwrapped
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
@@ -30,7 +30,7 @@ SLIVER = 2e-5  # breaks nearer to each other than this share of the rail are bro
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
 Maker = Callable[[Array], Curve]
-Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, by which change of native parameters
+Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
 
 
 @dataclass(frozen=True)
@@ -278,11 +278,15 @@ def _through(
     t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
     t[::3] = nodes
     solved = solve(t)
-    for side, at, shift in moves:
+    for side, at, target in moves:
         apart = t - at
         if closed:
             apart -= (domain[1] - domain[0]) * np.round(apart / (domain[1] - domain[0]))
-        solved.uv[side][np.abs(apart) < 1e-13] += shift
+        here = np.abs(apart) < 1e-13
+        found = solved.uv[side]
+        for axis, period in enumerate(primaries[side].periods):
+            value = target[axis]
+            found[here, axis] = value if period is None else near_period(value, found[here, axis], period)
 
     def make(values: Array) -> Curve:
         return fit.interpolate(nodes, values[::3])
@@ -296,28 +300,31 @@ def _gathered(rails: tuple[Rail, Rail], breaks: Array) -> tuple[Array, Moves]:
 
     The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a
     sliver between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross
-    theirs in the plane of symmetry, apart by the tolerance of the edge. Returns the breaks, with one more for a pair of
-    crossings, and how far to move which rail's contact there, along the rail, so that it lies on its knot line.
+    theirs in the plane of symmetry, apart by the tolerance of the edge. Returns the breaks, moved to such crossings,
+    and the native parameters through which a rail is to run there, so that it crosses just at the break.
     """
     slack = SLIVER * (breaks[-1] - breaks[0])
     crossings = []
     for side, rail in enumerate(rails):
         cut = rail.primary.position(rail.c).breaks
         crossings += [(t, side) for t in cut[~np.isin(cut, rail.c.breaks)].tolist()]
+    clusters: list[dict[int, float]] = []  # of each, the first crossing of either rail
+    last = -np.inf
+    for t, side in sorted(crossings):
+        if t - last > slack:
+            clusters.append({})
+        clusters[-1].setdefault(side, t)
+        last = t
     moves: Moves = []
-    added: list[float] = []
-    for i, (t, side) in enumerate(crossings):
-        targets = np.append(breaks, added)
-        nearest = float(targets[np.abs(targets - t).argmin()])
-        if abs(nearest - t) > slack:
-            if not any(abs(other - t) <= slack for other, at in crossings[i + 1 :] if at != side):
-                continue
-            nearest = t
-            added.append(t)
-        if not any(side == taken and nearest == at for taken, at, _ in moves):
-            here, there = rails[side].native(np.array([nearest, t]))
-            moves.append((side, nearest, there - here))
-    return np.sort(np.append(breaks, added)), moves
+    for cluster in clusters:
+        first = min(cluster.values())
+        near = np.abs(breaks - first) <= 2 * slack
+        if not near.any() and len(cluster) == 1:
+            continue
+        at = float(breaks[0] if near[0] else breaks[-1] if near[-1] else first)
+        breaks = np.sort(np.append(breaks[~near], at))
+        moves += [(side, at, rails[side].native(np.array([t]))[0]) for side, t in cluster.items()]
+    return breaks, moves
 
 
 def _overlapped(breaks: Array) -> Array:
