@@ -13,11 +13,11 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
+from test_measure import bspline
 
 from cqblend.errors import InputError, SelectionError
 from cqblend.occ.kinds import children
 from cqblend.occ.verification import check_solid, flaws, subshapes, verify, volume_of
-from test_measure import bspline
 
 
 def wrapped(workplane: cq.Workplane) -> TopoDS_Shape:
