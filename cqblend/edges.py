@@ -34,7 +34,12 @@ RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 GAP = 1e-7  # mm
 CAPS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
-CROSSED = ("IntersectingWires", "SelfIntersectingWire", "InvalidImbricationOfWires")  # BRepCheck's words for that
+CROSSED = (
+    "IntersectingWires",
+    "SelfIntersectingWire",
+    "InvalidImbricationOfWires",
+    "cuts through",
+)  # what is said of that
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
@@ -101,11 +106,14 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
     natural = _ends(joint, request, flat=False)
     try:
         return _proposed(joint, request, *natural)
-    except (TopologyError, VerificationError):
-        flat = _ends(joint, request, flat=True)
-        if flat == natural:
-            raise
-        return _proposed(joint, request, *flat)
+    except (SizeError, TopologyError, VerificationError) as error:
+        try:
+            flat = _ends(joint, request, flat=True)
+            if flat != natural:
+                return _proposed(joint, request, *flat)
+        except CqblendError:
+            pass
+        raise error from None
 
 
 def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
@@ -124,7 +132,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance, 2 * request.tolerance)
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
     if any(status in line for line in problems for status in CROSSED):
-        raise SizeError("the rail runs into another boundary of its face: the size is too large for it")
+        raise SizeError("the blend runs into another boundary or face: the size is too large for it")
     if problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
     return proposal, blend
@@ -190,7 +198,13 @@ def _largest(joint: Joint, request: BlendRequest) -> str:
     for _ in range(12):
         middle = (low + high) / 2
         low, high = (middle, high) if fits(middle) else (low, middle)
-    return f"; the largest that fits is about {low * size:.3g}" if low else ""
+    return f"; the largest that fits is about {_floor(low * size):g}" if low else ""
+
+
+def _floor(value: float) -> float:
+    """Round down to three digits."""
+    digit = 10.0 ** (np.floor(np.log10(value)) - 2)
+    return float(np.floor(value / digit) * digit)
 
 
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Rail, Rail]:
@@ -219,7 +233,7 @@ def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tup
     goes on past the end of the edge, or fades out there, or everywhere if ``flat``.
     """
     solve, length = _solver(joint, request), joint.spine.length
-    reach = float(solve(np.array([0.5])).reach[0])
+    reach = float(solve(np.array([0.5])).reach.max())
     caps: list[float | None] = []
     domain = []
     for end, plane in enumerate(joint.end_planes()):

@@ -44,7 +44,7 @@ class Stations:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contact parameters (n, 2) on both sides, edge points between them, the cross derivatives' default length."""
+    """Contact parameters (n, 2) on both sides, edge points between them, the cross derivatives' lengths (2, n)."""
 
     t: Array
     point: Array
@@ -53,7 +53,7 @@ class Contacts:
 
     def pick(self, index: Array) -> Contacts:
         """Return some of the contacts."""
-        return Contacts(self.t[index], self.point[index], (self.uv[0][index], self.uv[1][index]), self.reach[index])
+        return Contacts(self.t[index], self.point[index], (self.uv[0][index], self.uv[1][index]), self.reach[:, index])
 
 
 def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
@@ -196,13 +196,14 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
     if not good.all():
         where = stations.t[~good][0]
         raise SizeError(f"no ball of radius {radius:g} touches both faces at t = {where:.4g} of the edge")
-    return Contacts(stations.t, point, (uv1, uv2), 4 * radius * np.tan(theta / 4))
+    return Contacts(stations.t, point, (uv1, uv2), np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
 
 
 def set_back(sides: tuple[Side, Side], stations: Stations, widths: tuple[float, float]) -> Contacts:
     """Return the points of each face at a straight distance from the edge point, within the station's plane.
 
-    The length of the cross derivatives is the chord between them.
+    The length of the cross derivatives is the chord between them, divided between the sides as the widths are: a third
+    of it, where the section's inner control points stand, never reaches the edge.
     """
     into = inward(sides, stations)[:2]
     point, tau = stations.point, stations.direction
@@ -228,4 +229,5 @@ def set_back(sides: tuple[Side, Side], stations: Stations, widths: tuple[float, 
             raise SizeError(f"no point of the face lies at width {width:g} from the edge at t = {where:.4g}")
         found.append(x)
     chord = sides[1].primary.jet(found[1])[0] - sides[0].primary.jet(found[0])[0]
-    return Contacts(stations.t, point, (found[0], found[1]), np.linalg.norm(chord, axis=1))
+    shares = 2 * np.array(widths) / sum(widths)
+    return Contacts(stations.t, point, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1)))

@@ -124,7 +124,7 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
                 if period is not None:
                     winding[axis] = period * np.round((found[-1, axis] - found[0, axis]) / period)
             uv.append(found[index] + lap[:, None] * winding)
-        return Contacts(t, solved.point[index], (uv[0], uv[1]), solved.reach[index])
+        return Contacts(t, solved.point[index], (uv[0], uv[1]), solved.reach[:, index])
 
     return solve_around
 
@@ -142,7 +142,7 @@ def _build(
     c = make(primary.scale(primary.lift(uv), weight))
     curve = primary.position(c)
     point, rate = euclidean(curve, t)
-    vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach)[:, None]
+    vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach[side])[:, None]
     d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
     x, dx = curve(t), primary.tangent(c, d)(t)
     fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]

@@ -98,6 +98,14 @@ class FaceSide(Side):
                 out[:, axis] = near_period(uv[:, axis], near[:, axis], period)
         return out
 
+    def at_seam(self, uv: Array) -> bool:
+        """Whether the face's own parameters (2,), in its window, lie where a closed direction meets itself."""
+        return any(
+            period is not None
+            and abs(near_period(uv[axis], self.bounds[axis, 0], period) - self.bounds[axis, 0]) < 1e-6 * period
+            for axis, period in enumerate(self.native.periods)
+        )
+
     def windowed(self, uv: Array) -> Array:
         """Shift the face's own parameters (n, 2) by whole periods into its window."""
         out = uv.copy()
@@ -324,6 +332,8 @@ def pcurve(side: FaceSide, rail: Rail) -> Curve:
         near = np.stack([np.interp(t, dense, column) for column in guide.T], -1)
         return native.unlift(c(t), near)
 
+    speeds = np.linalg.norm(native.jet(guide)[1:3], axis=2).min()
+    rounding = 16 * np.finfo(float).eps * float(np.abs(native.jet(guide)[0]).max() / speeds)
     for _ in range(12):
         uv = parameters(breaks)
         starts = _parameter_jets(native, uv[:-1], position, breaks[:-1], "right")
@@ -333,7 +343,7 @@ def pcurve(side: FaceSide, rail: Rail) -> Curve:
         curve = fit.hermite(breaks, np.stack([starts, stops], axis=2))
         t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
         error = np.abs(curve(t) - parameters(t)).max(axis=1)
-        bad = (error > PCURVE).reshape(len(inner), -1).any(axis=0)
+        bad = (error > PCURVE + rounding).reshape(len(inner), -1).any(axis=0)
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))

@@ -293,7 +293,7 @@ def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:
             which = 0 if vertices[0].IsSame(old) else 1
             span[which], vertices[which] = project.LowerDistanceParameter(), new
             loosen(new, 1.05 * project.LowerDistance())
-        if span[0] >= span[1]:
+        if np.linalg.norm(location_of(vertices[0]) - location_of(vertices[1])) < 100 * CONFUSION or span[0] >= span[1]:
             raise SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
         piece = trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
         for face in surgery.faces_at_edge(edge):

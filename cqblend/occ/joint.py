@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt2d
@@ -20,13 +21,15 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OU
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
-from cqblend.blends.primaries import Array, Primary
+from cqblend.blends.primaries import Array, Primary, unit
 from cqblend.errors import GeometryError, SelectionError
 from cqblend.occ.adapt import FaceSide, face_side
 from cqblend.occ.spine import EdgeSpine, chain
-from cqblend.occ.topology import Ancestors, Index, ends, ends_uv, explore, location_of
+from cqblend.occ.topology import Ancestors, Index, ends, ends_uv, explore, forward, location_of
 
 SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
+NEAR = 1e-6  # of the parameters: a contact this near to a face's boundary leaves nothing of the face
+BEND = 1e-2  # rad: a joint goes on past a vertex only where it turns by less
 ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
 
 
@@ -76,10 +79,10 @@ class Joint:
     def outside(self, contacts: Contacts) -> tuple[int, float] | None:
         """Return the number of the face that contacts leave, and the first such t; None if they stay inside both."""
         for side, number, uv in zip(self.sides, self.faces, self.native(contacts), strict=True):
-            classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
+            classifier = BRepTopAdaptor_FClass2d(side.face, NEAR)
             for t, point in zip(contacts.t.tolist(), uv.tolist(), strict=True):
                 state = classifier.Perform(gp_Pnt2d(*point))
-                if state == TopAbs_OUT or (state == TopAbs_ON and not self.spine.closed):  # closed faces have seams
+                if state == TopAbs_OUT or (state == TopAbs_ON and not side.at_seam(np.array(point))):
                     return number, t
         return None
 
@@ -147,8 +150,9 @@ def find_joint(
     """
     name, edge = f"edge {number}", edges[0]
     solids = [solid for solid in explore(shape, TopAbs_SOLID) if Index(solid, TopAbs_EDGE).of(edge)]
-    if not solids:
-        raise SelectionError(f"{name} is not part of a solid; blends need a closed one")
+    if len(solids) != 1:
+        many = f"part of {len(solids)} solids: take them apart first" if solids else "not part of a solid"
+        raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
     solid = solids[0]
     faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
     pair = faces_at(edge)
@@ -186,11 +190,28 @@ def _grown(
                 continue
             passable = edges_at(vertex) if len(faces_around(vertex)) == 2 else edges
             for edge in passable:
-                touches = any(vertex.IsSame(v) for v in ends(edge))
+                touches = any(vertex.IsSame(v) for v in ends(edge)) and _straight_on(vertex, edge, grown)
                 if touches and _all_same(faces_at(edge), pair) and not any(edge.IsSame(one) for one in grown):
                     grown.append(edge)
                     waiting.append(edge)
     return grown
+
+
+def _straight_on(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: list[TopoDS_Edge]) -> bool:
+    """Whether an edge goes on at a vertex in the direction in which one of the others arrives there."""
+    here = _away(vertex, edge)
+    before = [_away(vertex, other) for other in others if any(vertex.IsSame(v) for v in ends(other))]
+    return any(np.linalg.norm(here + one) < BEND for one in before)
+
+
+def _away(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
+    """Return the unit tangent of an edge at one of its vertices, pointing away from it."""
+    curve, sign = BRepAdaptor_Curve(edge), 1.0
+    at = curve.FirstParameter()
+    if not ends(forward(edge))[0].IsSame(vertex):
+        at, sign = curve.LastParameter(), -1.0
+    tangent = curve.DN(at, 1)
+    return sign * unit(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
 
 
 def _check_sharp(joint: Joint, name: str) -> None:

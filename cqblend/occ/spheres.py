@@ -32,6 +32,7 @@ from cqblend.occ.topology import (
     make_pole,
     make_vertex,
     make_wire,
+    seams,
 )
 
 WINDOW = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
@@ -45,9 +46,9 @@ def respun(side: FaceSide, rail: Rail, joint: list[TopoDS_Edge]) -> FaceSide | N
     sphere = side.primary
     if not isinstance(sphere, Sphere) or not sphere.spinning:
         return None
+    own = [*seams(side.face), *joint]
     for use in explore(side.face, TopAbs_EDGE):
-        own = BRep_Tool.Degenerated_s(use) or BRep_Tool.IsClosed_s(use, side.face)
-        if not own and not any(use.IsSame(edge) for edge in joint):
+        if not BRep_Tool.Degenerated_s(use) and not any(use.IsSame(edge) for edge in own):
             return None
     t = np.linspace(*rail.c.domain, 129)
     turned = np.unwrap(sphere.unlift(rail.c(t), np.zeros((len(t), 2)))[:, 0])

@@ -49,6 +49,7 @@ from cqblend.occ.topology import (
     make_face,
     make_vertex,
     make_wire,
+    seams,
     trimmed,
     with_faces,
 )
@@ -157,9 +158,8 @@ class Surgery:
     def crossings(self, i: int) -> Array:
         """Return where rail i crosses seams of its face, in t, ascending."""
         side, curve = self.sides[i], self.pcurves[i]
-        seams = [edge for edge in explore(side.face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(edge, side.face)]
         found = [np.empty(0)]
-        if seams:
+        if seams(side.face):
             coefs = curve.coefs
             for axis, period in enumerate(side.native.periods):
                 if period is None:
@@ -234,7 +234,8 @@ class Surgery:
         else:
             point, field = _rail_frame(self.blend.rails[i], stops)
         dropped: list[TopoDS_Vertex] = []
-        for number, edge in self._seams(side):
+        for edge in seams(side.face):
+            number = self.edges.of(edge)
             curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
             first, last = BRep_Tool.Range_s(edge)
             marks: list[tuple[float, TopoDS_Vertex, bool]] = []
@@ -269,15 +270,6 @@ class Surgery:
         for use in explore(rewrite.face, TopAbs_EDGE):  # poles that lost their seam
             if BRep_Tool.Degenerated_s(use) and any(ends(use)[0].IsSame(vertex) for vertex in dropped):
                 rewrite.replaced[self.edges.of(use)] = []
-
-    def _seams(self, side: FaceSide) -> list[tuple[int, TopoDS_Edge]]:
-        """Return the face's seam edges, FORWARD, with their numbers."""
-        found = {
-            self.edges.of(use): TopoDS.Edge_s(forward(use))
-            for use in explore(side.face, TopAbs_EDGE)
-            if BRep_Tool.IsClosed_s(use, side.face)
-        }
-        return list(found.items())
 
     # -- open edges ----------------------------------------------------------------------------------------------------
 

@@ -125,6 +125,15 @@ def ends_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
     return (b, a) if use.Orientation() == TopAbs_REVERSED else (a, b)
 
 
+def seams(face: TopoDS_Face) -> list[TopoDS_Edge]:
+    """Return the edges, FORWARD, on both sides of which the face itself lies.
+
+    An edge with two pcurves on a face need not be one: booleans leave such edges where a seam has become a border.
+    """
+    uses = [use for use in explore(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(use, face)]
+    return [forward(use) for use in distinct(uses) if sum(use.IsSame(other) for other in uses) == 2]
+
+
 def location_of(vertex: TopoDS_Vertex) -> Array:
     """Return a vertex's point (3,)."""
     p = BRep_Tool.Pnt_s(vertex)

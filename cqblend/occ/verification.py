@@ -34,6 +34,7 @@ from OCP.BRepCheck import (
     BRepCheck_Status,
 )
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 from OCP.BRepTools import BRepTools
@@ -332,6 +333,7 @@ def check_solid(
         problems += _inside_out(after)
     problems += _loose(old, new, after, tolerance)
     problems += [line for face in new_faces for line in _folds(face)]
+    problems += [line for face in new_faces for line in _collisions(face, after)]
     if grows is not None and not _beyond(before, new_faces, grows):
         problems += _wrong_way(old, new, grows)
     return problems
@@ -473,6 +475,29 @@ def _loose(old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape
     ]
 
 
+def _collisions(face: TopoDS_Face, solid: TopoDS_Shape) -> list[str]:
+    """Say which faces of the solid, of those that share no vertex with a face, it touches or cuts through."""
+    own, box = _index(face, TopAbs_VERTEX), _box(face)
+    index = _index(solid, TopAbs_FACE)
+    lines = []
+    for number in range(1, index.Extent() + 1):
+        other = index.FindKey(number)
+        vertices = _index(other, TopAbs_VERTEX)
+        if any(own.Contains(vertices.FindKey(i)) for i in range(1, vertices.Extent() + 1)) or box.IsOut(_box(other)):
+            continue
+        if BRepExtrema_DistShapeShape(face, other).Value() <= _CONFUSION:
+            lines.append(f"a new face cuts through face {number}")
+    return lines
+
+
+def _box(shape: TopoDS_Shape) -> Bnd_Box:
+    """Return a bounding box that is quick rather than tight."""
+    box = Bnd_Box()
+    BRepBndLib.AddClose_s(shape, box)
+    box.Enlarge(2 * _CONFUSION)
+    return box
+
+
 def _beyond(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool) -> bool:
     """Whether the middle lines of the new faces clearly lie outside the old solid, if it was to grow, or inside it."""
     wanted = TopAbs_OUT if grows else TopAbs_IN
@@ -480,8 +505,9 @@ def _beyond(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool)
     for face in new_faces:
         u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
         surface = BRep_Tool.Surface_s(face)
-        for share in (0.15, 0.5, 0.85):
-            classifier.Perform(surface.Value(u0 + share * (u1 - u0), (v0 + v1) / 2), _CONFUSION)
+        for share, across in ((0.15, 0.3), (0.15, 0.7), (0.5, 0.5), (0.85, 0.3), (0.85, 0.7)):
+            point = surface.Value(u0 + share * (u1 - u0), v0 + across * (v1 - v0))
+            classifier.Perform(point, _CONFUSION)
             if classifier.State() != wanted:
                 return False
     return bool(new_faces)
