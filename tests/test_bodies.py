@@ -89,13 +89,9 @@ def test_a_chain_does_not_turn_corners():
     body = (
         cq.Workplane().add(cq.Solid.makeCone(8, 0, 12)).cut(cq.Workplane().box(30, 30, 30).translate((15, 0, 0))).val()
     )
-    edge = edge_at(body, 0, 4, 6)
-    try:
-        result = cqblend.blend_edges(body, edge, 0.5)
-    except CqblendError as error:
-        assert "t = 0.5" not in str(error)
-    else:
-        assert cqblend.verify(result.shape, result.faces).ok
+    with pytest.raises(CqblendError) as caught:  # there is no room at the apex, which is another matter
+        cqblend.blend_edges(body, edge_at(body, 0, 4, 6), 0.5)
+    assert "t = 0.5" not in str(caught.value)
 
 
 def test_a_body_far_from_the_origin():
