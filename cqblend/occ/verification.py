@@ -333,7 +333,7 @@ def check_solid(
         problems += _inside_out(after)
     problems += _loose(old, new, after, tolerance)
     problems += [line for face in new_faces for line in _folds(face)]
-    problems += [line for face in new_faces for line in _collisions(face, after)]
+    problems += [line for face in new_faces if index_after.Contains(face) for line in _collisions(face, after)]
     if grows is not None and not _beyond(before, new_faces, grows):
         problems += _wrong_way(old, new, grows)
     return problems

@@ -233,7 +233,10 @@ def test_widths_are_distances_in_the_station_plane(joint):
         assert np.abs(np.linalg.norm(offset, axis=1) - width).max() < 1e-12
         assert np.abs((offset * joint.stations.direction).sum(1)).max() < 1e-12
         assert ((offset * direction).sum(1) > 0).all()
-    assert np.abs(contacts.reach - np.linalg.norm(found[1][0] - found[0][0], axis=1)).max() < 1e-13
+    chord = np.linalg.norm(found[1][0] - found[0][0], axis=1)
+    for reach, width in zip(contacts.reach, widths, strict=True):
+        assert np.abs(reach - chord * 2 * width / sum(widths)).max() < 1e-13
+        assert (reach / 3 < width).all()
 
 
 @every

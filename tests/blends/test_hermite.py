@@ -38,7 +38,7 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Rail, Rail]:
         second = pair.jet(uv)[0]
         flat = second[:, :2] + 3 + 0.2 * np.sin(a)[:, None]
         first = np.column_stack([flat, np.full_like(a, -4.0)])
-        return Contacts(t, (first + second) / 2, (flat, uv), np.linalg.norm(first - second, axis=1))
+        return Contacts(t, (first + second) / 2, (flat, uv), np.tile(np.linalg.norm(first - second, axis=1), (2, 1)))
 
     primaries = (FLOOR.primary, pair.primary)
     return rails.cubic(
@@ -160,7 +160,7 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
     def solve(t):
         x = 5 * np.asarray(t)
         at = np.stack([x, np.full_like(x, setback)], -1)
-        return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full_like(x, 4 * radius * math.tan(theta / 4)))
+        return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
     made = rails.straight(primaries, solve, (0.0, 1.0), 1.0, 10.0)
     assert made is not None
