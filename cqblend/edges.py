@@ -120,6 +120,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(4):
         blend = hermite(_rails(joint, request, domain), request.form, request.tolerance, request.angular_tolerance)
+        _check_sections(blend)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
@@ -136,6 +137,19 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     if problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
     return proposal, blend
+
+
+def _check_sections(blend: Blend) -> None:
+    """Raise GeometryError where a section runs against its chord: the cross derivatives are too long, and it loops."""
+    surface = blend.surface
+    t, v = np.meshgrid(np.linspace(*surface.domain[0], 33), np.linspace(0, 1, 9), indexing="ij")
+    chord = surface(t, np.ones_like(v)) - surface(t, np.zeros_like(v))
+    ahead = (surface(t, v, 0, 1) * chord).sum(axis=-1)
+    if not np.all(ahead > 0):
+        raise GeometryError(
+            f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: it leaves its rails too "
+            "fast; take a smaller bulge"
+        )
 
 
 def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint) -> None:

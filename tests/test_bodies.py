@@ -5,7 +5,7 @@ import pytest
 from OCP.BRepCheck import BRepCheck_Analyzer
 
 import cqblend
-from cqblend.errors import CqblendError, SelectionError, SizeError
+from cqblend.errors import CqblendError, GeometryError, SelectionError, SizeError
 
 
 def sound(body: cq.Shape, edge: cq.Edge, *, grows: bool = False, **size: object) -> cqblend.BlendResult:
@@ -59,6 +59,13 @@ def test_unequal_widths_stay_inside_the_body(width):
 def test_unequal_widths_on_a_rim(width):
     body = cq.Solid.makeCylinder(5, 10)
     sound(body, edge_at(body, -5, 0, 10), width=width)
+
+
+def test_a_bulge_that_makes_sections_loop_is_refused():
+    body = cq.Workplane().box(20, 20, 20).val()
+    with pytest.raises(GeometryError, match="smaller bulge"):
+        cqblend.blend_edges(body, edge_at(body, 10, 10, 0), 3, bulge=5)
+    sound(body, edge_at(body, 10, 10, 0), radius=3, bulge=1.5)
 
 
 # Ends, seams and chains.
