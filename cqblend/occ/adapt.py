@@ -200,14 +200,11 @@ class Mapped(Primary):
         return self._change(self.parameters.to_face, self.spline.unlift(c, near))
 
     def push(self, uv: Array, c: Array, rs: Array) -> Array:
-        at = self.spline.wrap(self._change(self.parameters.to_spline, uv))
-        rates = [
-            1.0 if arcs is None else arcs.rates(at[:, axis])[0]
-            for axis, arcs in enumerate((self.parameters.u, self.parameters.v))
-        ]
-        return self.spline.push(
-            self._change(self.parameters.to_spline, uv), c, np.stack([rs[:, 0] / rates[0], rs[:, 1] / rates[1]], -1)
-        )
+        at, slower = self._change(self.parameters.to_spline, uv), rs.copy()
+        for axis, arcs in enumerate((self.parameters.u, self.parameters.v)):
+            if arcs is not None:
+                slower[:, axis] /= arcs.rates(self.spline.wrap(at)[:, axis])[0]
+        return self.spline.push(at, c, slower)
 
     def scale(self, c: Array, weight: Array) -> Array:
         return self.spline.scale(c, weight)

@@ -215,11 +215,22 @@ def _end_edge(
     value = curve(np.linspace(0, 1, 257))
     gap = _gap(value[:, 4:], surgery.blend.surface(value[:, 0], value[:, 1]), native.jet(value[:, 2:4])[0])
     corners = (make_vertex(value[0, 4:], gap), make_vertex(value[-1, 4:], gap))
+    return _edge_between(curve, corners, gap, surgery.face, face), corners
+
+
+def _edge_between(
+    curve: Curve,
+    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+    gap: float,
+    first: TopoDS_Face,
+    second: TopoDS_Face,
+) -> TopoDS_Edge:
+    """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
     degree, knots, poles, _ = curve.to_bspline()
-    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), corners, (0.0, 1.0), gap)
-    attach(edge, surgery.face, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
-    attach(edge, face, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
-    return edge, corners
+    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0), gap)
+    attach(edge, first, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
+    attach(edge, second, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+    return edge
 
 
 def _gap(points: Array, *others: Array) -> float:
@@ -267,11 +278,7 @@ def _wall(
     curve = _fitted(exact, error)
     value = curve(np.linspace(0, 1, 257))
     gap = _gap(value[:, 4:], side.native.jet(value[:, :2])[0], plane.jet(value[:, 2:4])[0])
-    degree, knots, poles, _ = curve.to_bspline()
-    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0), gap)
-    attach(edge, side.face, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
-    attach(edge, cap, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
-    return edge
+    return _edge_between(curve, vertices, gap, side.face, cap)
 
 
 def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:

@@ -109,9 +109,8 @@ class Surgery:
         self.rewrites: dict[int, Rewrite] = {}
         self.surface: Geom_BSplineSurface = bulk.surface_from_arrays(*self.blend.surface.to_bspline())
         self.face = make_face(self.surface)
-        rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
-        self.rows = rows
-        self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in rows]
+        self.rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
+        self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in self.rows]
         if self.spine.closed:
             pairs = zip(self.sides, self.blend.rails, strict=True)
             first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
