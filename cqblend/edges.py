@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cqblend.blends import rails as rail_forms
+from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts, intersect, rolling_ball, set_back
+from cqblend.blends.fitting import Solver, Wanted
 from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Array
-from cqblend.blends.rails import Rail, Solver, Wanted
+from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.occ.certify import certify
@@ -94,8 +95,8 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
         return set_back(joint.sides, stations, request.width)
 
     if joint.spine.closed:
-        return rail_forms.around(solve, joint.primaries)
-    return rail_forms.along(solve, joint.primaries)
+        return fitting.around(solve, joint.primaries)
+    return fitting.along(solve, joint.primaries)
 
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
@@ -221,23 +222,23 @@ def _floor(value: float) -> float:
     return float(np.floor(value / digit) * digit)
 
 
-def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Rail, Rail]:
+def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
     """Fit rails of the lightest form."""
     solve, size, closed = _solver(joint, request), _size(request), joint.spine.closed
     if not closed:
-        rails = rail_forms.straight(joint.primaries, solve, domain, request.bulge, joint.extent)
+        rails = fitting.straight(joint.primaries, solve, domain, request.bulge, joint.extent)
         if rails is not None:
             return rails
     turn = joint.spine.turn()
     if turn is not None:
-        rails = rail_forms.circular(joint.primaries, solve, domain, turn, request.bulge, joint.extent)
+        rails = fitting.circular(joint.primaries, solve, domain, turn, request.bulge, joint.extent)
         if rails is not None:
             return rails
     if closed:
         start = joint.clear_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
     wanted = Wanted(max(RAIL_TOLERANCE * size, 1e-7), bulge=request.bulge)
-    return rail_forms.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+    return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
 def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from cqblend.blends.primaries import Array, cross
-from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines import Curve, Surface, fit
 
@@ -33,16 +33,19 @@ class Blend:
     """A blend surface H(t, v), v = 0 on the first rail and 1 on the second, and what it was made from."""
 
     surface: Surface
-    rails: tuple[Rail, Rail]
+    ribbons: tuple[Ribbon, Ribbon]
     form: Form
 
 
-def _rows(rails: tuple[Rail, Rail]) -> list[Curve]:
+def _rows(rails: tuple[Ribbon, Ribbon]) -> list[Curve]:
     """Return C1, T1, T2, C2 as homogeneous splines on common breaks, each of the lowest degree that it really has."""
     rows = []
     for rail in rails:
         rows.append(
-            [_lowest(curve, rail.c) for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d))]
+            [
+                _lowest(curve, rail.c)
+                for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.directions[0]))
+            ]
         )
         _check_smooth(*rows[-1])
     curves = [rows[0][0], rows[0][1], rows[1][1], rows[1][0]]
@@ -92,7 +95,7 @@ def _surface(rows: list[Curve]) -> Surface:
     )
 
 
-def hermite(rails: tuple[Rail, Rail], form: str, tolerance: float, angular_tolerance: float) -> Blend:
+def hermite(rails: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float) -> Blend:
     """Blend two rails.
 
     ``form`` is "exact", "compact" or "auto" (exact where its degree is at most 7).

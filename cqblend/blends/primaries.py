@@ -29,6 +29,7 @@ Nothing here knows OCCT; :mod:`cqblend.occ.adapt` reads a face into a primary.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -77,6 +78,10 @@ class Primary(ABC):
     @abstractmethod
     def tangent(self, c: Curve, d: Curve) -> Curve:
         """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
+
+    def jets(self, c: Curve, directions: Sequence[Curve]) -> tuple[Curve, ...]:
+        """Return d^k/dv^k P(c + v d + v^2/2 e + ..) at v = 0, k = 0 .. number of directions, in homogeneous 4-space."""
+        return (self.position(c), *(self.tangent(c, d) for d in directions))
 
     def lines(self, axis: int) -> Array:
         """Return the inner knot lines of a native parameter."""

@@ -55,7 +55,7 @@ from cqblend.blends.primaries import (
     tangent_coordinates,
     unwrapped,
 )
-from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError
 from cqblend.occ import bulk
 from cqblend.occ.convert import ParameterMap, with_parameters
@@ -304,7 +304,7 @@ def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor 
     return Revolution.turning(frame, profile, closed=bool(basis.IsClosed()))
 
 
-def pcurve(side: FaceSide, rail: Rail) -> Curve:
+def pcurve(side: FaceSide, rail: Ribbon) -> Curve:
     """Return the rail as a curve (u, v)(t) in the face's own parameters, continuous through seams.
 
     Exact on planes and splines. On analytic faces a C2 quintic through value, first and second derivative, the

@@ -16,7 +16,7 @@ SAMPLES = 400  # points at which each piece of a rail is measured, beside those 
 def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
     """Measure a verified proposal."""
     records = []
-    for i, (rail, edges) in enumerate(zip(blend.rails, proposal.rails, strict=True)):
+    for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rails, strict=True)):
         found = [continuity_between(((proposal.blend, edge), (proposal.sides[i], edge)), SAMPLES) for edge in edges]
         records.append(
             RailRecord(

@@ -19,7 +19,7 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Wire
 
 from cqblend.blends.primaries import Array, Frame, Sphere
-from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.topology import (
     attach,
@@ -38,7 +38,7 @@ from cqblend.occ.topology import (
 WINDOW = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 
 
-def respun(side: FaceSide, rail: Rail, joint: list[TopoDS_Edge]) -> FaceSide | None:
+def respun(side: FaceSide, rail: Ribbon, joint: list[TopoDS_Edge]) -> FaceSide | None:
     """Return the side on a sphere with the rail's axis, its seam at the rail's start, the face without a boundary.
 
     None if the face is not a sphere, has other edges than those of the joint, or the rail does not run around its axis.

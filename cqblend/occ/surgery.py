@@ -27,7 +27,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 
 from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array
-from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk, endings
 from cqblend.occ.adapt import FaceSide, pcurve
@@ -112,10 +112,10 @@ class Surgery:
         self.rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
         self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in self.rows]
         if self.spine.closed:
-            pairs = zip(self.sides, self.blend.rails, strict=True)
+            pairs = zip(self.sides, self.blend.ribbons, strict=True)
             first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
             self.sides = (first, second)
-        self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.rails, strict=True)]
+        self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.ribbons, strict=True)]
 
     @cached_property
     def faces_at_edge(self) -> Ancestors:
@@ -202,7 +202,7 @@ class Surgery:
         path = [*walls[0], *rail, *(flipped(edge) for edge in walls[1])]
         uses = path if ahead else [flipped(edge) for edge in reversed(path)]
         if side is not self.originals[i]:
-            start = _rail_frame(self.blend.rails[i], np.array([span[0]]))[1][0]
+            start = _rail_frame(self.blend.ribbons[i], np.array([span[0]]))[1][0]
             BUILDER.Add(side.face, boundary(side, uses[0], start))
             rewrite.made = side.face
             return rail
@@ -231,7 +231,7 @@ class Surgery:
         if not vertices:
             point, field = np.empty((0, 3)), np.empty((0, 3))
         else:
-            point, field = _rail_frame(self.blend.rails[i], stops)
+            point, field = _rail_frame(self.blend.ribbons[i], stops)
         dropped: list[TopoDS_Vertex] = []
         for edge in seams(side.face):
             number = self.edges.of(edge)
@@ -344,9 +344,9 @@ def _like(piece: TopoDS_Edge, use: TopoDS_Edge) -> TopoDS_Edge:
     return TopoDS.Edge_s(piece.Oriented(use.Orientation()))
 
 
-def _rail_frame(rail: Rail, t: Array) -> tuple[Array, Array]:
+def _rail_frame(rail: Ribbon, t: Array) -> tuple[Array, Array]:
     """Return points and directions into the blend (n, 3) along a rail."""
-    position, field = rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.d)
+    position, field = rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.directions[0])
     x, dx = position(t), field(t)
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from kernel_surfaces import Pair, kernel_surface, pairs, wavy
 
-from cqblend.blends import rails
+from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
+from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import Blend, hermite, merge
 from cqblend.blends.primaries import Frame, Plane
-from cqblend.blends.rails import Rail, Wanted
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import DegreeError, GeometryError
 
 FLOOR = Pair("floor", Plane(Frame(np.array([0, 0, -4.0]), np.eye(3))), None, ((0, 1), (0, 1)))
@@ -27,7 +28,7 @@ NAMES = [
 ]
 
 
-def joint(pair: Pair, bulge: float = 1.0) -> tuple[Rail, Rail]:
+def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
     """Rails along wavy curves on the floor and on a primary, nowhere near to each other."""
     low, high = np.transpose(pair.window)
     middle, reach = (low + high) / 2, np.minimum(0.3 * (high - low), 0.5)
@@ -41,14 +42,14 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Rail, Rail]:
         return Contacts(t, (first + second) / 2, (flat, uv), np.tile(np.linalg.norm(first - second, axis=1), (2, 1)))
 
     primaries = (FLOOR.primary, pair.primary)
-    return rails.cubic(
-        primaries, rails.along(solve, primaries), (0.0, 1.0), Wanted(1e-2, 1e-2, 1e-1, bulge), closed=False
+    return fitting.cubic(
+        primaries, fitting.along(solve, primaries), (0.0, 1.0), Wanted(1e-2, 1e-2, 1e-1, bulge), closed=False
     )
 
 
-def boundary(rail: Rail, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def boundary(rail: Ribbon, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return C and T of a rail's ribbon, (n, 3) each."""
-    x, dx = rail.primary.position(rail.c)(t), rail.primary.tangent(rail.c, rail.d)(t)
+    x, dx = rail.primary.position(rail.c)(t), rail.primary.tangent(rail.c, rail.directions[0])(t)
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
 
@@ -63,7 +64,7 @@ def angles(blend: Blend, t: np.ndarray, pair: Pair) -> tuple[float, float]:
     """Measure the largest gap and normal angle of OCCT's surface along both rails against the primaries themselves."""
     surface = Pair("", None, kernel(blend), ((0, 1), (0, 1)))
     gap = angle = 0.0
-    for rail, v, side in zip(blend.rails, (0.0, 1.0), (None, pair), strict=True):
+    for rail, v, side in zip(blend.ribbons, (0.0, 1.0), (None, pair), strict=True):
         jet = surface.jet(np.stack([t, np.full_like(t, v)], -1))
         uv = rail.native(t)
         for axis, period in enumerate(rail.primary.periods):
@@ -82,7 +83,7 @@ def test_exact_form_has_the_ribbons_for_jets(name):
     blend = hermite(joint(pairs()[name]), "exact", 1e-7, 1e-5)
     assert blend.form == "exact"
     t = np.linspace(0, 1, 201)
-    for rail, v, sign in zip(blend.rails, (0.0, 1.0), (1, -1), strict=True):
+    for rail, v, sign in zip(blend.ribbons, (0.0, 1.0), (1, -1), strict=True):
         jet = blend.surface.jet(t, np.full_like(t, v), 1)
         point, field = boundary(rail, t)
         assert np.abs(jet[0, 0] - point).max() < 1e-13 * 10
@@ -162,7 +163,7 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
         at = np.stack([x, np.full_like(x, setback)], -1)
         return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
-    made = rails.straight(primaries, solve, (0.0, 1.0), 1.0, 10.0)
+    made = fitting.straight(primaries, solve, (0.0, 1.0), 1.0, 10.0)
     assert made is not None
     blend = hermite(made, "auto", 1e-7, 1e-5)
     assert blend.surface.to_bspline()[2].shape == (2, 4, 3)

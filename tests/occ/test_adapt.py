@@ -20,7 +20,7 @@ from OCP.Geom import (
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import CqblendError
 from cqblend.occ.adapt import face_side, pcurve
 from cqblend.splines import fit
@@ -180,7 +180,7 @@ def test_a_rail_comes_back_as_a_pcurve_on_the_same_points(name):
         side = face_side(face, side.native.jet(uv)[0])
         working = side.working(uv)
     c = fit.interpolate(a, side.primary.lift(working))
-    rail = Rail(side.primary, c, c, working)
+    rail = Ribbon(side.primary, c, (c,), working)
     curve = pcurve(side, rail)
     t = np.linspace(0, 3, 333)
     x = side.primary.position(c)(t)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from kernel_surfaces import SIZE, Pair, pairs
 
-from cqblend.blends import rails
+from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
+from cqblend.blends.fitting import Wanted
 from cqblend.blends.primaries import Cone, Cylinder, Frame, Plane, Primary, Sphere
-from cqblend.blends.rails import Rail, Wanted
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError
 
 FRAME = Frame(np.zeros(3), np.eye(3))
@@ -23,12 +24,12 @@ def homogeneous(x: np.ndarray) -> np.ndarray:
     return x[..., :3] / x[..., 3:]
 
 
-def points(rail: Rail, t: np.ndarray) -> np.ndarray:
+def points(rail: Ribbon, t: np.ndarray) -> np.ndarray:
     return homogeneous(rail.primary.position(rail.c)(t))
 
 
-def fields(rail: Rail, t: np.ndarray) -> np.ndarray:
-    x, dx = rail.primary.position(rail.c)(t), rail.primary.tangent(rail.c, rail.d)(t)
+def fields(rail: Ribbon, t: np.ndarray) -> np.ndarray:
+    x, dx = rail.primary.position(rail.c)(t), rail.primary.tangent(rail.c, rail.directions[0])(t)
     return (dx[:, :3] - homogeneous(x) * dx[:, 3:]) / x[:, 3:]
 
 
@@ -70,7 +71,7 @@ ROUND = {
 
 
 def test_straight_rails_are_one_span_of_degree_one_and_exact():
-    made = rails.straight((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), 1.0, SIZE)
+    made = fitting.straight((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), 1.0, SIZE)
     assert made is not None
     t = np.linspace(-0.1, 1.2, 50)
     for rail, wanted in zip(made, (np.array([0, 2.0, 0]), np.array([0, 0, 3.0])), strict=True):
@@ -85,7 +86,7 @@ def test_straight_rails_are_one_span_of_degree_one_and_exact():
 @pytest.mark.parametrize("bulge", [1.0, 0.7])
 def test_circular_rails_have_nine_poles_and_are_the_circles(kind, bulge):
     second, v, ring, height = ROUND[kind]
-    made = rails.circular((Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, bulge, SIZE)
+    made = fitting.circular((Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, bulge, SIZE)
     assert made is not None
     t = np.linspace(0, 1, 401)
     for rail, radius, z in zip(made, (6.5, ring), (0.0, height), strict=True):
@@ -108,7 +109,7 @@ def test_arcs_take_one_piece_for_each_quarter_turn(turn):
     def solve(t):
         return rim(second, 1.5, 6.5)(np.asarray(t) * turn / TURN)
 
-    made = rails.circular((Plane(FRAME), second), solve, (0.0, 1.0), turn, 1.0, SIZE)
+    made = fitting.circular((Plane(FRAME), second), solve, (0.0, 1.0), turn, 1.0, SIZE)
     assert made is not None
     assert len(made[0].c.breaks) - 1 == math.ceil(turn / (math.pi / 2) - 1e-9)
     end = points(made[1], np.array([1.0]))[0]
@@ -123,8 +124,8 @@ def test_what_is_not_straight_or_round_is_not_taken_for_it():
         solved.uv[1][:, 1] += 1e-6 * np.sin(3 * TURN * np.asarray(t))
         return solved
 
-    assert rails.circular((Plane(FRAME), second), bent, (0.0, 1.0), TURN, 1.0, SIZE) is None
-    assert rails.straight((Plane(FRAME), second), bent, (0.0, 0.2), 1.0, SIZE) is None
+    assert fitting.circular((Plane(FRAME), second), bent, (0.0, 1.0), TURN, 1.0, SIZE) is None
+    assert fitting.straight((Plane(FRAME), second), bent, (0.0, 0.2), 1.0, SIZE) is None
 
 
 # Cubic rails.
@@ -163,8 +164,8 @@ def test_cubic_rails_are_c2_and_say_how_far_off_they_are(name, closed):
     pair = pairs()[name]
     primaries = (Plane(FRAME), pair.primary)
     wanted = Wanted(1e-4)
-    solve = rails.around(wobbling(pair), primaries) if closed else rails.along(wobbling(pair), primaries)
-    made = rails.cubic(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
+    solve = fitting.around(wobbling(pair), primaries) if closed else fitting.along(wobbling(pair), primaries)
+    made = fitting.cubic(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
     low, high = made[0].c.domain
     t = np.linspace(low, high, 2001)
     exact = solve(t[:-1] if closed else t)
@@ -191,11 +192,11 @@ def test_cubic_rails_are_c2_and_say_how_far_off_they_are(name, closed):
                 assert np.abs(first - last).max() < 10 * wanted.position * (1 if k == 0 else 100)
 
 
-def points_rate(rail: Rail, t: np.ndarray, k: int) -> np.ndarray:
+def points_rate(rail: Ribbon, t: np.ndarray, k: int) -> np.ndarray:
     return points(rail, t) if k == 0 else (points(rail, t + 1e-7) - points(rail, t - 1e-7)) / 2e-7
 
 
-def deviations(rail: Rail, jet: np.ndarray, exact: Contacts, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def deviations(rail: Ribbon, jet: np.ndarray, exact: Contacts, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Measure direction (rad, up to its sign) and length (relative) against C' x n, by central differences."""
     n = np.cross(jet[1], jet[2])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -218,16 +219,16 @@ def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():
         return Contacts(t, np.column_stack([flat, 0 * u]), (flat, winding), np.ones((2, len(u))))
 
     t = np.linspace(-1, 2, 121)
-    uv = rails.around(solve, primaries)(t).uv[1]
+    uv = fitting.around(solve, primaries)(t).uv[1]
     assert np.abs(np.diff(uv[:, 0]) - TURN / 40).max() < 1e-12
 
 
 def test_bulge_multiplies_the_length_of_the_directions():
     pair = pairs()["torus"]
     primaries = (Plane(FRAME), pair.primary)
-    solve = rails.along(wobbling(pair), primaries)
+    solve = fitting.along(wobbling(pair), primaries)
     plain, full = (
-        rails.cubic(primaries, solve, (0.1, 0.7), Wanted(1e-4, bulge=bulge), closed=False) for bulge in (1.0, 1.4)
+        fitting.cubic(primaries, solve, (0.1, 0.7), Wanted(1e-4, bulge=bulge), closed=False) for bulge in (1.0, 1.4)
     )
     t = np.linspace(0.1, 0.7, 33)
     for one, other in zip(plain, full, strict=True):
@@ -244,4 +245,4 @@ def test_a_kink_that_no_smooth_rail_follows_is_an_error_with_its_size():
         return solved
 
     with pytest.raises(GeometryError, match=r"the rails miss the contacts by .* mm on \d+ stations"):
-        rails.cubic(primaries, kinked, (0.0, 1.0), Wanted(1e-7), closed=False)
+        fitting.cubic(primaries, kinked, (0.0, 1.0), Wanted(1e-7), closed=False)

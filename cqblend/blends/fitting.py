@@ -1,6 +1,6 @@
-"""Rails: the curves in the two parameter planes that a blend runs between, and its directions along them.
+"""From contacts to ribbons: fits the two rails that a blend runs between, and its directions along them.
 
-Rail and direction are fitted in lifted parameters (see :mod:`cqblend.blends.primaries`), the only place where a blend
+Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.blends.primaries`), the only place where a blend
 approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
 Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
@@ -17,6 +17,7 @@ import numpy as np
 
 from cqblend.blends.contact import Contacts
 from cqblend.blends.primaries import Array, Primary, cross, near_period, tangent_coordinates, unit, unwrapped
+from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
@@ -31,27 +32,6 @@ Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
 Maker = Callable[[Array], Curve]
 Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
-
-
-@dataclass(frozen=True)
-class Rail:
-    """A rail: a curve ``c`` of lifted parameters on a primary, and the lifted directions ``d`` into the blend along it.
-
-    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``direction`` (rad) and ``length``
-    (relative) the largest deviations of the fitted directions from the wanted ones.
-    """
-
-    primary: Primary
-    c: Curve
-    d: Curve
-    uv: Array
-    direction: float = 0.0
-    length: float = 0.0
-
-    def native(self, t: Array) -> Array:
-        """Return the native parameters (n, 2) at t, continuous along the rail."""
-        near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
-        return self.primary.unlift(self.c(t), near)
 
 
 @dataclass(frozen=True)
@@ -131,7 +111,7 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
 
 def _build(
     primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
-) -> tuple[Rail, Errors]:
+) -> tuple[Ribbon, Errors]:
     """Fit one rail and its directions to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
@@ -159,7 +139,7 @@ def _build(
         angle[inside],
         np.abs(ratio[inside]),
     )
-    return Rail(primary, c, d, near, float(errors.direction.max()), float(errors.length.max())), errors
+    return Ribbon(primary, c, (d,), near, float(errors.direction.max()), float(errors.length.max())), errors
 
 
 def _exact_pair(
@@ -170,7 +150,7 @@ def _exact_pair(
     make: Maker,
     bulge: float,
     size: float,
-) -> tuple[Rail, Rail] | None:
+) -> tuple[Ribbon, Ribbon] | None:
     """Return both rails if the made curves reproduce the contacts and their directions to rounding, else None."""
     rails = []
     for side, primary in enumerate(primaries):
@@ -183,7 +163,7 @@ def _exact_pair(
 
 def straight(
     primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, bulge: float, size: float
-) -> tuple[Rail, Rail] | None:
+) -> tuple[Ribbon, Ribbon] | None:
     """Return the rails as one span of degree 1, or None if that is not what they are."""
     t = np.linspace(*domain, 7)
 
@@ -195,7 +175,7 @@ def straight(
 
 def circular(
     primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, turn: float, bulge: float, size: float
-) -> tuple[Rail, Rail] | None:
+) -> tuple[Ribbon, Ribbon] | None:
     """Return the rails as rational arcs of degree 2, or None if the joint is not one of revolution.
 
     The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the
@@ -222,7 +202,7 @@ def circular(
 
 def cubic(
     primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, *, closed: bool
-) -> tuple[Rail, Rail]:
+) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic rails on the fewest stations that meet what is wanted, by halving the spans that do not.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256
@@ -269,7 +249,7 @@ def _through(
     moves: Moves,
     *,
     closed: bool,
-) -> list[tuple[Rail, Errors]]:
+) -> list[tuple[Ribbon, Errors]]:
     """Interpolate the contacts at the breaks, moved as told, and measure there and at a third and two of every span.
 
     Half-way would flatter: there, and at the breaks, the slope of a spline is nearly that of what it interpolates.
@@ -295,7 +275,7 @@ def _through(
     return [_build(primary, t, solved, side, ones, make, bulge, domain) for side, primary in enumerate(primaries)]
 
 
-def _gathered(rails: tuple[Rail, Rail], breaks: Array) -> tuple[Array, Moves]:
+def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves]:
     """Find knot-line crossings that nearly coincide with each other or with a break, and bring them together.
 
     The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a

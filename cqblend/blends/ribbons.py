@@ -1,0 +1,40 @@
+"""Ribbons: what ties a blend to one of its surfaces, and makes it exactly smooth there.
+
+A ribbon is a curve c(t) of lifted parameters on a primary, and directions d(t), e(t), .. along it, also in lifted
+parameters: phi(t, v) = c + v d + v^2/2 e + .. . Whatever c, d and e are, a surface whose v-jets at v = 0 are those of
+S(phi) meets S with as many orders of continuity. Whatever approximates does so here, nothing after it does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, Primary
+from cqblend.splines import Curve
+
+
+@dataclass(frozen=True)
+class Ribbon:
+    """A rail ``c`` of lifted parameters on a primary, and lifted ``directions`` (d, e, ..) along it, into the blend.
+
+    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``direction`` (rad) and ``length``
+    (relative) the largest deviations of the fitted d from the wanted one.
+    """
+
+    primary: Primary
+    c: Curve
+    directions: tuple[Curve, ...]
+    uv: Array
+    direction: float = 0.0
+    length: float = 0.0
+
+    def native(self, t: Array) -> Array:
+        """Return the native parameters (n, 2) at t, continuous along the rail."""
+        near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
+        return self.primary.unlift(self.c(t), near)
+
+    def jets(self) -> tuple[Curve, ...]:
+        """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
+        return self.primary.jets(self.c, self.directions)
