@@ -124,7 +124,7 @@ def _build(
     point, rate = euclidean(curve, t)
     vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach[side])[:, None]
     d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
-    x, dx = curve(t), primary.tangent(c, d)(t)
+    x, dx = (curve_of(t) for curve_of in primary.jets(c, [d]))
     fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
     angle = np.arctan2(np.linalg.norm(cross(fitted, vector), axis=1), (fitted * vector).sum(1))

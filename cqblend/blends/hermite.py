@@ -12,6 +12,7 @@ tolerance in position and angle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb, perm
 from typing import Literal
 
 import numpy as np
@@ -37,20 +38,15 @@ class Blend:
     form: Form
 
 
-def _rows(rails: tuple[Ribbon, Ribbon]) -> list[Curve]:
-    """Return C1, T1, T2, C2 as homogeneous splines on common breaks, each of the lowest degree that it really has."""
-    rows = []
-    for rail in rails:
-        rows.append(
-            [
-                _lowest(curve, rail.c)
-                for curve in (rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.directions[0]))
-            ]
-        )
-        _check_smooth(*rows[-1])
-    curves = [rows[0][0], rows[0][1], rows[1][1], rows[1][0]]
-    breaks = merge(*(curve.breaks for curve in curves))
-    return [curve.cut(breaks[1:-1]) for curve in curves]
+def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
+    """Return the homogeneous jets of both ribbons on common breaks, each of the lowest degree that it really has."""
+    sides = [[_lowest(jet, ribbon.c) for jet in ribbon.jets()] for ribbon in ribbons]
+    for jets in sides:
+        if len(jets) > 1:
+            _check_smooth(jets[0], jets[1])
+    breaks = merge(*(jet.breaks for jets in sides for jet in jets))
+    first, second = ([jet.cut(breaks[1:-1]) for jet in jets] for jets in sides)
+    return first, second
 
 
 def _check_smooth(rail: Curve, field: Curve) -> None:
@@ -58,7 +54,7 @@ def _check_smooth(rail: Curve, field: Curve) -> None:
     t = rail.breaks[1:-1]
     if not len(t):
         return
-    before, after = (_jets(rail, field, t, side)[1][0] for side in ("left", "right"))
+    before, after = (_values(rail, field, t, side)[1][0] for side in ("left", "right"))
     jump = np.linalg.norm(after - before, axis=1)
     if jump.max() > JUMP * np.abs(after).max():
         raise GeometryError(
@@ -79,24 +75,42 @@ def _lowest(curve: Curve, rail: Curve) -> Curve:
     return curve.reduce(tolerance=1e-13) if rail.degree < 3 else curve
 
 
-def _surface(rows: list[Curve]) -> Surface:
-    """Assemble the Hermite surface of C1, T1, T2, C2 (homogeneous); polynomial if its weight is one."""
-    degree = max(row.degree for row in rows)
-    c1, t1, t2, c2 = (row.elevate(degree - row.degree) for row in rows)
-    poles = np.stack([c1.coefs, c1.coefs + t1.coefs / 3, c2.coefs + t2.coefs / 3, c2.coefs], axis=1)[..., None]
-    weight = poles[:, :, 3]
-    if not np.all(weight > 0):
-        raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
-    continuity = np.min([row.continuity for row in (c1, t1, t2, c2)], axis=0)
-    breaks = (c1.breaks, np.array([0.0, 1.0]))
-    rational = bool(np.abs(weight - 1).max() > 1e-14)
-    return Surface(
-        breaks, poles if rational else poles[:, :, :3], rational=rational, continuity=(continuity, np.empty(0, int))
-    )
+def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
+    """Assemble the Hermite surface H(t, v) of the jets of two ribbons, of degree k1 + k2 + 1 across.
+
+    With p that degree, the rows of poles from the first rail on are
+
+        b_i = sum_r C(i, r) (p - r)!/p! J_r,    i = 0 .. k1,
+
+    and from the second rail on likewise: both ribbons run into the blend, so no signs change. Homogeneous jets (dim 4)
+    give a rational surface, unless their weight is one.
+
+    Raises
+    ------
+    GeometryError
+        If a weight is not positive.
+    """
+    degree = len(sides[0]) + len(sides[1]) - 1
+    largest = max(jet.degree for jets in sides for jet in jets)
+    rows = []
+    for jets in sides:
+        coefs = [jet.elevate(largest - jet.degree).coefs for jet in jets]
+        rows.append([sum(comb(i, r) / perm(degree, r) * coefs[r] for r in range(i + 1)) for i in range(len(coefs))])
+    poles = np.stack([*rows[0], *reversed(rows[1])], axis=1)[..., None]
+    continuity = np.min([jet.continuity for jets in sides for jet in jets], axis=0)
+    rational = False
+    if poles.shape[2] == 4:
+        weight = poles[:, :, 3]
+        if not np.all(weight > 0):
+            raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
+        rational = bool(np.abs(weight - 1).max() > 1e-14)
+        poles = poles if rational else poles[:, :, :3]
+    breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))
+    return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))
 
 
-def hermite(rails: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float) -> Blend:
-    """Blend two rails.
+def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float) -> Blend:
+    """Blend two ribbons, with as many orders of continuity on each as it has directions.
 
     ``form`` is "exact", "compact" or "auto" (exact where its degree is at most 7).
 
@@ -107,15 +121,15 @@ def hermite(rails: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_t
     GeometryError
         If the compact form does not reach the tolerances on 4096 pieces.
     """
-    rows = _rows(rails)
-    degree = max(row.degree for row in rows)
+    jets = _jets(ribbons)
+    degree = max(jet.degree for side in jets for jet in side)
     if form == "compact" or (form == "auto" and degree > LIGHT_DEGREE):
-        return Blend(_surface(_compact(rows, tolerance, angular_tolerance)), rails, "compact")
+        return Blend(section(compact(jets, tolerance, angular_tolerance)), ribbons, "compact")
     if degree > LARGEST_DEGREE:
         raise DegreeError(
             f"the exact blend has degree {degree} along the rail, OCCT holds {LARGEST_DEGREE}; take form='compact'"
         )
-    return Blend(_surface(rows), rails, "exact")
+    return Blend(section(jets), ribbons, "exact")
 
 
 def _euclidean(rail: Array, field: Array) -> tuple[Array, Array]:
@@ -134,27 +148,29 @@ def _euclidean(rail: Array, field: Array) -> tuple[Array, Array]:
     return np.stack([c0, c1, c2]), np.stack([f0, f1, f2])
 
 
-def _jets(rail: Curve, field: Curve, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array]:
+def _values(rail: Curve, field: Curve, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array]:
     return _euclidean(
         np.stack([rail(t, k, side=side) for k in range(3)]), np.stack([field(t, k, side=side) for k in range(3)])
     )
 
 
-def _compact(rows: list[Curve], tolerance: float, angular_tolerance: float) -> list[Curve]:
+def compact(
+    sides: tuple[list[Curve], list[Curve]], tolerance: float, angular_tolerance: float
+) -> tuple[list[Curve], list[Curve]]:
     """Replace C1, T1, T2, C2 by quintics: local Hermite interpolation on their own breaks, halved where it errs.
 
     The error in angle is that of the plane of C' and T against the exact one; it decides long before the position does.
     """
-    pairs = ((rows[0], rows[1]), (rows[3], rows[2]))
-    breaks = rows[0].breaks
+    pairs = sides
+    breaks = pairs[0][0].breaks
     inner = (np.arange(1, 8) / 8)[:, None]
     while True:
         fitted, bad = [], np.zeros(len(breaks) - 1, bool)
         for rail, field in pairs:
-            starts, ends = _jets(rail, field, breaks[:-1], "right"), _jets(rail, field, breaks[1:], "left")
+            starts, ends = _values(rail, field, breaks[:-1], "right"), _values(rail, field, breaks[1:], "left")
             c, f = (fit.hermite(breaks, np.stack([a, b], axis=2)) for a, b in zip(starts, ends, strict=True))
             t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
-            (point, rate, _), (vector, _, _) = _jets(rail, field, t, "right")
+            (point, rate, _), (vector, _, _) = _values(rail, field, t, "right")
             exact, fit_normal = cross(rate, vector), cross(c(t, 1), f(t))
             angle = np.arctan2(np.linalg.norm(cross(exact, fit_normal), axis=1), (exact * fit_normal).sum(1))
             gap = np.linalg.norm(c(t) - point, axis=1)
@@ -168,15 +184,13 @@ def _compact(rows: list[Curve], tolerance: float, angular_tolerance: float) -> l
                 f"a compact blend of {FINEST} pieces does not reach {tolerance:g} mm and {angular_tolerance:g} rad"
             )
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
-    order = [fitted[0], fitted[1], fitted[3], fitted[2]]
-    return [
-        _homogeneous(curve, row, weight) for curve, row, weight in zip(order, rows, (1.0, 0.0, 0.0, 1.0), strict=True)
-    ]
+    sources = [curve for pair in pairs for curve in pair]
+    made = [_known(curve, row) for curve, row in zip(fitted, sources, strict=True)]
+    return made[:2], made[2:]
 
 
-def _homogeneous(curve: Curve, source: Curve, weight: float) -> Curve:
-    """Append a constant weight to a fitted curve, whose continuity is that of its source, 2 at most."""
+def _known(curve: Curve, source: Curve) -> Curve:
+    """Give a fitted curve the continuity of its source, 2 at most."""
     known = dict(zip(source.breaks[1:-1].tolist(), source.continuity.tolist(), strict=True))
     continuity = np.array([min(2, known.get(t, 2)) for t in curve.breaks[1:-1].tolist()], int)
-    coefs = np.concatenate([curve.coefs, np.full_like(curve.coefs[:, :1], weight)], axis=1)
-    return Curve(curve.breaks, coefs, continuity=continuity)
+    return Curve(curve.breaks, curve.coefs, continuity=continuity)

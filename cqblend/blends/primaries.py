@@ -31,14 +31,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import comb, factorial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, bernstein, fit
+from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
+from cqblend.splines.evaluation import quotient
 
 Array = NDArray[Any]
 
@@ -67,21 +69,37 @@ class Primary(ABC):
     def unlift(self, c: Array, near: Array) -> Array:
         """Return the native parameters (n, 2) of lifted points (n, k), in the period next to ``near`` (n, 2)."""
 
+    @property
     @abstractmethod
+    def powers(self) -> Array:
+        """Exponents (k,) with P(w^powers c) = w P(c): by them lifted points are scaled to a homogeneous weight."""
+
+    @abstractmethod
+    def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
+        """Return the derivatives by v, at v = 0, of P(c + v d + v^2/2 e + ..) along a rail.
+
+        Parameters
+        ----------
+        c
+            The rail, lifted.
+        directions
+            d, e, ..: as many derivatives of the lifted ribbon as there are; higher ones are zero.
+        order
+            The highest derivative, by default as many as there are directions.
+
+        Returns
+        -------
+        tuple of Curve
+            By order, exact, splines in homogeneous 4-space (dim 4, not flagged rational).
+        """
+
     def scale(self, c: Array, weight: Array) -> Array:
         """Scale lifted points (n, k) so that the homogeneous weight of P(c) is multiplied by ``weight`` (n,)."""
+        return c * weight[:, None] ** self.powers
 
-    @abstractmethod
     def position(self, c: Curve) -> Curve:
-        """Return P(c(t)), exact, as a spline in homogeneous 4-space (dim 4, not flagged rational)."""
-
-    @abstractmethod
-    def tangent(self, c: Curve, d: Curve) -> Curve:
-        """Return DP(c(t)) d(t), exact, in homogeneous 4-space."""
-
-    def jets(self, c: Curve, directions: Sequence[Curve]) -> tuple[Curve, ...]:
-        """Return d^k/dv^k P(c + v d + v^2/2 e + ..) at v = 0, k = 0 .. number of directions, in homogeneous 4-space."""
-        return (self.position(c), *(self.tangent(c, d) for d in directions))
+        """Return P(c(t)), exact, in homogeneous 4-space."""
+        return self.jets(c, ())[0]
 
     def lines(self, axis: int) -> Array:
         """Return the inner knot lines of a native parameter."""
@@ -185,10 +203,9 @@ class Quadric(Primary):
         object.__setattr__(self, "quadratic", quadratic)
         object.__setattr__(self, "linear", linear)
 
-    def scale(self, c: Array, weight: Array) -> Array:
-        quadratic = self.quadratic.any(axis=(0, 1))
-        power = np.where(quadratic, 0.5, 1.0)
-        return c * weight[:, None] ** power
+    @property
+    def powers(self) -> Array:
+        return np.where(self.quadratic.any(axis=(0, 1)), 0.5, 1.0)
 
     @abstractmethod
     def _forms(self) -> tuple[Array, Array]:
@@ -199,21 +216,35 @@ class Quadric(Primary):
         xyz = np.tensordot(self.frame.axes.T, local[:3], 1)
         return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
 
-    def position(self, c: Curve) -> Curve:
-        return self._combine(c, c, 1.0)
+    def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
+        phi = [c, *directions]
+        jets = []
+        for k in range(len(phi) if order is None else order + 1):
+            terms = [self._linear(phi[k])] if k < len(phi) else []
+            for i in range(k // 2 + 1):
+                if k - i < len(phi) and self.curved:
+                    terms.append(self._form(phi[i], phi[k - i], comb(k, i) * (1.0 if 2 * i == k else 2.0)))
+            degree = max(map(len, terms), default=1)
+            rows = sum((bernstein.elevate(term, degree - len(term)) for term in terms), np.zeros((1, 4, 1)))
+            continuity = np.min([curve.continuity for curve in phi[: k + 1]], axis=0)
+            jets.append(Curve(c.breaks, np.broadcast_to(rows, (degree, 4, len(c.breaks) - 1)), continuity=continuity))
+        return tuple(jets)
 
-    def tangent(self, c: Curve, d: Curve) -> Curve:
-        return self._combine(c, d, 2.0)
+    @property
+    def curved(self) -> bool:
+        """Whether the surface is no plane."""
+        return bool(self.quadratic.any())
 
-    def _combine(self, c: Curve, d: Curve, factor: float) -> Curve:
-        rows = np.einsum("dk,mkn->mdn", self.linear, d.coefs)
+    def _linear(self, x: Curve) -> Array:
+        """Return L x, Bernstein coefficients (degree + 1, 4, n)."""
+        return np.einsum("dk,mkn->mdn", self.linear, x.coefs)
+
+    def _form(self, x: Curve, y: Curve, factor: float) -> Array:
+        """Return factor Q(x, y)."""
         active = np.flatnonzero(self.quadratic.any(axis=(0, 1)))
-        if active.size:
-            form = factor * np.einsum("djk,mkn->mdjn", self.quadratic[:, :, active], d.coefs[:, active])
-            left = np.flatnonzero(self.quadratic.any(axis=(0, 2)))
-            products = [bernstein.product(c.coefs[:, j, None, :], form[:, :, j]) for j in left]
-            rows = bernstein.elevate(rows, c.degree) + np.sum(products, axis=0)
-        return Curve(c.breaks, rows, continuity=np.minimum(c.continuity, d.continuity))
+        form = factor * np.einsum("djk,mkn->mdjn", self.quadratic[:, :, active], y.coefs[:, active])
+        left = np.flatnonzero(self.quadratic.any(axis=(0, 2)))
+        return np.sum([bernstein.product(x.coefs[:, j, None, :], form[:, :, j]) for j in left], axis=0)
 
 
 @dataclass(frozen=True)
@@ -436,10 +467,15 @@ class Tensor(Primary):
     periods: tuple[float | None, float | None] = (None, None)
     knots: tuple[Array, Array] | None = None  # continuity at the inner breaks
     joints: tuple[int, int] = (0, 0)  # and where a closed direction meets itself
+    levelled: bool = False  # the weight of a rail is evened out after composing, not by scaling lifted parameters
 
     @classmethod
-    def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False)) -> Tensor:
-        """Wrap a spline; in a ``closed`` direction it goes on periodically past its ends."""
+    def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False), *, fitted: bool = True) -> Tensor:
+        """Wrap a spline; in a ``closed`` direction it goes on periodically past its ends.
+
+        ``fitted`` rails are free to be scaled so that their weight is one, as long as the surface's own weight has no
+        kinks; a rail that is not is given, and must stay as it is.
+        """
         coefs = surface.coefs
         if not surface.rational:
             coefs = np.concatenate([coefs, np.ones_like(coefs[:, :, :1])], axis=2)
@@ -453,6 +489,7 @@ class Tensor(Primary):
             periods=(periods[0], periods[1]),
             knots=surface.continuity,
             joints=(joints[0], joints[1]),
+            levelled=surface.rational and (not fitted or _kinked(surface.continuity)),
         )
 
     @property
@@ -489,7 +526,7 @@ class Tensor(Primary):
 
     def _weight(self, uv: Array) -> tuple[Array, Array]:
         """Return the weight w (n,) of the spline and its derivatives (wu, wv), (n, 2)."""
-        if not self.rational or self.surface is None or self.kinked:
+        if not self.rational or self.surface is None or self.levelled:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
         weight = Surface(self.breaks, self.patches[:, :, 3:])
         jet = self._spline_jet(weight, uv, 1)[..., 0]
@@ -511,12 +548,11 @@ class Tensor(Primary):
             out[:, 2 * axis : 2 * axis + 2] += rate
         return out
 
-    def scale(self, c: Array, weight: Array) -> Array:
-        first, last = (0, 2) if self.angular[0] else (0, 4)
-        power = 1 / 2 if self.angular[0] else 1 / sum(self.degrees)
-        out = c.copy()
-        out[:, first:last] *= weight[:, None] ** power
-        return out
+    @property
+    def powers(self) -> Array:
+        if self.angular[0]:
+            return np.array([0.5, 0.5, 0.0, 0.0])
+        return np.full(4, 1 / sum(self.degrees))
 
     def unlift(self, c: Array, near: Array) -> Array:
         out = np.empty((len(c), 2))
@@ -528,45 +564,23 @@ class Tensor(Primary):
                 out[:, axis] = y / (x + y)
         return out
 
-    def position(self, c: Curve) -> Curve:
-        raw = self._position(c)
-        return _scaled(raw, _levelling(raw)) if self.kinked else raw
+    def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
+        order = len(directions) if order is None else order
+        c, patches, spans, crossed = self._follow(c, order)
+        phi = [c, *(d.cut(c.breaks[1:-1]) for d in directions)]
+        pairs = [self._local(x, spans) for x in phi]
+        none = [np.zeros((1, len(c.breaks) - 1))] * (order + 1 - len(phi))
+        series = [[pair[i] / factorial(k) for k, pair in enumerate(pairs)] + none for i in range(4)]
+        jets = []
+        for k, coefs in enumerate(bernstein.compose_series(patches, *series)):
+            continuity = np.min([*(x.continuity for x in phi[: k + 1]), crossed - k], axis=0)
+            jets.append(Curve(c.breaks, factorial(k) * coefs, continuity=np.maximum(continuity, 0)))
+        return _levelled(jets) if self.levelled else tuple(jets)
 
-    def tangent(self, c: Curve, d: Curve) -> Curve:
-        raw = self._tangent(c, d)
-        if not self.kinked:
-            return raw
-        position = self._position(c)
-        gauged = raw.elevate(position.degree + 3 - raw.degree) + _scaled(position, _gauge(position, raw))
-        return _scaled(gauged, _levelling(position))
-
-    @property
-    def kinked(self) -> bool:
-        """Whether the weight is less than C2 somewhere: the homogeneous spline has kinks that the surface has not."""
-        return self.rational and self.knots is not None and any((np.asarray(order) < 2).any() for order in self.knots)
-
-    def _position(self, c: Curve) -> Curve:
-        c, patches, shifts = self._follow(c, loss=0)
-        return Curve(c.breaks, bernstein.compose(patches, *self._local(c, shifts)), continuity=c.continuity)
-
-    def _tangent(self, c: Curve, d: Curve) -> Curve:
-        c, patches, shifts = self._follow(c, loss=1)
-        d = d.cut(c.breaks[1:-1])
-        pairs, rates = self._local(c, shifts), self._local(d, shifts)
-        total = np.zeros((1, 4, len(c.breaks) - 1))
-        for axis, degree in enumerate(self.degrees):
-            along = np.moveaxis(patches, axis, 0)
-            for part, rate in ((along[:-1], rates[2 * axis]), (along[1:], rates[2 * axis + 1])):
-                if rate.any():
-                    composed = bernstein.compose(np.moveaxis(part, 0, axis), *pairs)
-                    term = degree * bernstein.product(composed, rate[:, None])
-                    total = bernstein.elevate(total, len(term) - len(total)) + term
-        return Curve(c.breaks, total, continuity=np.minimum(c.continuity, d.continuity))
-
-    def _lines(self, c: Curve, axis: int, loss: int) -> tuple[Array, Array]:
+    def _lines(self, c: Curve, axis: int) -> tuple[Array, Array]:
         """Return the knot lines that the rail may cross, ends included, periodically repeated, and their continuity."""
         assert self.knots is not None
-        breaks, orders = self.breaks[axis], np.asarray(self.knots[axis]) - loss
+        breaks, orders = self.breaks[axis], np.asarray(self.knots[axis])
         period = self.periods[axis]
         if period is None:
             return breaks, orders
@@ -575,31 +589,31 @@ class Tensor(Primary):
         first, last = (int(np.floor((x - breaks[0]) / period)) for x in (value.min(), value.max()))
         laps = range(first, last + 1)
         lines = np.concatenate([breaks[:-1] + lap * period for lap in laps] + [breaks[-1:] + last * period])
-        joint = [self.joints[axis] - loss]
+        joint = [self.joints[axis]]
         return lines, np.concatenate([orders, *([*joint, *orders] for _ in laps[1:])])
 
-    def _follow(self, c: Curve, loss: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None]]:
-        """Cut the rail at knot lines.
+    def _follow(self, c: Curve, order: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
+        """Cut the rail at knot lines, for jets up to an order.
 
-        Returns the rail, with the continuity that a composition with the surface's derivatives of order ``loss`` has;
-        the patch under each piece, (p+1, q+1, 4, n); and per direction the interval that each piece lies in, None if
-        angular.
+        Returns the rail; the patch under each piece, (p+1, q+1, 4, n); per direction the interval that each piece lies
+        in, None if angular; and the surface's continuity where the rail crosses from one patch to another.
         """
         axes = [axis for axis in (0, 1) if not self.angular[axis]]
         if not axes:
-            return c, np.repeat(self.patches[..., 0], len(c.breaks) - 1, axis=-1), [None, None]
-        lines, orders = zip(*(self._lines(c, axis, loss) for axis in axes), strict=True)
+            count = len(c.breaks) - 1
+            return c, np.repeat(self.patches[..., 0], count, axis=-1), [None, None], np.full(count - 1, SMOOTH)
+        lines, orders = zip(*(self._lines(c, axis) for axis in axes), strict=True)
         weight = c.coefs[:, 2 * axes[0] : 2 * axes[0] + 2].sum(1)
         plain = np.stack([*(c.coefs[:, 2 * axis + 1] for axis in axes), weight], 1)
-        cut, found, continuity = follow(Curve(c.breaks, plain, rational=True, continuity=c.continuity), lines, orders)
+        bare = Curve(c.breaks, plain, rational=True, continuity=np.full(len(c.breaks) - 2, SMOOTH))
+        cut, found, left = follow(bare, lines, [np.minimum(known, SMOOTH) - order for known in orders])
         c = c.cut(cut.breaks[1:-1])
         index = [np.zeros(len(c.breaks) - 1, int), np.zeros(len(c.breaks) - 1, int)]
         spans: list[tuple[Array, Array] | None] = [None, None]
         for axis, line, at in zip(axes, lines, found, strict=True):
             spans[axis] = line[at], line[at + 1]
             index[axis] = at % (len(self.breaks[axis]) - 1)
-        c = Curve(c.breaks, c.coefs, continuity=np.maximum(continuity, 0))
-        return c, self.patches[..., index[0], index[1]], spans
+        return c, self.patches[..., index[0], index[1]], spans, left + order
 
     def _local(self, c: Curve, spans: list[tuple[Array, Array] | None]) -> tuple[Array, Array, Array, Array]:
         """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n)."""
@@ -614,30 +628,37 @@ class Tensor(Primary):
         return pairs[0], pairs[1], pairs[2], pairs[3]
 
 
-def _ends(curve: Curve, order: int) -> Array:
-    """Return the jets of a homogeneous curve at both ends of every piece, from inside, (order+1, n, 2, 4)."""
-    first, last = curve.jet(curve.breaks[:-1], order, side="right"), curve.jet(curve.breaks[1:], order, side="left")
-    return np.stack([first, last], axis=2)
+def _kinked(orders: Sequence[Array]) -> bool:
+    """Whether a rational spline is less than C2 somewhere: its weight may have kinks that the surface has not."""
+    return any((np.asarray(order) < 2).any() for order in orders)
 
 
-def _levelling(position: Curve) -> Curve:
-    """Return the piecewise cubic factor that makes the weight w of a rail one, and level, at every break: about 1/w."""
-    weight, rate = _ends(position, 1)[..., 3:]
-    return fit.hermite(position.breaks, np.stack([1 / weight, -rate / weight**2]))
+def _levelled(jets: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Multiply a homogeneous ribbon by a scalar function lambda(t, v) that makes its weight one, and level, at breaks.
 
+    There, lambda is 1/w to the order of the jets in v and to first order in t, second for jets of order 2; between
+    breaks, a Hermite interpolant. It changes nothing in space, but lets the homogeneous jets be as smooth as those in
+    space are, where the weight of the surface has kinks. No more than continuity is claimed.
+    """
+    breaks, smooth = jets[0].breaks, 1 if len(jets) < 3 else 2
 
-def _gauge(position: Curve, field: Curve) -> Curve:
-    """Return the piecewise cubic multiple of P(c) that cancels the weight of a field at every break, to first order."""
-    weight, rate = _ends(position, 1)[..., 3:]
-    change, bend = _ends(field, 1)[..., 3:]
-    return fit.hermite(position.breaks, np.stack([-change / weight, (change * rate - bend * weight) / weight**2]))
+    def ends(curve: Curve) -> Array:
+        first, last = curve.jet(breaks[:-1], smooth, side="right"), curve.jet(breaks[1:], smooth, side="left")
+        return np.stack([first, last], axis=-2)[..., 3]
 
-
-def _scaled(curve: Curve, factor: Curve) -> Curve:
-    """Multiply a homogeneous curve by a scalar one on the same breaks; nothing more than continuity is claimed."""
-    return Curve(
-        curve.breaks, bernstein.product(curve.coefs, factor.coefs), continuity=np.zeros(len(curve.breaks) - 2, int)
-    )
+    weight = np.stack([ends(jet) for jet in jets], axis=1)  # (smooth+1, order+1, n, 2)
+    one = np.zeros_like(weight)
+    one[0, 0] = 1
+    inverse = quotient(np.stack([one, weight], axis=2))[:, :, 0]
+    factors = [fit.hermite(breaks, inverse[:, k, ..., None]) for k in range(len(jets))]
+    level = np.zeros(len(breaks) - 2, int)
+    result = []
+    for k in range(len(jets)):
+        terms = [comb(k, i) * bernstein.product(factors[i].coefs, jets[k - i].coefs) for i in range(k + 1)]
+        degree = max(map(len, terms))
+        rows = sum(bernstein.elevate(term, degree - len(term)) for term in terms)
+        result.append(Curve(breaks, rows, continuity=level))
+    return tuple(result)
 
 
 def _joint_order(surface: Surface, axis: int) -> int:
@@ -706,6 +727,7 @@ class Revolution(Tensor):
             angular=(True, False),
             periods=(2 * np.pi, period),
             knots=(np.empty(0, int), profile.continuity),
+            levelled=profile.rational and _kinked((profile.continuity,)),
             frame=frame,
             profile=profile,
         )
@@ -716,7 +738,7 @@ class Revolution(Tensor):
         return turned_jet(self.frame, uv[:, 0], np.stack([self.profile(v, k) for k in range(3)]))
 
     def _weight(self, uv: Array) -> tuple[Array, Array]:
-        if not self.rational or self.kinked:
+        if not self.rational or self.levelled:
             return super()._weight(uv)
         assert self.profile is not None
         weight, slope = Curve(self.profile.breaks, self.profile.coefs[:, 3:]).jet(self.wrap(uv)[:, 1], 1)[..., 0]

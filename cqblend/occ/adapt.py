@@ -6,7 +6,7 @@ rad. Everything else is read as a B-spline in the face's own parameters, where t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -206,14 +206,12 @@ class Mapped(Primary):
                 slower[:, axis] /= arcs.rates(self.spline.wrap(at)[:, axis])[0]
         return self.spline.push(at, c, slower)
 
-    def scale(self, c: Array, weight: Array) -> Array:
-        return self.spline.scale(c, weight)
+    @property
+    def powers(self) -> Array:
+        return self.spline.powers
 
-    def position(self, c: Curve) -> Curve:
-        return self.spline.position(c)
-
-    def tangent(self, c: Curve, d: Curve) -> Curve:
-        return self.spline.tangent(c, d)
+    def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
+        return self.spline.jets(c, directions, order)
 
 
 def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:

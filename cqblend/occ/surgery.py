@@ -346,7 +346,7 @@ def _like(piece: TopoDS_Edge, use: TopoDS_Edge) -> TopoDS_Edge:
 
 def _rail_frame(rail: Ribbon, t: Array) -> tuple[Array, Array]:
     """Return points and directions into the blend (n, 3) along a rail."""
-    position, field = rail.primary.position(rail.c), rail.primary.tangent(rail.c, rail.directions[0])
+    position, field = rail.jets()[:2]
     x, dx = position(t), field(t)
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]

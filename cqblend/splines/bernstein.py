@@ -8,14 +8,20 @@ weight.
 """
 
 import itertools
+from collections.abc import Sequence
 from functools import lru_cache
+from functools import reduce as reduce_by
 from math import comb
-from typing import Any
+from operator import add
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+
+Series: TypeAlias = Sequence[Array]
+"""A truncated power series in a second variable: by order, polynomials of any degrees."""
 
 
 @lru_cache(maxsize=512)
@@ -185,14 +191,39 @@ def evaluate(coefs: Array, values: Array) -> Array:
     return np.asarray(np.einsum("i...,i...->...", coefs, values.reshape(len(values), *(1,) * (coefs.ndim - 2), -1)))
 
 
-def _basis_products(degree: int, x: Array, y: Array) -> Array:
-    """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), all in the scaled basis: (p+1, m p + 1, n)."""
-    pair = np.concatenate([x[:, None], y[:, None]], axis=1)
-    powers = [np.ones_like(pair[:1]), pair]
+def _summed(terms: Sequence[Array]) -> Array:
+    """Add polynomials of several degrees in the scaled basis."""
+    return np.asarray(reduce_by(add, _lengthened(terms)))
+
+
+def _lengthened(terms: Sequence[Array]) -> list[Array]:
+    """Elevate polynomials in the scaled basis to the largest of their degrees."""
+    size = max(map(len, terms))
+    return [
+        _convolve(term, _binomials((size - len(term),), term.ndim - 1, term.dtype == object))
+        if len(term) < size
+        else term
+        for term in terms
+    ]
+
+
+def _basis_products(degree: int, x: Series, y: Series) -> list[Array]:
+    """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), by order, in the scaled basis: (p+1, .., n) by order."""
+    pair = [np.concatenate([a[:, None], b[:, None]], axis=1) for a, b in zip(x, y, strict=True)]
+    orders = range(len(pair))
+    powers = [[np.ones_like(pair[0][:1]), *(np.zeros_like(pair[0][:1]) for _ in orders[1:])], pair]
     while len(powers) <= degree:
-        powers.append(_convolve(powers[-1], pair))
-    terms = [comb(degree, i) * _convolve(powers[degree - i][:, 0], powers[i][:, 1]) for i in range(degree + 1)]
-    return np.array(terms)
+        last = powers[-1]
+        powers.append([_summed([_convolve(last[k - i], pair[i]) for i in range(k + 1)]) for k in orders])
+    products = []
+    for k in orders:
+        terms = []
+        for i in range(degree + 1):
+            a, b = powers[degree - i], powers[i]
+            parts = [_convolve(a[k - j][:, 0], b[j][:, 1]) for j in range(k + 1)]
+            terms.append(comb(degree, i) * _summed(parts))
+        products.append(np.array(_lengthened(terms)))
+    return products
 
 
 def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
@@ -217,6 +248,24 @@ def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array)
     -------
     Array
         (m p + k q + 1, dim, n) Bernstein coefficients.
+    """
+    return compose_series(patch, [alpha], [beta], [gamma], [delta])[0]
+
+
+def compose_series(patch: Array, alpha: Series, beta: Series, gamma: Series, delta: Series) -> list[Array]:
+    """Compose patches with power series in a second variable, whose coefficients are as those of :func:`compose`.
+
+    Parameters
+    ----------
+    patch
+        (p+1, q+1, dim, n).
+    alpha, beta, gamma, delta
+        By order 0 .. K, the same for all: (m+1, n) Bernstein coefficients, of any degree in each order.
+
+    Returns
+    -------
+    list of Array
+        By order 0 .. K: (.., dim, n) Bernstein coefficients, of the least degree that the terms of that order have.
 
     Notes
     -----
@@ -225,20 +274,28 @@ def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array)
     to 48, most of it in calls.
     """
     p, q = patch.shape[0] - 1, patch.shape[1] - 1
-    alpha, beta, gamma, delta = (f * _weights(f) for f in (alpha, beta, gamma, delta))
-    rows = np.einsum("jln,ijdn->ildn", _basis_products(q, gamma, delta), patch)
-    columns = _basis_products(p, alpha, beta)
+    scaled = [[f * _weights(f) for f in series] for series in (alpha, beta, gamma, delta)]
+    columns = _basis_products(p, scaled[0], scaled[1])
+    rows = [np.einsum("jln,ijdn->ildn", basis, patch) for basis in _basis_products(q, scaled[2], scaled[3])]
+    out = []
+    for k in range(len(columns)):
+        total = _summed([_contracted(columns[k - j], rows[j]) for j in range(k + 1)])
+        out.append(np.asarray(total / _weights(total)))
+    return out
+
+
+def _contracted(columns: Array, rows: Array) -> Array:
+    """Multiply (p+1, m, n) by (p+1, k, dim, n), both in the scaled basis, and sum over p."""
     m, k = columns.shape[1], rows.shape[1]
     # all products of coefficients, skewed so that those of one degree stand in one column
-    skewed = np.zeros((m, m + k, *rows.shape[2:]), dtype=rows.dtype)
-    np.einsum("imn,ildn->mldn", columns, rows, out=skewed[:, :k])
     rest = rows.shape[2:]
-    out = skewed.reshape(-1, *rest)[: m * (m + k - 1)].reshape(m, m + k - 1, *rest).sum(axis=0)
-    return np.asarray(out / _weights(out))
+    skewed = np.zeros((m, m + k, *rest), dtype=rows.dtype)
+    np.einsum("imn,ildn->mldn", columns, rows, out=skewed[:, :k])
+    return np.asarray(skewed.reshape(-1, *rest)[: m * (m + k - 1)].reshape(m, m + k - 1, *rest).sum(axis=0))
 
 
 def compose_curve(coefs: Array, alpha: Array, beta: Array) -> Array:
     """Compose polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose`."""
-    products = _basis_products(len(coefs) - 1, alpha * _weights(alpha), beta * _weights(beta))
+    products = _basis_products(len(coefs) - 1, [alpha * _weights(alpha)], [beta * _weights(beta)])[0]
     out = np.einsum("imn,idn->mdn", products, coefs)
     return np.asarray(out / _weights(out))

@@ -29,7 +29,7 @@ def points(rail: Ribbon, t: np.ndarray) -> np.ndarray:
 
 
 def fields(rail: Ribbon, t: np.ndarray) -> np.ndarray:
-    x, dx = rail.primary.position(rail.c)(t), rail.primary.tangent(rail.c, rail.directions[0])(t)
+    x, dx = (jet(t) for jet in rail.jets())
     return (dx[:, :3] - homogeneous(x) * dx[:, 3:]) / x[:, 3:]
 
 

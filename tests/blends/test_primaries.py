@@ -27,7 +27,7 @@ def rng(pair: Pair) -> np.random.Generator:
 
 def kinked(pair: Pair) -> bool:
     """Whether the homogeneous spline has kinks; then a rail's weight is levelled instead of scaled."""
-    return isinstance(pair.primary, Tensor) and pair.primary.kinked
+    return isinstance(pair.primary, Tensor) and pair.primary.levelled
 
 
 def samples(pair: Pair, n: int = 12) -> np.ndarray:
@@ -161,7 +161,7 @@ def test_pushed_directions_have_the_asked_velocity_and_keep_the_weight(pair):
         c = pair.primary.scale(pair.primary.lift(uv), np.full(len(uv), factor))
         d = pair.primary.push(uv, c, rs)
         x = np.array([pair.primary.position(constant(one))(0.5) for one in c])
-        dx = np.array([pair.primary.tangent(constant(a), constant(b))(0.5) for a, b in zip(c, d, strict=True)])
+        dx = np.array([pair.primary.jets(constant(a), [constant(b)])[1](0.5) for a, b in zip(c, d, strict=True)])
         scale = np.abs(wanted).max() + SIZE
         assert np.abs(euclidean(x, dx)[1] - wanted).max() < 1e-14 * scale
         assert np.abs(dx[:, 3]).max() < 1e-14 * scale
@@ -225,7 +225,7 @@ def test_even_a_wild_lifted_curve_satisfies_the_equation_of_the_quadric(pair):
 def test_every_lifted_direction_is_tangent(pair):
     c = rail(pair)
     d = field(pair, c)
-    position, tangent = pair.primary.position(c), pair.primary.tangent(c, d)
+    position, tangent = pair.primary.position(c), pair.primary.jets(c, [d])[1]
     t = np.linspace(0, 1, 301)
     _, vector = euclidean(position(t), tangent(t))
     _, su, sv = pair.jet(native(pair, c(t)))[:3]
@@ -240,7 +240,7 @@ def test_every_lifted_direction_is_tangent(pair):
 def test_tangent_along_the_rail_itself_is_the_rails_velocity(pair):
     c = rail(pair)
     position = pair.primary.position(c)
-    tangent = pair.primary.tangent(c, c.derivative())
+    tangent = pair.primary.jets(c, [c.derivative()])[1]
     t = np.linspace(0.001, 0.999, 301)
     velocity = euclidean(position(t), position(t, 1))[1]
     assert np.abs(euclidean(position(t), tangent(t))[1] - velocity).max() < 1e-14 * rounding(position, 1)
@@ -249,7 +249,7 @@ def test_tangent_along_the_rail_itself_is_the_rails_velocity(pair):
 @pytest.mark.parametrize("pair", [p for p in pairs().values() if kinked(p)], ids=lambda pair: pair.name)
 def test_weights_with_kinks_are_levelled_at_every_break(pair):
     c = rail(pair)
-    position, tangent = pair.primary.position(c), pair.primary.tangent(c, field(pair, c))
+    position, tangent = pair.primary.position(c), pair.primary.jets(c, [field(pair, c)])[1]
     for ends, side in ((position.breaks[:-1], "right"), (position.breaks[1:], "left")):
         assert np.abs(position(ends, side=side)[:, 3] - 1).max() < 1e-14
         assert np.abs(position(ends, 1, side=side)[:, 3]).max() < 1e-14 * rounding(position, 1)
@@ -260,7 +260,7 @@ def test_weights_with_kinks_are_levelled_at_every_break(pair):
 @pytest.mark.parametrize("of", ["position", "tangent"])
 def test_claimed_continuity_is_there(pair, of):
     c = rail(pair)
-    curve = pair.primary.position(c) if of == "position" else pair.primary.tangent(c, field(pair, c))
+    curve = pair.primary.position(c) if of == "position" else pair.primary.jets(c, [field(pair, c)])[1]
     inner = curve.breaks[1:-1]
     assert len(inner)
     for k in range(4):
