@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cqblend.errors import SelectionError
+from cqblend.request import STEER
 
 if TYPE_CHECKING:
     from cqblend.front import BlendResult
@@ -19,9 +20,10 @@ def blend(
     radius: float | None = None,
     *,
     width: float | tuple[float, float] | None = None,
-    continuity: str | None = None,
-    tangents: str = "perpendicular",
-    bulge: float = 1.0,
+    continuity: str | tuple[str, str] | None = None,
+    tangents: str | tuple[str, str] = "perpendicular",
+    bulge: float | tuple[float, float] = 1.0,
+    steer: float = STEER,
     section: str = "hermite",
     form: str = "auto",
     tolerance: float = 1e-7,
@@ -72,6 +74,7 @@ def blend(
         continuity=continuity,
         tangents=tangents,
         bulge=bulge,
+        steer=steer,
         section=section,
         form=form,
         tolerance=tolerance,

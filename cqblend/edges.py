@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cqblend.blends import fitting
+from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, intersect, rolling_ball, set_back
 from cqblend.blends.fitting import Solver, Wanted
 from cqblend.blends.hermite import Blend, hermite
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's contacts
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
+EXACT_BEND, COMPACT_BEND = 1e-6, 1e-3  # jump of the curvature where it is continuous, in units of 1/size
 GAP = 1e-7  # mm
 CAPS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
 CROSSED = (
@@ -44,6 +46,8 @@ CROSSED = (
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
+
+FIELDS = {"parametric": fields.parametric, "perpendicular": fields.perpendicular, "chord": fields.chord}
 
 Caps = tuple[float | None, float | None]
 
@@ -155,13 +159,18 @@ def _check_sections(blend: Blend) -> None:
 
 def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint) -> None:
     """Raise VerificationError if the finished faces do not measure up to what the form promises."""
-    angle = EXACT_ANGLE if certificate.form == "exact" else request.angular_tolerance
+    exact = certificate.form == "exact"
+    angle = EXACT_ANGLE if exact else request.angular_tolerance
+    bend = (EXACT_BEND if exact else COMPACT_BEND) / _size(request)
     gap = max(GAP, request.tolerance, 2 * joint.tolerance)
-    for name, value, limit, unit in (
-        ("angle", certificate.angle, angle, "rad"),
-        ("gap", certificate.gap, gap, "mm"),
-        ("inner crease", certificate.inner_crease, CREASE, "rad"),
-    ):
+    promises = [("inner crease", certificate.inner_crease, CREASE, "rad")]
+    for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
+        promises.append(("gap", rail.gap, gap, "mm"))
+        if continuity != "G0":
+            promises.append(("angle", rail.angle, angle, "rad"))
+        if continuity in ("G2", "G3"):
+            promises.append(("curvature jump", rail.curvature_jump, bend, "1/mm"))
+    for name, value, limit, unit in promises:
         if not value <= limit:
             raise VerificationError(
                 f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {unit}, over {limit:.2g}; it is "
@@ -224,21 +233,33 @@ def _floor(value: float) -> float:
 
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
     """Fit rails of the lightest form."""
-    solve, size, closed = _solver(joint, request), _size(request), joint.spine.closed
+    solve, closed = _solver(joint, request), joint.spine.closed
+    wanted = _wanted(request)
     if not closed:
-        rails = fitting.straight(joint.primaries, solve, domain, request.bulge, joint.extent)
+        rails = fitting.straight(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
             return rails
     turn = joint.spine.turn()
     if turn is not None:
-        rails = fitting.circular(joint.primaries, solve, domain, turn, request.bulge, joint.extent)
+        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent)
         if rails is not None:
             return rails
     if closed:
         start = joint.clear_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
-    wanted = Wanted(max(RAIL_TOLERANCE * size, 1e-7), bulge=request.bulge)
     return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+
+
+def _wanted(request: BlendRequest) -> Wanted:
+    """Return what the ribbons are to be."""
+    first, second = (partial(np.full_like, fill_value=factor) for factor in request.bulge)
+    return Wanted(
+        position=max(RAIL_TOLERANCE * _size(request), 1e-7),
+        fields=(FIELDS[request.tangents[0]], FIELDS[request.tangents[1]]),
+        bulges=(first, second),
+        orders=(int(request.continuity[0][1]), int(request.continuity[1][1])),
+        steer=request.steer,
+    )
 
 
 def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:

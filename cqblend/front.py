@@ -11,7 +11,7 @@ from cqblend.certificate import Certificate
 from cqblend.edges import blend_shape
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
 from cqblend.occ import convert, measure, verification
-from cqblend.request import BlendRequest
+from cqblend.request import STEER, BlendRequest
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -46,9 +46,10 @@ def blend_edges(
     radius: float | None = None,
     *,
     width: float | tuple[float, float] | None = None,
-    continuity: str | None = None,
-    tangents: str = "perpendicular",
-    bulge: float = 1.0,
+    continuity: str | tuple[str, str] | None = None,
+    tangents: str | tuple[str, str] = "perpendicular",
+    bulge: float | tuple[float, float] = 1.0,
+    steer: float = STEER,
     section: str = "hermite",
     form: str = "auto",
     tolerance: float = 1e-7,
@@ -69,12 +70,17 @@ def blend_edges(
         Of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or `width`.
     width : float or pair of float, optional
         Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair for side 1 and side 2.
-    continuity : {None, "G1"}
-        Order to which the blend meets its neighbours. None is G1.
-    tangents : {"perpendicular"}
-        Direction in which the blend leaves its neighbours: perpendicular to the rail.
-    bulge : float
+    continuity : {None, "G0", "G1", "G2", "G3"} or pair of them, optional
+        Order to which the blend meets its neighbours: touching, tangent, with the same curvature, with the same change
+        of curvature. None is G1. A pair is for side 1 and side 2.
+    tangents : {"perpendicular", "parametric", "chord"} or pair of them
+        Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
+        the parameters of the face, or towards the other rail (Kim and Elber's T2, T1, T3).
+    bulge : float or pair of float
         Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller.
+    steer : float
+        Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
+        the blend has no crease inside, rad. 0 turns nothing.
     section : {"hermite"}
         How the interior is filled: cubic Hermite across.
     form : {"auto", "exact", "compact"}
@@ -121,6 +127,7 @@ def blend_edges(
         continuity=continuity,
         tangents=tangents,
         bulge=bulge,
+        steer=steer,
         section=section,
         form=form,
         tolerance=tolerance,

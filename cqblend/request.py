@@ -6,7 +6,9 @@ instead of being ignored. It must not know the shape: whether a radius fits is t
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -15,21 +17,24 @@ from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
 
-Continuity = Literal["G1"]
-Tangents = Literal["perpendicular"]
+Continuity = Literal["G0", "G1", "G2", "G3"]
+Tangents = Literal["parametric", "perpendicular", "chord"]
 Section = Literal["hermite"]
 FormWanted = Literal["auto", "exact", "compact"]
 
 # What is built, and what is part of the interface but not built yet.
-_CONTINUITY: tuple[Continuity, ...] = ("G1",)
-_CONTINUITY_LATER = ("G0", "G2", "G3")
-_TANGENTS: tuple[Tangents, ...] = ("perpendicular",)
-_TANGENTS_LATER = ("parametric", "chord", "guide", "combination")
+_CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
+_TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
+_TANGENTS_LATER = ("guide", "combination")
 _SECTION: tuple[Section, ...] = ("hermite",)
 _SECTION_LATER = ("pde", "potential")
 _FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 
 Chosen = TypeVar("Chosen", bound=str)
+Checked = TypeVar("Checked")
+
+STEER = math.radians(20)
+"""rad. More than that, a turn would show in the shape of the blend."""
 
 SMALLEST = 1e-6
 """Ten times OCCT's default tolerance, mm: below it an edge cannot be told from its blend."""
@@ -48,12 +53,14 @@ class BlendRequest:
         Radius of the rolling ball, mm. Exactly one of radius and width is given.
     width : tuple of float or None
         Distance of the rails from the edge on side 1 and on side 2, mm.
-    continuity : {"G1"}
-        Order to which the blend meets its neighbours.
-    tangents : {"perpendicular"}
-        The field of cross directions.
-    bulge : float
-        Factor on the length of the cross derivatives.
+    continuity : tuple of {"G0", "G1", "G2", "G3"}
+        Order to which the blend meets its neighbours, on side 1 and on side 2.
+    tangents : tuple of {"parametric", "perpendicular", "chord"}
+        The fields of cross directions.
+    bulge : tuple of float
+        Factors on the length of the cross derivatives.
+    steer : float
+        Largest angle by which directions are turned so that the blend has no crease inside, rad.
     section : {"hermite"}
         How the interior is filled.
     form : {"auto", "exact", "compact"}
@@ -66,9 +73,10 @@ class BlendRequest:
 
     radius: float | None
     width: tuple[float, float] | None
-    continuity: Continuity
-    tangents: Tangents
-    bulge: float
+    continuity: tuple[Continuity, Continuity]
+    tangents: tuple[Tangents, Tangents]
+    bulge: tuple[float, float]
+    steer: float
     section: Section
     form: FormWanted
     tolerance: float
@@ -84,6 +92,7 @@ class BlendRequest:
         continuity: object = None,
         tangents: object = "perpendicular",
         bulge: object = 1.0,
+        steer: object = STEER,
         section: object = "hermite",
         form: object = "auto",
         tolerance: object = 1e-7,
@@ -116,12 +125,13 @@ class BlendRequest:
             raise InputError(f"give exactly one of radius and width, not {given}")
         return cls(
             radius=None if radius is None else _size("radius", radius),
-            width=None if width is None else _sizes("width", width),
-            continuity=_choice(
-                "continuity", "G1" if continuity is None else continuity, _CONTINUITY, _CONTINUITY_LATER
+            width=None if width is None else _pair("width", width, _size),
+            continuity=_pair(
+                "continuity", "G1" if continuity is None else continuity, partial(_choice, built=_CONTINUITY)
             ),
-            tangents=_choice("tangents", tangents, _TANGENTS, _TANGENTS_LATER),
-            bulge=_positive("bulge", bulge),
+            tangents=_pair("tangents", tangents, partial(_choice, built=_TANGENTS, later=_TANGENTS_LATER)),
+            bulge=_pair("bulge", bulge, _positive),
+            steer=_positive("steer", steer, zero=True),
             section=_choice("section", section, _SECTION, _SECTION_LATER),
             form=_choice("form", form, _FORM),
             tolerance=_positive("tolerance", tolerance),
@@ -135,9 +145,7 @@ def _choice(name: str, value: object, built: tuple[Chosen, ...], later: tuple[st
     for option in built:
         if isinstance(value, str) and value == option:
             return option
-    names = value if isinstance(value, tuple | list) else (value,)
-    known = [*built, *later]
-    if later and names and all(isinstance(one, str) and one in known for one in names):
+    if isinstance(value, str) and value in later:
         raise UnsupportedError(f"{name}={value!r} is not built yet; use {_listed(built)}")
     raise InputError(f"{name} must be {_listed(built)}, not {shown(value)}")
 
@@ -158,18 +166,18 @@ def _size(name: str, value: object) -> float:
     return size
 
 
-def _sizes(name: str, value: object) -> tuple[float, float]:
-    """Return one size a side from a number or a pair."""
+def _pair(name: str, value: object, check: Callable[[str, object], Checked]) -> tuple[Checked, Checked]:
+    """Return one checked value a side from one value or a pair."""
     if not isinstance(value, tuple | list):
-        size = _size(name, value)
-        return size, size
+        checked = check(name, value)
+        return checked, checked
     if len(value) != 2:
-        raise InputError(f"{name} must be a number or a pair, one for each side, not {len(value)} values")
-    return _size(f"{name}[0]", value[0]), _size(f"{name}[1]", value[1])
+        raise InputError(f"{name} must be one value or a pair, one for each side, not {len(value)} values")
+    return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
 
 
-def _positive(name: str, value: object) -> float:
-    """Return a finite number above 0 as a float. A bool is no number."""
+def _positive(name: str, value: object, *, zero: bool = False) -> float:
+    """Return a finite number above 0 (or 0, if that is allowed) as a float. A bool is no number."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number, not {shown(value)}")
     try:
@@ -178,6 +186,6 @@ def _positive(name: str, value: object) -> float:
         raise InputError(f"{name} must be finite, not a number of more than 308 digits") from None
     if not math.isfinite(number):
         raise InputError(f"{name} must be finite, not {number}")
-    if number <= 0:
-        raise InputError(f"{name} must be above 0, not {number:g}")
+    if number < 0 or (number == 0 and not zero):
+        raise InputError(f"{name} must {'not be below' if zero else 'be above'} 0, not {number:g}")
     return number

@@ -11,42 +11,52 @@ the tolerances need.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cqblend.blends.contact import Contacts
+from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, tangent_coordinates, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
+from cqblend.splines.evaluation import quotient
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
 FEWEST = 16  # spans of a cubic rail
 FINE, FINEST = 1 / 256, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
-SLIVER = 2e-5  # breaks nearer to each other than this share of the rail are brought together
-
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
 Maker = Callable[[Array], Curve]
+Scale = Callable[[Array], Array]
 Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What rails are to meet: tolerances in space (mm), in direction (rad) and in length (relative), and the bulge."""
+    """What ribbons are to be: within tolerances in space (mm), in direction (rad) and in length (relative).
 
-    position: float
+    By side, ``fields`` are their cross directions, ``bulges`` factors on the lengths that the contacts suggest, as functions of
+    t, ``orders`` the numbers of directions, ``steer`` the largest angle (rad) by which directions are turned for the
+    sake of what is inside the blend.
+    """
+
+    position: float = 1e-7
     direction: float = 1e-5
     length: float = 1e-3
-    bulge: float = 1.0
+    fields: tuple[Field, Field] = (perpendicular, perpendicular)
+    bulges: tuple[Scale, Scale] = (np.ones_like, np.ones_like)
+    orders: tuple[int, int] = (1, 1)
+    steer: float = 0.0
 
 
 @dataclass(frozen=True)
 class Errors:
-    """How far a fitted rail is from what was wanted, at every sample.
+    """How far a fitted ribbon is from what was wanted, at every sample.
 
     In space (mm), of that across the rail (what is along it only shifts the common parameter), in direction (rad), in
     length (relative).
@@ -60,19 +70,9 @@ class Errors:
 
 def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
     """Return points and velocities (n, 3) of a homogeneous curve (dim 4)."""
-    x, dx = curve(t), curve(t, 1)
+    x, dx = curve.jet(t, 1)
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
-
-
-def perpendicular(rate: Array, jet: Array, towards: Array) -> Array:
-    """Return the unit vectors +-(C' x n) (n, 3), perpendicular to the rail (Kim & Elber's T2), on one side of it.
-
-    The side is that of the vectors ``towards`` on the whole.
-    """
-    n = unit(cross(jet[1], jet[2]))
-    vector = unit(cross(rate, n))
-    return vector * np.sign((vector * towards).sum())
 
 
 def along(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
@@ -109,37 +109,83 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
     return solve_around
 
 
+def aim(
+    primary: Primary, c: Curve, uv: Array, t: Array, vectors: Array, order: int, make: Maker, steering: Steering
+) -> tuple[tuple[Curve, ...], Array, Array]:
+    """Fit the directions of a ribbon on a rail to wanted first ones, tangent vectors (n, 3) at t.
+
+    ``uv`` (n, 2) are the rail's native parameters at t; ``make`` turns lifted values there into a curve. Second
+    directions are such that the second derivative is normal to the surface, third ones such that the speed of the
+    ribbon's sections stays constant: those of curves run through at constant speed and as straight as they can be.
+
+    Returns
+    -------
+    directions, direction, length
+        The lifted curves, and how far the first one is from the (steered) vectors at t: rad, and relative.
+    """
+    jet = primary.jet(uv)
+    vectors = steering.turned(vectors, unit(cross(jet[1], jet[2])), t)
+    lifted = c(t)
+    rs = steering.pinned(tangent_coordinates(jet, vectors), t)
+    directions = [make(primary.push(uv, lifted, rs))]
+    for k in range(2, order + 1):
+        jets = np.stack([curve(t) for curve in primary.jets(c, directions, k)])
+        space = derivatives(jets)
+        target = np.zeros_like(vectors)
+        if k == 3:
+            target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
+        rs = steering.faded(tangent_coordinates(jet, target - space[k]), t)
+        gauge = -jets[k, :, 3:] / jets[0, :, 3:]
+        directions.append(make(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers))
+    fitted = derivatives(np.stack([curve(t) for curve in primary.jets(c, directions[:1])]))[1]
+    angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
+    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
+    return tuple(directions), angle, np.abs(ratio)
+
+
+def derivatives(jets: Array) -> Array:
+    """Return the derivatives (k, n, 3) by v in space of homogeneous ones (k, n, 4)."""
+    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
+
+
 def _build(
-    primary: Primary, t: Array, solved: Contacts, side: int, weight: Array, make: Maker, bulge: float, domain: Domain
+    primaries: tuple[Primary, Primary],
+    t: Array,
+    solved: Contacts,
+    side: int,
+    weight: Array,
+    make: Maker,
+    wanted: Wanted,
+    steering: Steering,
 ) -> tuple[Ribbon, Errors]:
-    """Fit one rail and its directions to the contacts at the rail's parameters t; also return its errors there.
+    """Fit one ribbon to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
-    them. The samples may reach past the domain that the rail is wanted on; errors are measured on it alone.
+    them. The samples may reach past the domain of the steering, on which the ribbon is wanted and errors are measured.
     """
-    uv = solved.uv[side]
+    primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
     c = make(primary.scale(primary.lift(uv), weight))
-    curve = primary.position(c)
-    point, rate = euclidean(curve, t)
-    vector = perpendicular(rate, jet, solved.point - jet[0]) * (bulge * solved.reach[side])[:, None]
-    d = make(primary.push(uv, c(t), tangent_coordinates(jet, vector)))
-    x, dx = (curve_of(t) for curve_of in primary.jets(c, [d]))
-    fitted = (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
-    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vector, axis=1) - 1
-    angle = np.arctan2(np.linalg.norm(cross(fitted, vector), axis=1), (fitted * vector).sum(1))
+    point, rate = euclidean(primary.position(c), t)
+    other = primaries[1 - side].jet(solved.uv[1 - side])[0]
+    asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
+    length = (wanted.bulges[side](t) * solved.reach[side])[:, None]
+    made, turned, ratio = aim(primary, c, uv, t, asked * length, wanted.orders[side], make, steering)
+    domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
-        c, d = c.clip(*domain), d.clip(*domain)
+        c, made = c.clip(*domain), tuple(d.clip(*domain) for d in made)
     near = np.stack([np.interp(c.breaks, t, column) for column in uv.T], -1)
     offset = (point - jet[0])[inside]
     errors = Errors(
         np.linalg.norm(offset, axis=1),
         np.linalg.norm(cross(offset, unit(rate[inside])), axis=1),
-        angle[inside],
-        np.abs(ratio[inside]),
+        turned[inside],
+        ratio[inside],
     )
-    return Ribbon(primary, c, (d,), near, float(errors.direction.max()), float(errors.length.max())), errors
+    direction = (turned + np.abs(steering.angle(t)))[inside]
+    ribbon = Ribbon(primary, c, made, near, wanted.orders[side], float(direction.max()), float(errors.length.max()))
+    return ribbon, errors
 
 
 def _exact_pair(
@@ -148,35 +194,37 @@ def _exact_pair(
     t: Array,
     weight: Array,
     make: Maker,
-    bulge: float,
+    wanted: Wanted,
     size: float,
 ) -> tuple[Ribbon, Ribbon] | None:
-    """Return both rails if the made curves reproduce the contacts and their directions to rounding, else None."""
-    rails = []
-    for side, primary in enumerate(primaries):
-        rail, errors = _build(primary, t, solved, side, weight, make, bulge, (t[0], t[-1]))
-        if errors.position.max() > EXACT * size or rail.direction > 1e-11 or rail.length > 1e-11:
+    """Return both ribbons if the made curves reproduce contacts and directions to rounding, unsteered, else None."""
+    ribbons = []
+    for side in (0, 1):
+        ribbon, errors = _build(primaries, t, solved, side, weight, make, wanted, Steering((), (t[0], t[-1]), False))
+        if errors.position.max() > EXACT * size or ribbon.direction > 1e-11 or ribbon.length > 1e-11:
             return None
-        rails.append(rail)
-    return rails[0], rails[1]
+        if pins(ribbon, wanted.steer):
+            return None
+        ribbons.append(ribbon)
+    return ribbons[0], ribbons[1]
 
 
 def straight(
-    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, bulge: float, size: float
+    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, size: float
 ) -> tuple[Ribbon, Ribbon] | None:
-    """Return the rails as one span of degree 1, or None if that is not what they are."""
+    """Return the ribbons as one span of degree 1, or None if that is not what they are."""
     t = np.linspace(*domain, 7)
 
     def make(values: Array) -> Curve:
         return Curve(np.array(domain), values[[0, -1], :, None])
 
-    return _exact_pair(primaries, solve(t), t, np.ones(7), make, bulge, size)
+    return _exact_pair(primaries, solve(t), t, np.ones(7), make, wanted, size)
 
 
 def circular(
-    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, turn: float, bulge: float, size: float
+    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, turn: float, wanted: Wanted, size: float
 ) -> tuple[Ribbon, Ribbon] | None:
-    """Return the rails as rational arcs of degree 2, or None if the joint is not one of revolution.
+    """Return the ribbons as rational arcs of degree 2, or None if the joint is not one of revolution.
 
     The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the
     half-angle pair about the axis is linear in the rail's parameter, so that everything carried round the axis is
@@ -197,13 +245,13 @@ def circular(
         coefs = np.stack([start, 2 * middle - (start + end) / 2, end])
         return Curve(breaks, coefs.transpose(0, 2, 1), continuity=np.zeros(count - 1, int))
 
-    return _exact_pair(primaries, solved, t, a**2 + b**2, make, bulge, size)
+    return _exact_pair(primaries, solved, t, a**2 + b**2, make, wanted, size)
 
 
 def cubic(
     primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, *, closed: bool
 ) -> tuple[Ribbon, Ribbon]:
-    """Return C2 cubic rails on the fewest stations that meet what is wanted, by halving the spans that do not.
+    """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256
     of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
@@ -214,65 +262,108 @@ def cubic(
     GeometryError
         If what remains in position is more than ten times what is wanted.
     """
-    breaks = np.linspace(*domain, FEWEST + 1)
+    task = _Cubic(primaries, solve, domain, wanted, closed)
     moves: Moves = []
-    while True:
-        built = _through(primaries, solve, breaks, domain, wanted.bulge, moves, closed=closed)
-        share = np.diff(breaks) / (domain[1] - domain[0])
-        bad = np.zeros(len(share), bool)
-        for _, errors in built:
-            for inner in (slice(1, None, 3), slice(2, None, 3)):
-                bad |= (errors.across[inner] > wanted.position) & (share > FINEST)
-                turned = (errors.direction[inner] > wanted.direction) | (errors.length[inner] > wanted.length)
-                bad |= turned & (share > FINE)
-        if not bad.any():
-            break
-        breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
-    breaks, moves = _gathered((built[0][0], built[1][0]), breaks)
+    straight_on = (task.unsteered, task.unsteered)
+    breaks, built = task.refined(np.linspace(*domain, FEWEST + 1), moves, straight_on)
+    breaks, moves = _gathered(built, breaks)
     if moves:
-        built = _through(primaries, solve, breaks, domain, wanted.bulge, moves, closed=closed)
-    missed = max(float(errors.across.max()) for _, errors in built)
-    if missed > 10 * wanted.position:
-        raise GeometryError(
-            f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
-            "not smooth enough for this size; try a smaller one"
+        built = task.through(breaks, moves, straight_on)[0]
+    found = [pins(ribbon, wanted.steer) for ribbon in built]
+    if any(found):
+        breaks, moves = _pinned(built, found, breaks, moves)
+        steered = tuple(replace(task.unsteered, pins=tuple(some)) for some in found)
+        breaks, built = task.refined(breaks, moves, (steered[0], steered[1]))
+    return built
+
+
+@dataclass(frozen=True)
+class _Cubic:
+    """The task of :func:`cubic`."""
+
+    primaries: tuple[Primary, Primary]
+    solve: Solver
+    domain: Domain
+    wanted: Wanted
+    closed: bool
+
+    @property
+    def unsteered(self) -> Steering:
+        return Steering((), self.domain, self.closed)
+
+    def refined(
+        self, breaks: Array, moves: Moves, steering: tuple[Steering, Steering]
+    ) -> tuple[Array, tuple[Ribbon, Ribbon]]:
+        """Halve spans until the ribbons are as wanted; return the breaks, and the ribbons."""
+        wanted = self.wanted
+        while True:
+            built, measured = self.through(breaks, moves, steering)
+            share = np.diff(breaks) / (self.domain[1] - self.domain[0])
+            bad = np.zeros(len(share), bool)
+            for errors in measured:
+                for inner in (slice(1, None, 3), slice(2, None, 3)):
+                    bad |= (errors.across[inner] > wanted.position) & (share > FINEST)
+                    turned = (errors.direction[inner] > wanted.direction) | (errors.length[inner] > wanted.length)
+                    bad |= turned & (share > FINE)
+            if not bad.any():
+                break
+            breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
+        missed = max(float(errors.across.max()) for errors in measured)
+        if missed > 10 * wanted.position:
+            raise GeometryError(
+                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
+                "not smooth enough for this size; try a smaller one"
+            )
+        return breaks, built
+
+    def through(
+        self, breaks: Array, moves: Moves, steering: tuple[Steering, Steering]
+    ) -> tuple[tuple[Ribbon, Ribbon], list[Errors]]:
+        """Interpolate the contacts at the breaks, moved as told; measure there and at a third and two of every span.
+
+        Half-way would flatter: there, and at the breaks, the slope of a spline is nearly that of what it interpolates.
+        """
+        nodes = _overlapped(breaks) if self.closed else breaks
+        t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
+        t[::3] = nodes
+        solved = self.solve(t)
+        for side, at, target in moves:
+            apart = t - at
+            if self.closed:
+                apart -= (self.domain[1] - self.domain[0]) * np.round(apart / (self.domain[1] - self.domain[0]))
+            here = np.abs(apart) < 1e-13
+            found = solved.uv[side]
+            for axis, period in enumerate(self.primaries[side].periods):
+                value = target[axis]
+                found[here, axis] = value if period is None else near_period(value, found[here, axis], period)
+
+        def make(values: Array) -> Curve:
+            return fit.interpolate(nodes, values[::3])
+
+        ones = np.ones(len(t))
+        first, second = (
+            _build(self.primaries, t, solved, side, ones, make, self.wanted, steering[side]) for side in (0, 1)
         )
-    return built[0][0], built[1][0]
+        return (first[0], second[0]), [first[1], second[1]]
 
 
-def _through(
-    primaries: tuple[Primary, Primary],
-    solve: Solver,
-    breaks: Array,
-    domain: Domain,
-    bulge: float,
-    moves: Moves,
-    *,
-    closed: bool,
-) -> list[tuple[Ribbon, Errors]]:
-    """Interpolate the contacts at the breaks, moved as told, and measure there and at a third and two of every span.
-
-    Half-way would flatter: there, and at the breaks, the slope of a spline is nearly that of what it interpolates.
-    """
-    nodes = _overlapped(breaks) if closed else breaks
-    t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
-    t[::3] = nodes
-    solved = solve(t)
-    for side, at, target in moves:
-        apart = t - at
-        if closed:
-            apart -= (domain[1] - domain[0]) * np.round(apart / (domain[1] - domain[0]))
-        here = np.abs(apart) < 1e-13
-        found = solved.uv[side]
-        for axis, period in enumerate(primaries[side].periods):
-            value = target[axis]
-            found[here, axis] = value if period is None else near_period(value, found[here, axis], period)
-
-    def make(values: Array) -> Curve:
-        return fit.interpolate(nodes, values[::3])
-
-    ones = np.ones(len(t))
-    return [_build(primary, t, solved, side, ones, make, bulge, domain) for side, primary in enumerate(primaries)]
+def _pinned(ribbons: tuple[Ribbon, Ribbon], found: list[list[Pin]], breaks: Array, moves: Moves) -> tuple[Array, Moves]:
+    """Let both rails have a break at every pin, and run through its knot line just there."""
+    fixed = {at for _, at, _ in moves} | {breaks[0], breaks[-1]}
+    moves = list(moves)
+    for side, some in enumerate(found):
+        for pin in some:
+            uv = ribbons[side].native(np.array([pin.t]))[0]
+            uv[pin.axis] = pin.value
+            if pin.t not in fixed:
+                i = int(np.abs(breaks - pin.t).argmin())
+                room = np.diff(breaks)[max(i - 1, 0) : i + 1].min()
+                if breaks[i] not in fixed and abs(breaks[i] - pin.t) < room / 3:
+                    breaks = np.delete(breaks, i)
+                breaks = np.sort(np.append(breaks, pin.t))
+                fixed.add(pin.t)
+            moves = [move for move in moves if move[:2] != (side, pin.t)] + [(side, pin.t, uv)]
+    return breaks, moves
 
 
 def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves]:

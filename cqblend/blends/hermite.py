@@ -40,7 +40,7 @@ class Blend:
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
     """Return the homogeneous jets of both ribbons on common breaks, each of the lowest degree that it really has."""
-    sides = [[_lowest(jet, ribbon.c) for jet in ribbon.jets()] for ribbon in ribbons]
+    sides = [[_lowest(jet, ribbon.c) for jet in ribbon.jets()[: ribbon.order + 1]] for ribbon in ribbons]
     for jets in sides:
         if len(jets) > 1:
             _check_smooth(jets[0], jets[1])

@@ -32,7 +32,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import comb, factorial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,15 @@ Array = NDArray[Any]
 
 # Order of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv.
 JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+
+
+class Crossing(NamedTuple):
+    """Where a rail crosses a knot line: at t, the line native parameter ``axis`` = ``value``, and its continuity."""
+
+    t: float
+    axis: int
+    value: float
+    continuity: int
 
 
 class Primary(ABC):
@@ -104,6 +113,10 @@ class Primary(ABC):
     def lines(self, axis: int) -> Array:
         """Return the inner knot lines of a native parameter."""
         return np.empty(0)
+
+    def crossings(self, c: Curve) -> list[Crossing]:
+        """Return where a rail crosses knot lines of the surface, along the rail."""
+        return []
 
     def is_native(self) -> bool:
         """Whether a rail's native curve is the lifted one, so that a pcurve can be taken from it without fitting."""
@@ -591,6 +604,22 @@ class Tensor(Primary):
         lines = np.concatenate([breaks[:-1] + lap * period for lap in laps] + [breaks[-1:] + last * period])
         joint = [self.joints[axis]]
         return lines, np.concatenate([orders, *([*joint, *orders] for _ in laps[1:])])
+
+    def crossings(self, c: Curve) -> list[Crossing]:
+        found = []
+        for axis in (0, 1):
+            if self.angular[axis]:
+                continue
+            lines, orders = self._lines(c, axis)
+            x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
+            cut, (index,), _ = follow(Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders])
+            for j in np.flatnonzero(np.diff(index)).tolist():
+                low, high = sorted(index[j : j + 2].tolist())
+                found += [
+                    Crossing(float(cut.breaks[j + 1]), axis, float(lines[i]), int(orders[i - 1]))
+                    for i in range(low + 1, high + 1)
+                ]
+        return sorted(found)
 
     def _follow(self, c: Curve, order: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
         """Cut the rail at knot lines, for jets up to an order.

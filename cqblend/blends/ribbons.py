@@ -19,14 +19,16 @@ from cqblend.splines import Curve
 class Ribbon:
     """A rail ``c`` of lifted parameters on a primary, and lifted ``directions`` (d, e, ..) along it, into the blend.
 
-    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``direction`` (rad) and ``length``
-    (relative) the largest deviations of the fitted d from the wanted one.
+    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``order`` is that of the continuity
+    between blend and surface (there is a d even if it is 0), ``direction`` (rad) and ``length`` (relative) the largest
+    deviations of the fitted d from the wanted one.
     """
 
     primary: Primary
     c: Curve
     directions: tuple[Curve, ...]
     uv: Array
+    order: int = 1
     direction: float = 0.0
     length: float = 0.0
 

@@ -42,6 +42,7 @@ from cqblend.blends.contact import Side
 from cqblend.blends.primaries import (
     Array,
     Cone,
+    Crossing,
     Cylinder,
     Frame,
     Plane,
@@ -177,6 +178,9 @@ class Mapped(Primary):
 
     def lines(self, axis: int) -> Array:
         return self.spline.lines(axis)
+
+    def crossings(self, c: Curve) -> list[Crossing]:
+        return self.spline.crossings(c)
 
     def _change(self, change: Callable[[Array], Array], uv: Array) -> Array:
         inside = self.spline.wrap(uv)

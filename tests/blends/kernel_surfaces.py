@@ -241,3 +241,8 @@ def pairs() -> dict[str, Pair]:
         wavy((1, 1), ([], [])),
     ]
     return {pair.name: pair for pair in made}
+
+
+def bulges(factor: float) -> tuple:
+    """The same factor on the lengths of both sides."""
+    return (lambda t: np.full_like(t, factor),) * 2

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from kernel_surfaces import SIZE, Pair, pairs
+from kernel_surfaces import SIZE, Pair, bulges, pairs
 
 from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
@@ -71,7 +71,7 @@ ROUND = {
 
 
 def test_straight_rails_are_one_span_of_degree_one_and_exact():
-    made = fitting.straight((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), 1.0, SIZE)
+    made = fitting.straight((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), Wanted(), SIZE)
     assert made is not None
     t = np.linspace(-0.1, 1.2, 50)
     for rail, wanted in zip(made, (np.array([0, 2.0, 0]), np.array([0, 0, 3.0])), strict=True):
@@ -86,7 +86,9 @@ def test_straight_rails_are_one_span_of_degree_one_and_exact():
 @pytest.mark.parametrize("bulge", [1.0, 0.7])
 def test_circular_rails_have_nine_poles_and_are_the_circles(kind, bulge):
     second, v, ring, height = ROUND[kind]
-    made = fitting.circular((Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, bulge, SIZE)
+    made = fitting.circular(
+        (Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, Wanted(bulges=bulges(bulge)), SIZE
+    )
     assert made is not None
     t = np.linspace(0, 1, 401)
     for rail, radius, z in zip(made, (6.5, ring), (0.0, height), strict=True):
@@ -109,7 +111,7 @@ def test_arcs_take_one_piece_for_each_quarter_turn(turn):
     def solve(t):
         return rim(second, 1.5, 6.5)(np.asarray(t) * turn / TURN)
 
-    made = fitting.circular((Plane(FRAME), second), solve, (0.0, 1.0), turn, 1.0, SIZE)
+    made = fitting.circular((Plane(FRAME), second), solve, (0.0, 1.0), turn, Wanted(), SIZE)
     assert made is not None
     assert len(made[0].c.breaks) - 1 == math.ceil(turn / (math.pi / 2) - 1e-9)
     end = points(made[1], np.array([1.0]))[0]
@@ -124,8 +126,8 @@ def test_what_is_not_straight_or_round_is_not_taken_for_it():
         solved.uv[1][:, 1] += 1e-6 * np.sin(3 * TURN * np.asarray(t))
         return solved
 
-    assert fitting.circular((Plane(FRAME), second), bent, (0.0, 1.0), TURN, 1.0, SIZE) is None
-    assert fitting.straight((Plane(FRAME), second), bent, (0.0, 0.2), 1.0, SIZE) is None
+    assert fitting.circular((Plane(FRAME), second), bent, (0.0, 1.0), TURN, Wanted(), SIZE) is None
+    assert fitting.straight((Plane(FRAME), second), bent, (0.0, 0.2), Wanted(), SIZE) is None
 
 
 # Cubic rails.
@@ -228,7 +230,8 @@ def test_bulge_multiplies_the_length_of_the_directions():
     primaries = (Plane(FRAME), pair.primary)
     solve = fitting.along(wobbling(pair), primaries)
     plain, full = (
-        fitting.cubic(primaries, solve, (0.1, 0.7), Wanted(1e-4, bulge=bulge), closed=False) for bulge in (1.0, 1.4)
+        fitting.cubic(primaries, solve, (0.1, 0.7), Wanted(1e-4, bulges=bulges(bulge)), closed=False)
+        for bulge in (1.0, 1.4)
     )
     t = np.linspace(0.1, 0.7, 33)
     for one, other in zip(plain, full, strict=True):

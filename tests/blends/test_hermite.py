@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from kernel_surfaces import Pair, kernel_surface, pairs, wavy
+from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
@@ -43,7 +43,11 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
 
     primaries = (FLOOR.primary, pair.primary)
     return fitting.cubic(
-        primaries, fitting.along(solve, primaries), (0.0, 1.0), Wanted(1e-2, 1e-2, 1e-1, bulge), closed=False
+        primaries,
+        fitting.along(solve, primaries),
+        (0.0, 1.0),
+        Wanted(1e-2, 1e-2, 1e-1, bulges=bulges(bulge)),
+        closed=False,
     )
 
 
@@ -163,7 +167,7 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
         at = np.stack([x, np.full_like(x, setback)], -1)
         return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
-    made = fitting.straight(primaries, solve, (0.0, 1.0), 1.0, 10.0)
+    made = fitting.straight(primaries, solve, (0.0, 1.0), Wanted(), 10.0)
     assert made is not None
     blend = hermite(made, "auto", 1e-7, 1e-5)
     assert blend.surface.to_bspline()[2].shape == (2, 4, 3)

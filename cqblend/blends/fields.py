@@ -1,0 +1,110 @@
+"""Cross directions: Kim and Elber's fields T1 to T5 as numbers, along a rail on any primary.
+
+A field tells, at each station, in which tangent direction a blend leaves its surface; a ribbon is then fitted to it in
+the parameter plane (:mod:`cqblend.blends.fitting`). Only directions count here: lengths are chosen apart from them. The
+same fields as exact splines are :meth:`cqblend.blends.rails.Rail.field`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, cross, tangent_coordinates, unit
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve
+
+GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
+
+
+@dataclass(frozen=True)
+class Along:
+    """Stations (n,) along one rail: the surface's native jet (6, n, 3), the rail's velocity, the way to the other rail.
+
+    ``towards`` (n, 3) points from the rail to where the blend will be, ``chord`` (n, 3) to the other rail.
+    """
+
+    t: Array
+    jet: Array
+    rate: Array
+    towards: Array
+    chord: Array
+
+
+Field = Callable[[Along], Array]
+"""The vectors (n, 3) of a cross direction, of any length; their projections on the tangent planes are meant."""
+
+
+def perpendicular(at: Along) -> Array:
+    """T2 = +-(C' x n): perpendicular to the rail in space, on the side of the blend on the whole."""
+    return _facing(cross(at.rate, unit(cross(at.jet[1], at.jet[2]))), at)
+
+
+def parametric(at: Along) -> Array:
+    """T1 = +-(v' Su - u' Sv): perpendicular to the rail in the parameter plane."""
+    rate = tangent_coordinates(at.jet, at.rate)
+    return _facing(rate[:, 1:] * at.jet[1] - rate[:, :1] * at.jet[2], at)
+
+
+def chord(at: Along) -> Array:
+    """T3: the way to the other rail."""
+    return at.chord
+
+
+@dataclass(frozen=True)
+class Guide:
+    """T4: a guiding curve K(t), dim 3, that points into the blend."""
+
+    curve: Curve
+
+    def __call__(self, at: Along) -> Array:
+        """Return K(t)."""
+        return self.curve(at.t)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """T5 = r Su + s Sv, with a plane curve (r, s)(t)."""
+
+    curve: Curve
+
+    def __call__(self, at: Along) -> Array:
+        """Return r Su + s Sv."""
+        rs = self.curve(at.t)
+        return rs[:, :1] * at.jet[1] + rs[:, 1:] * at.jet[2]
+
+
+def _facing(vectors: Array, at: Along) -> Array:
+    """Turn a field, as a whole, to the side of the blend."""
+    return vectors * (np.sign((vectors * at.towards).sum()) or 1.0)
+
+
+def directions(field: Field, at: Along) -> Array:
+    """Return the unit tangent vectors (n, 3) of a field.
+
+    Raises
+    ------
+    GeometryError
+        If the field vanishes, stands on the surface, or runs along the rail somewhere.
+    """
+    n = unit(cross(at.jet[1], at.jet[2]))
+    vectors = field(at)
+    flat = vectors - (vectors * n).sum(1, keepdims=True) * n
+    length = np.linalg.norm(flat, axis=1)
+    if not np.all(length > GRAZING * np.linalg.norm(vectors, axis=1)):
+        raise GeometryError(
+            f"the cross direction at t = {at.t[length.argmin()]:.6g} is zero or normal to the surface: it has no "
+            "tangent part; choose other tangents"
+        )
+    flat /= length[:, None]
+    sine = (cross(unit(at.rate), flat) * n).sum(1)
+    if not (np.all(sine > GRAZING) or np.all(sine < -GRAZING)):
+        where = np.flatnonzero(np.sign(sine) != np.sign(sine[0]))
+        worst = where[0] if len(where) else np.abs(sine).argmin()
+        raise GeometryError(
+            f"the cross direction runs along the rail at t = {at.t[worst]:.6g}: there, it spans no tangent plane with "
+            "it; choose other tangents"
+        )
+    return flat

@@ -1,0 +1,140 @@
+"""Steering: turning a cross direction so that a blend has no crease inside where its rail crosses a knot line.
+
+A ribbon's jet of order k contains the surface's derivatives of order k. Where those of order k + 1 jump across a knot
+line u = u0, by D, the jet's derivative along the rail jumps by r^k u' D, and the blend has a crease along the whole
+section through the crossing. It vanishes if r = 0 there: if the direction is parallel to the knot line. Where the
+surface is one order less smooth still, the second direction must be parallel as well.
+
+Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and fades between
+them: nothing changes about how the blend meets its surface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, cross, unit
+from cqblend.blends.ribbons import Ribbon
+from cqblend.errors import GeometryError
+
+SLIVER = 2e-5  # of the rail: breaks nearer to each other than that are one
+FADE = 0.1  # of the rail: over such a length a turn fades, unless the next crossing is nearer
+
+
+@dataclass(frozen=True)
+class Pin:
+    """A crossing at ``t`` of the knot line ``axis`` = ``value``, at which a direction is turned by ``angle`` (rad).
+
+    ``deep`` says that the second direction is to be parallel to the line, too.
+    """
+
+    t: float
+    axis: int
+    value: float
+    angle: float
+    deep: bool
+
+
+@dataclass(frozen=True)
+class Steering:
+    """The pins of one rail over ``domain``, in order; on a closed rail they repeat."""
+
+    pins: tuple[Pin, ...]
+    domain: tuple[float, float]
+    closed: bool
+
+    def angle(self, t: Array) -> Array:
+        """Return the angle (n,) to turn by: that of the pins at their t, C2 in between, zero far from all."""
+        if not self.pins:
+            return np.zeros_like(t)
+        period = self.domain[1] - self.domain[0]
+        if self.closed:
+            t = self.domain[0] + np.mod(t - self.domain[0], period)
+        laps = (-1, 0, 1) if self.closed else (0,)
+        nodes = np.array([pin.t + lap * period for lap in laps for pin in self.pins])
+        angles = np.array([pin.angle for _ in laps for pin in self.pins])
+        total = np.zeros_like(t)
+        gaps = np.diff(nodes)
+        before = np.minimum(np.append(np.inf, gaps), FADE * period)
+        after = np.minimum(np.append(gaps, np.inf), FADE * period)
+        for node, angle, left, right in zip(nodes, angles, before, after, strict=True):
+            total += angle * _fade(np.where(t < node, (node - t) / left, (t - node) / right))
+        return total
+
+    def turned(self, vectors: Array, normals: Array, t: Array) -> Array:
+        """Turn tangent vectors (n, 3) about the normals."""
+        angle = self.angle(t)[:, None]
+        return np.cos(angle) * vectors + np.sin(angle) * cross(normals, vectors)
+
+    def pinned(self, rs: Array, t: Array) -> Array:
+        """Make the component r or s of first directions (n, 2) that vanishes at a pin exactly zero there."""
+        out = rs.copy()
+        for pin in self.pins:
+            out[self._apart(t, pin) == 0, pin.axis] = 0.0
+        return out
+
+    def faded(self, rs: Array, t: Array) -> Array:
+        """Let second directions (n, 2) be parallel to the knot lines at deep pins, by what fades beside them."""
+        out = rs.copy()
+        for pin in self.pins:
+            if pin.deep:
+                apart = self._apart(t, pin)
+                at = np.flatnonzero(apart == 0)
+                out[:, pin.axis] -= rs[at[0], pin.axis] * _fade(np.abs(apart) / self._reach(pin))
+                out[at, pin.axis] = 0.0
+        return out
+
+    def _apart(self, t: Array, pin: Pin) -> Array:
+        """Return how far t is from a pin; zero where it is the pin to rounding."""
+        apart = t - pin.t
+        period = self.domain[1] - self.domain[0]
+        if self.closed:
+            apart -= period * np.round(apart / period)
+        return np.where(np.abs(apart) < 1e-13 * period, 0.0, apart)
+
+    def _reach(self, pin: Pin) -> float:
+        """Return the distance within which a pin may have influence: it ends at the next one of the same axis."""
+        others = [abs(float(self._apart(np.array(one.t), pin))) for one in self.pins if one is not pin]
+        return min([*others, FADE * (self.domain[1] - self.domain[0])])
+
+
+def _fade(x: Array) -> Array:
+    """Return the polynomial that falls from 1 to 0 over [0, 1] with two vanishing derivatives at both ends."""
+    x = np.clip(x, 0.0, 1.0)
+    return 1 - x**3 * (10 - 15 * x + 6 * x**2)
+
+
+def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
+    """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
+    order = ribbon.order
+    crossings = [one for one in ribbon.primary.crossings(ribbon.c) if one.continuity <= order] if order else []
+    if not crossings:
+        return []
+    if order == 3:
+        rough = min(crossings, key=lambda one: one.continuity)
+        if rough.continuity < 3:
+            raise GeometryError(
+                f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
+                f"{rough.value:.6g}, where one is only C{rough.continuity}, at t = {rough.t:.6g}; use G2"
+            )
+    t = np.array([one.t for one in crossings])
+    axis = np.array([one.axis for one in crossings])
+    uv = ribbon.native(t)
+    uv[np.arange(len(t)), axis] = [one.value for one in crossings]
+    jet = ribbon.primary.jet(uv)
+    x, dx = (curve(t) for curve in ribbon.jets()[:2])
+    field = dx[:, :3] - x[:, :3] / x[:, 3:] * dx[:, 3:]
+    normal = unit(cross(jet[1], jet[2]))
+    line = np.where((axis == 0)[:, None], jet[2], jet[1])
+    sine, cosine = (cross(field, line) * normal).sum(1), (field * line).sum(1)
+    angle = np.arctan(sine / np.where(cosine == 0, np.finfo(float).tiny, cosine))  # to the line, in either sense
+    ends = ribbon.c.domain
+    close = SLIVER * (ends[1] - ends[0])
+    found: list[Pin] = []
+    for one, turn in sorted(zip(crossings, angle.tolist(), strict=True), key=lambda pair: abs(pair[1])):
+        clear = all(abs(one.t - other.t) > close for other in found)
+        if abs(turn) <= limit and clear:
+            found.append(Pin(one.t, one.axis, one.value, turn, deep=one.continuity < order))
+    return sorted(found, key=lambda pin: pin.t)
