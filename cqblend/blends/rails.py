@@ -1,0 +1,347 @@
+"""Rails: curves in the parameter plane of a surface, and the cross directions of Kim and Elber along them.
+
+A blend leaves its surface S(u, v) along a rail c(t) = (u, v)(t) in a direction r Su + s Sv, which lies in the tangent
+plane whatever (r, s) is. The paper ("A symbolic approach to freeform parametric surface blends", 1999, section 2.2)
+chooses it in five ways; :class:`Rail` gives each as the paper's own vector field, an exact spline, and as the pair
+(r, s), cheap numbers that blends fit. Knows neither how a blend is filled in nor where surfaces come from.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.blends import regularity
+from cqblend.blends.crossing import is_closed
+from cqblend.blends.primaries import Array, cross, tangent_coordinates
+from cqblend.errors import GeometryError, InputError, shown
+from cqblend.splines import Curve, Surface
+
+RailSide: TypeAlias = Literal["left", "right"]
+FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]
+FIELDS: tuple[FieldName, ...] = ("parametric", "perpendicular", "chord", "guide", "combination")
+
+PARALLEL = 1e-6
+"""Angle (rad) between a direction and the rail up to which they count as parallel."""
+
+_UNDECIDED = 1e-9  # cosine between the rail's normal and what it should point to, up to which that has no side
+
+
+@dataclass(frozen=True)
+class Rail:
+    r"""A curve on a surface, along which a blend leaves it.
+
+    Parameters
+    ----------
+    surface
+        S(u, v) of dim 3, polynomial or rational.
+    curve
+        c(t) = (u, v)(t) of dim 2 in the domain of S, polynomial or rational, of any degree and any number of pieces, as
+        long as its direction is continuous.
+    side
+        On which side of c, in the parameter plane, the blend lies: "left" is +90 degrees from c'. None leaves it open
+        until :meth:`towards` decides.
+
+    Raises
+    ------
+    InputError
+        If the surface or curve has the wrong dim, side is none of these, or the curve leaves the surface's domain.
+    GeometryError
+        If the curve has no length, stands still, jumps, has a kink, meets itself (ends that meet are fine), or crosses
+        a crease or a singular point of the surface. Messages name the parameter t.
+
+    Examples
+    --------
+    >>> x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], indexing="ij")
+    >>> bowl = Surface.from_bspline((2, 2), ([0, 0, 0, 1, 1, 1],) * 2, np.stack([x, y, x * y * (2 - y)], -1))
+    >>> rail = Rail(bowl, Curve.bezier([[0.1, 0.2], [0.5, 0.9], [0.9, 0.3]]), "left")
+    >>> rail.curve3d().degree, rail.normal().degree, rail.field("perpendicular").degree
+    (8, 12, 19)
+    >>> t = np.array([0.25, 0.75])
+    >>> (r, s), jet = rail.coordinates("perpendicular", t).T[..., None], bowl.jet(*rail.curve(t).T, order=1)
+    >>> bool(np.allclose(rail.field("perpendicular")(t), r * jet[1, 0] + s * jet[0, 1], rtol=1e-14))
+    True
+    """
+
+    surface: Surface
+    curve: Curve
+    side: RailSide | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.surface, Surface) or self.surface.dim != 3:
+            raise InputError(f"a rail needs a Surface of dim 3, not {shown(self.surface)}; see cqblend.to_surface")
+        if not isinstance(self.curve, Curve) or self.curve.dim != 2:
+            raise InputError(f"a rail is a Curve of dim 2 in the surface's parameter plane, not {shown(self.curve)}")
+        if self.side not in ("left", "right", None):
+            raise InputError(f'the side of a rail is "left", "right" or None, not {shown(self.side)}')
+        regularity.check(self.surface, self.curve, self._position)
+
+    @cached_property
+    def _position(self) -> Curve:
+        return self.surface.compose(self.curve)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last parameter t."""
+        return self.curve.domain
+
+    @property
+    def closed(self) -> bool:
+        """Whether the rail ends in space where it starts."""
+        return is_closed(self._position)
+
+    def curve3d(self) -> Curve:
+        """Return C(t) = S(c(t)), exact, of degree m (p + q) for a rail of degree m on a surface of degrees (p, q)."""
+        return self._position
+
+    def normal(self) -> Curve:
+        """Return n(t) = (Su x Sv)(c(t)), not normalised, exact; of degree 2 m (p + q - 1) if all is polynomial."""
+        return self._normal
+
+    @cached_property
+    def _normal(self) -> Curve:
+        if not self.surface.rational:
+            return self._partial(1, 0).cross(self._partial(0, 1))
+        across, weight = self._homogeneous_normal
+        scale = _weight_of(self.curve)
+        return _quotient(across if scale is None else across * (scale * scale), weight * weight * weight)
+
+    @cached_property
+    def _homogeneous_normal(self) -> tuple[Curve, Curve]:
+        """Return (m, w) of a rational surface S = X / w: w^3 Su x Sv = m = w Xu x Xv + wv X x Xu + wu Xv x X.
+
+        Numerators only, if the rail is itself rational with weight W: then m has lost two factors of W.
+        """
+        surface = self.surface
+        homogeneous = Surface(surface.breaks, surface.coefs, continuity=surface.continuity)
+        p, pu, pv = (
+            _numerator_of(homogeneous.derivative(*order).compose(self.curve)) for order in ((0, 0), (1, 0), (0, 1))
+        )
+        x, xu, xv = p[:3], pu[:3], pv[:3]
+        return xu.cross(xv) * p[3] + x.cross(xu) * pv[3] + xv.cross(x) * pu[3], p[3]
+
+    def _partial(self, ku: int, kv: int) -> Curve:
+        return self.surface.derivative(ku, kv).compose(self.curve)
+
+    def _tangent(self, rs: Curve) -> Curve:
+        """Return r Su + s Sv. For (u', v') it is C', without the digits that differentiating C loses on short pieces."""
+        return self._partial(1, 0) * rs[0] + self._partial(0, 1) * rs[1]
+
+    def field(self, name: FieldName, *operands: Rail | Curve) -> Curve:
+        r"""Return one of the paper's cross-boundary tangent fields T(t), exact, of whatever degree that takes.
+
+        ===============  ==========  ==========================================  =======================================
+        name             paper       T                                           operands
+        ===============  ==========  ==========================================  =======================================
+        "parametric"     T1          :math:`\pm (v' S_u - u' S_v)`
+        "perpendicular"  T2, eq. 5   :math:`\pm C' \times n`
+        "chord"          T3, eq. 6   :math:`K - n \langle K, n \rangle /         the other rail
+                                     \langle n, n \rangle,\; K = C_2 - C_1`
+        "guide"          T4, eq. 6   the same                                    the guiding curve K(t), of dim 3
+        "combination"    T5, eq. 7   :math:`r S_u + s S_v`                       the curve (r, s)(t), or two whose
+                                                                                 difference it is
+        ===============  ==========  ==========================================  =======================================
+
+        Returns
+        -------
+        Curve
+            Of dim 3, not normalised. T1 and T2 point to the rail's side, T3 towards the other rail; T4 and T5 are the
+            caller's, sign included. T3 and T4 are rational.
+
+        Raises
+        ------
+        InputError
+            If the field needs a side and the rail has none, there is no field of that name, or the operands are not
+            what it takes, on the rail's own domain.
+        """
+        rs = self.symbolic_coordinates(name, *operands)
+        if rs is not None:
+            return self._tangent(rs)
+        if name == "perpendicular":
+            return self._tangent(self.curve.derivative()).cross(self.normal()) * self._turn()
+        guide = self._guide(name, operands)
+        n = self._homogeneous_normal[0] if self.surface.rational else _numerator_of(self.normal())
+        weight = _weight_of(guide)
+        return _quotient(n.cross(_numerator_of(guide).cross(n)), n.dot(n) if weight is None else n.dot(n) * weight)
+
+    def symbolic_coordinates(self, name: FieldName, *operands: Rail | Curve) -> Curve | None:
+        """Return the exact (r, s)(t) of a field, a curve of dim 2, where it does not depend on the surface.
+
+        That is +-(v', -u') of "parametric" and the operand of "combination"; None for the other fields.
+
+        Raises
+        ------
+        InputError
+            As :meth:`field`.
+        """
+        counts = {"parametric": (0,), "perpendicular": (0,), "chord": (1,), "guide": (1,), "combination": (1, 2)}
+        if name not in counts:
+            raise InputError(f"no field is named {shown(name)}: choose one of {', '.join(FIELDS)}")
+        if len(operands) not in counts[name]:
+            raise InputError(
+                f'the field "{name}" takes {" or ".join(map(str, counts[name]))} operands, not {len(operands)}'
+            )
+        if name == "parametric":
+            turn, rate = self._turn(), self.curve.derivative()
+            return Curve.stack([rate[1] * turn, rate[0] * -turn])
+        if name == "combination":
+            first, *rest = (self._operand(name, operand, 2) for operand in operands)
+            return first - rest[0] if rest else first
+        return None
+
+    def coordinates(self, name: FieldName, t: ArrayLike, *operands: Rail | Curve) -> Array:
+        """Return numbers (r, s), shape (n, 2), with r Su + s Sv the value of :meth:`field` at t (n,).
+
+        From the first partial derivatives alone: with E, F, G the coefficients of the first fundamental form, T2 is
+        +-(C'.Sv, -C'.Su), and T3 and T4 are (G K.Su - F K.Sv, E K.Sv - F K.Su) / (E G - F^2).
+
+        Raises
+        ------
+        InputError
+            As :meth:`field`.
+        """
+        t = np.asarray(t, dtype=np.float64)
+        rs = self.symbolic_coordinates(name, *operands)
+        if rs is not None:
+            return rs(t)
+        jet, rate = self._jet(t)
+        if name == "perpendicular":
+            return self._turn() * np.stack([(rate * jet[2]).sum(-1), -(rate * jet[1]).sum(-1)], axis=-1)
+        return tangent_coordinates(jet, self._guide(name, operands)(t))
+
+    def _jet(self, t: Array) -> tuple[Array, Array]:
+        """Return (S, Su, Sv), (3, n, 3), and C' (n, 3) at t."""
+        c, rate = self.curve.jet(t, 1)
+        jet = self.surface.jet(c[:, 0], c[:, 1], 1)
+        return np.stack([jet[0, 0], jet[1, 0], jet[0, 1]]), rate[:, :1] * jet[1, 0] + rate[:, 1:] * jet[0, 1]
+
+    def _turn(self) -> int:
+        """Return +1 for the right side, on which (v', -u') and C' x n are, -1 for the left."""
+        if self.side is None:
+            raise InputError(
+                'this field points to one side of the rail, and the rail has none: give side="left" or "right", or '
+                "choose it with rail.towards(other)"
+            )
+        return 1 if self.side == "right" else -1
+
+    def _guide(self, name: FieldName, operands: tuple[Rail | Curve, ...]) -> Curve:
+        """Return K(t) of T3 and T4."""
+        (operand,) = operands
+        if name == "guide":
+            return self._operand(name, operand, 3)
+        if not isinstance(operand, Rail):
+            raise InputError(f'the field "chord" takes the other Rail, not {shown(operand)}')
+        return self._operand(name, operand.curve3d(), 3) - self._position
+
+    def _operand(self, name: str, operand: object, dim: int) -> Curve:
+        if not isinstance(operand, Curve) or operand.dim != dim:
+            raise InputError(f'the field "{name}" takes curves of dim {dim}, not {shown(operand)}')
+        (a, b), (c, d) = self.domain, operand.domain
+        if max(abs(a - c), abs(b - d)) > 1e-14 * max(abs(a), abs(b)):
+            raise InputError(
+                f'the field "{name}" takes what runs over the rail\'s domain, [{a:.9g}, {b:.9g}], not over '
+                f"[{c:.9g}, {d:.9g}]; use .reparametrized({a:.9g}, {b:.9g})"
+            )
+        return operand
+
+    def towards(self, target: Rail | ArrayLike) -> Rail:
+        """Return the rail with the side on which another one, or a point (3,), lies.
+
+        The side is that of the sign of <C' x n, K>, K from this rail to the other at the same t, or to the point.
+
+        Raises
+        ------
+        InputError
+            If the target is neither, or runs over another domain.
+        GeometryError
+            If the sign changes along the rail, or is none somewhere: give a side instead. The message names t.
+        """
+        t = regularity.stations(self._position.breaks)
+        if isinstance(target, Rail):
+            other = self._operand("chord", target.curve3d(), 3)
+            t = np.union1d(t, regularity.stations(np.clip(other.breaks, *self.domain)))
+            there = other(t)
+        else:
+            there = np.asarray(target, dtype=np.float64)
+            if there.shape != (3,) or not np.isfinite(there).all():
+                raise InputError(f"a rail turns towards another Rail or a point of three numbers, not {shown(target)}")
+        jet, rate = self._jet(t)
+        across, chord = cross(rate, cross(jet[1], jet[2])), there - jet[0]
+        product = (across * chord).sum(axis=-1)
+        size = np.linalg.norm(across, axis=-1) * np.linalg.norm(chord, axis=-1)
+        at = _change(t, product, _UNDECIDED * size)
+        if at is not None:
+            raise GeometryError(
+                f"the side of the rail cannot be told: at t = {at:.9g}, what it should point to is neither to its left "
+                f'nor to its right; give side="left" or "right", or clip it there'
+            )
+        return self._sided("right" if product[0] > 0 else "left")
+
+    def _sided(self, side: RailSide) -> Rail:
+        """Return the same rail, which needs no second check, with a side."""
+        rail = copy.copy(self)
+        object.__setattr__(rail, "side", side)
+        return rail
+
+    def check_direction(self, rs: ArrayLike, t: ArrayLike) -> None:
+        """Check that directions r Su + s Sv, (n, 2), at increasing t (n,) stay on one side of the rail.
+
+        Raises
+        ------
+        GeometryError
+            If one is zero or parallel to the rail, or passes from one side to the other between two of the parameters:
+            det(c', (r, s)) = 0 there, and the blend would have no tangent plane. The message names t.
+        """
+        t, rs = np.asarray(t, dtype=np.float64), np.asarray(rs, dtype=np.float64)
+        jet, rate = self._jet(t)
+        vectors = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
+        across = cross(vectors, rate)
+        size = np.linalg.norm(vectors, axis=-1) * np.linalg.norm(rate, axis=-1)
+        normal = cross(jet[1], jet[2])
+        at = _change(t, (across * normal).sum(axis=-1), PARALLEL * size * np.linalg.norm(normal, axis=-1))
+        if at is not None:
+            raise GeometryError(
+                f"the direction of the blend is zero or parallel to the rail at t = {at:.9g}, so that the two "
+                f"span no tangent plane; choose other tangents there"
+            )
+
+    def reverse(self) -> Rail:
+        """Return the rail run backwards over the same domain; its side stays where it is in space."""
+        opposite: dict[RailSide | None, RailSide | None] = {"left": "right", "right": "left", None: None}
+        return Rail(self.surface, self.curve.reverse(), opposite[self.side])
+
+    def reparametrized(self, t0: float, t1: float) -> Rail:
+        """Return the rail with its parameter changed affinely, so that the domain becomes [t0, t1]."""
+        return Rail(self.surface, self.curve.reparametrized(t0, t1), self.side)
+
+
+def _change(t: Array, values: Array, least: Array) -> float | None:
+    """Return the first t at which a sampled function is zero up to ``least``, or about to change its sign; else None."""
+    if (zero := np.abs(values) <= least).any():
+        return float(t[zero.argmax()])
+    if not (changed := values * values[0] < 0).any():
+        return None
+    i = int(changed.argmax())
+    before, after = values[i - 1], values[i]
+    return float(t[i - 1] + (t[i] - t[i - 1]) * before / (before - after))
+
+
+def _numerator_of(curve: Curve) -> Curve:
+    """Return w f of a rational curve f with weight w; f itself if it is polynomial."""
+    return Curve(curve.breaks, curve.coefs[:, : curve.dim], continuity=curve.continuity)
+
+
+def _weight_of(curve: Curve) -> Curve | None:
+    """Return w of a rational curve, of dim 1; None if it is polynomial."""
+    return Curve(curve.breaks, curve.coefs[:, -1:], continuity=curve.continuity) if curve.rational else None
+
+
+def _quotient(numerator: Curve, denominator: Curve) -> Curve:
+    """Return the rational curve of a polynomial numerator and a polynomial denominator of dim 1."""
+    both = Curve.stack([numerator, denominator])
+    return Curve(both.breaks, both.coefs, rational=True, continuity=both.continuity)
