@@ -1,12 +1,26 @@
 """Symbolic splines: curves and surfaces as exact piecewise Bernstein forms, on NumPy alone.
 
 `Curve` and `Surface` are frozen values with an algebra (sum, product, scalar and vector product, derivative,
-composition) that is exact to rounding at any degree; `interpolate` and `hermite` make curves from data.
+composition) that is exact to rounding at any degree; `interpolate` and `hermite` make curves from data, `normalise`
+gives a vector field a length, `reparameterise` and `with_end_speeds` a curve another speed.
 """
 
 from cqblend.splines.curve import Curve
 from cqblend.splines.fit import hermite, interpolate
 from cqblend.splines.knots import SMOOTH
+from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
 from cqblend.splines.surface import Surface
+from cqblend.splines.unit_length import Normalised, normalise
 
-__all__ = ["SMOOTH", "Curve", "Surface", "hermite", "interpolate"]
+__all__ = [
+    "SMOOTH",
+    "Curve",
+    "Normalised",
+    "Surface",
+    "change_of_parameter",
+    "hermite",
+    "interpolate",
+    "normalise",
+    "reparameterise",
+    "with_end_speeds",
+]

@@ -1,0 +1,189 @@
+"""The same curve at another speed: composition with a change of parameter, and changes that have given end speeds.
+
+A change of parameter t(r) is allowable if it runs once through the curve's domain, without turning back. That is proven
+from the coefficients of t', not sampled. This module must not know what moves along the curve.
+
+References
+----------
+K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, section 2.1.1 and figure 1.
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from cqblend.errors import GeometryError, InputError
+from cqblend.splines.bernstein import Array
+from cqblend.splines.curve import Curve
+from cqblend.splines.hulls import dip
+
+_EPS = float(np.finfo(float).eps)
+
+Interval = tuple[float, float]
+
+
+def reparameterise(curve: Curve, change: Curve) -> Curve:
+    """Compose a curve with a change of parameter: C(t(r)), which passes through the same points in the same order.
+
+    Parameters
+    ----------
+    curve
+        C, of any dim.
+    change
+        t(r), a continuous curve of dim 1, polynomial or rational, that runs from the start of the domain of C to its
+        end and never decreases. It may stand still.
+
+    Returns
+    -------
+    Curve
+        Over the domain of the change, of the product of both degrees; rational if either is.
+
+    Raises
+    ------
+    InputError
+        If the change is not of dim 1, jumps, does not run from end to end, or has a weight that is not positive.
+    GeometryError
+        If the change turns back; the message says at which r.
+
+    References
+    ----------
+    Kim and Elber, section 2.1.1.
+
+    Examples
+    --------
+    >>> line = Curve.bezier([[0.0, 0.0], [4.0, 2.0]])
+    >>> reparameterise(line, change_of_parameter(0, 1))([0.0, 0.5, 1.0])
+    array([[0.  , 0.  ],
+           [1.5 , 0.75],
+           [4.  , 2.  ]])
+    """
+    if change.dim != 1:
+        raise InputError(f"a change of parameter has dim 1, not {change.dim}")
+    jump = change.continuity < 0
+    if jump.any():
+        raise InputError(f"the change of parameter jumps at r = {change.breaks[1:-1][jump][0]:.9g}")
+    _, weight = change._parts()
+    if weight is not None:
+        weightless = dip(weight[:, 0], 1e-9 * float(np.abs(weight).max()))
+        if weightless is not None:
+            raise InputError(f"the change of parameter has no positive weight at r = {_at(change, weightless):.9g}")
+    start, end = curve.domain
+    first, last = float(change(change.domain[0]).item()), float(change(change.domain[1], side="left").item())
+    slack = 16 * _EPS * max(abs(start), abs(end))
+    if abs(first - start) > slack or abs(last - end) > slack:
+        raise InputError(
+            f"the change of parameter runs from {first:.17g} at r = {change.domain[0]:.9g} to {last:.17g} at "
+            f"r = {change.domain[1]:.9g}, the domain of the curve is [{start:.17g}, {end:.17g}]"
+        )
+    rate, _ = change.derivative()._parts()
+    back = dip(rate[:, 0], -64 * _EPS * float(np.abs(rate).max()))
+    if back is not None:
+        raise GeometryError(
+            f"the change of parameter turns back at r = {_at(change, back):.9g}: it must not decrease anywhere"
+        )
+    return curve.compose(change)
+
+
+def change_of_parameter(
+    start: float, end: float, *, domain: Interval = (0.0, 1.0), onto: Interval = (0.0, 1.0)
+) -> Curve:
+    r"""Change of parameter t(r) with given derivatives at its ends, increasing for all of them.
+
+    Over unit intervals with slopes a and b, the cubic Hermite interpolant as long as a + b <= 3; its derivative has the
+    coefficients a, 3 - a - b, b, and beyond that it would slow down to a halt on the way, or turn back. From there on
+
+    .. math:: t(r) = \frac{r^2 + a\, r (1-r)}{1 + (a + b - 2)\, r (1-r)}
+
+    which increases for all slopes, and makes the curve rational.
+
+    Parameters
+    ----------
+    start, end
+        dt/dr at the two ends, not negative. Zero stands still there: a motion that starts, or ends, slowly.
+    domain
+        Interval of r.
+    onto
+        Interval of t.
+
+    Raises
+    ------
+    InputError
+        If a slope is negative or not finite, or an interval is empty.
+
+    References
+    ----------
+    J. A. Gregory, R. Delbourgo: Piecewise rational quadratic interpolation to monotonic data (1982).
+
+    Examples
+    --------
+    >>> change_of_parameter(0, 0)([0.25, 0.5, 0.75]).ravel()
+    array([0.15625, 0.5    , 0.84375])
+    >>> change_of_parameter(100, 1)
+    <rational Curve of degree 2, dim 1, 1 pieces on [0, 1]>
+    """
+    for name, interval in (("domain", domain), ("onto", onto)):
+        if not (all(map(isfinite, interval)) and interval[0] < interval[1]):
+            raise InputError(f"{name}={interval}: not an interval, lower end first")
+    for name, slope in (("start", start), ("end", end)):
+        if not (isfinite(slope) and slope >= 0):
+            raise InputError(f"{name}={slope}: the slope of a change of parameter is a number that is not negative")
+    low, high = onto
+    mean = (high - low) / (domain[1] - domain[0])
+    a, b = start / mean, end / mean
+    if a + b <= 3:
+        return Curve.bezier(_column(low, low + (high - low) * a / 3, high - (high - low) * b / 3, high), None, domain)
+    weights = np.array([1.0, (a + b) / 2, 1.0])
+    return Curve.bezier(_column(low, low + (high - low) * a / (a + b), high), weights, domain)
+
+
+def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domain: Interval | None = None) -> Curve:
+    r"""Reparameterise a curve so that it leaves and arrives at given speeds.
+
+    .. math:: \|C'(t(r))\| \; t'(r) = \text{speed}
+
+    at both ends; in between the change of parameter is as even as :func:`change_of_parameter` makes it.
+
+    Parameters
+    ----------
+    curve
+        Of any dim; it must not stand still at its ends.
+    start, end
+        Length of the derivative there, not negative, in units of length over units of the new parameter.
+    domain
+        Of the new parameter; the curve's own if None. A longer one leaves more time.
+
+    Raises
+    ------
+    InputError
+        If a speed is negative or not finite.
+    GeometryError
+        If the curve stands still at an end.
+
+    References
+    ----------
+    Kim and Elber, section 2.1.1.
+
+    Examples
+    --------
+    >>> arc = with_end_speeds(Curve.bezier([[0.0, 0.0], [3.0, 3.0], [5.0, 0.0]]))
+    >>> np.linalg.norm(arc([0.0, 1.0], 1), axis=1)
+    array([1., 1.])
+    """
+    ends = curve.domain
+    slopes = []
+    for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
+        present = float(np.linalg.norm(curve(t, 1, side="right" if name == "start" else "left")))
+        if present <= 1e-12 * float(np.abs(curve(np.array(ends))).max()) / (ends[1] - ends[0]) or present == 0:
+            raise GeometryError(f"the curve stands still at its {name}, t = {t:.9g}: no parameter gives it a speed")
+        slopes.append(speed / present)
+    return reparameterise(curve, change_of_parameter(*slopes, domain=domain or ends, onto=ends))
+
+
+def _column(*poles: float) -> Array:
+    return np.array(poles)[:, None]
+
+
+def _at(change: Curve, place: tuple[int, float]) -> float:
+    """Parameter of a place in a piece."""
+    piece, x = place
+    return float(change.breaks[piece] + x * (change.breaks[piece + 1] - change.breaks[piece]))

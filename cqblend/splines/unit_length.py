@@ -1,0 +1,394 @@
+r"""Vector fields of a prescribed length: T times a scalar spline M close to 1/\|T\|, the error proven.
+
+Cross-boundary tangents, normals and velocities come out of symbolic computation with whatever length they have; no
+spline has the right one, so it is approximated. A rational field N/w needs no treatment of its own: with M close to
+1/\|N\| the product M N is what is asked for, and polynomial. The error is read off the coefficients of the product,
+not of what it was made from, so that nothing has to be believed about the approximation. This module must not know what
+the fields are for.
+
+References
+----------
+K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, section 2.3.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb, inf, isfinite
+from typing import Literal
+
+import numpy as np
+
+from cqblend.errors import GeometryError, InputError, shown
+from cqblend.splines import bernstein
+from cqblend.splines import knots as door
+from cqblend.splines.bernstein import Array
+from cqblend.splines.curve import Curve
+from cqblend.splines.fit import hermite
+from cqblend.splines.hulls import enclose
+from cqblend.splines.knots import SMOOTH
+from cqblend.splines.roots import sign_changes
+
+_EPS = float(np.finfo(float).eps)
+
+Method = Literal["hermite", "schoenberg"]
+
+_DEGREES = np.arange(3, 25)
+"""Degrees of M to choose from: the least that can be C1, and the last that Bernstein form holds at full precision."""
+
+ORDER = 2
+"""Continuity of M where the field has it, from degree 5 on."""
+
+MOST = 4096
+"""Pieces of M before the tolerance counts as out of reach."""
+
+_SAMPLES = 33
+_ATTEMPTS = 5
+
+
+@dataclass(frozen=True)
+class Normalised:
+    """A field of a prescribed length; see :func:`normalise`."""
+
+    factor: Curve
+    """M, of dim 1: what the field given was multiplied by, the length asked for included."""
+    field: Curve
+    """M T."""
+    error: float
+    """Proven bound on the largest difference between the length of ``field`` and the length asked for."""
+
+
+def normalise(
+    field: Curve,
+    tolerance: float,
+    *,
+    method: Method = "hermite",
+    length: float | Curve = 1.0,
+    knots: int | None = None,
+) -> Normalised:
+    r"""Scale a vector field to a length, by a scalar spline.
+
+    .. math:: \Bigl|\, \|M(t)\, T(t)\| - |k(t)| \,\Bigr| \le \text{error} \le \text{tolerance}
+
+    Parameters
+    ----------
+    field
+        T, of any dim; polynomial, or rational with positive weights. Where it is C1 so is the result, and M is C2
+        from degree 5 on.
+    tolerance
+        Absolute, in the unit of the length. ``math.inf`` takes what comes.
+    method
+        ``"hermite"``: M meets 1/\|T\| with its derivatives at the ends of its pieces and at points between that make
+        the error nearly as small as its degree allows. Degree and pieces are those that give the fewest poles, and the
+        pieces are halved only where they have to be.
+
+        ``"schoenberg"``: the paper's. M has the knots and the degree of <T, T>, on refined knots of T, and its
+        poles are those of <T, T>, each k replaced by 1/sqrt(k). Of second order.
+    length
+        k, a number or a scalar curve over the same domain; a negative one turns the field round.
+    knots
+        With ``"schoenberg"``, the number of equidistant knots inserted into T; None for as many as the tolerance
+        takes, where it takes them.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or the domain of the length is not the field's.
+    GeometryError
+        If the field vanishes, or the tolerance is out of reach; the message says where.
+
+    References
+    ----------
+    Kim and Elber, section 2.3 and table 2.
+
+    Examples
+    --------
+    >>> field = Curve.bezier([[1.0, 0.0, 0.2], [0.6, 0.9, -0.1], [-0.4, 0.7, 0.5]])
+    >>> unit = normalise(field, 1e-5)
+    >>> unit.error <= 1e-5, len(unit.field.to_bspline()[2])
+    (True, 15)
+    """
+    _check(field, tolerance, method, knots)
+    reach = _reach(field, length)
+    numerator, weight = _split(field)
+    size = float(np.abs(numerator.coefs).max())
+    if size == 0:
+        raise GeometryError("the field is zero everywhere: it has no direction to scale")
+    direction = numerator / size
+    _refuse_zeros(direction)
+    wanted = tolerance / reach
+    if method == "schoenberg":
+        factor, unit, error = _refined(direction, wanted, knots)
+    else:
+        factor, unit, error = _fewest(direction, wanted)
+    factor = factor / size
+    if weight is not None:
+        factor = factor * weight
+    return Normalised(factor * length, unit * length, error * reach)
+
+
+# -- what is asked
+
+
+def _check(field: Curve, tolerance: float, method: str, knots: int | None) -> None:
+    if not np.isfinite(field.coefs).all():
+        raise InputError("the field has a coefficient that is not a finite number")
+    if not tolerance > 0:
+        raise InputError(f"tolerance {tolerance}: it must be positive")
+    if method not in ("hermite", "schoenberg"):
+        raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
+    if knots is not None and (method != "schoenberg" or knots < 0):
+        raise InputError(f"knots={knots}: a number of knots to insert, for method='schoenberg'")
+
+
+def _reach(field: Curve, length: float | Curve) -> float:
+    """Bound the length asked for from above."""
+    if isinstance(length, Curve):
+        if length.dim != 1:
+            raise InputError(f"a length has dim 1, not {length.dim}")
+        field._aligned(length)  # refuses another domain
+        low, high = length.bounds()
+        reach = float(max(-low[0], high[0]))
+    else:
+        reach = abs(float(length))
+    if not isfinite(reach) or reach == 0:
+        raise InputError(f"length {shown(length)}: it must be finite, and not zero everywhere")
+    return reach
+
+
+def _split(field: Curve) -> tuple[Curve, Curve | None]:
+    """Numerator and weight as curves."""
+    numerator, weight = field._parts()
+    if weight is None:
+        return field, None
+    if weight.min() <= 0:
+        at = field.breaks[int(weight.min(axis=(0, 1)).argmin())]
+        raise GeometryError(f"a weight coefficient of the field is {weight.min():.3g} at t = {at:.6g}; cut it smaller")
+    over, denominator = (Curve._new(field._breaks, part, False, field._continuity) for part in (numerator, weight))
+    return over, denominator
+
+
+def _refuse_zeros(direction: Curve) -> None:
+    """Raise where the field is zero to rounding: at a break, or where its length is least inside a piece."""
+    rate = direction.dot(direction).derivative()
+    scale = np.abs(rate.coefs).max()
+    column, x = sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
+    breaks = direction.breaks
+    inside = breaks[column] + x * (breaks[column + 1] - breaks[column])
+    t = np.concatenate([inside, breaks[:-1], breaks[1:]])
+    values = np.concatenate([direction(np.concatenate([inside, breaks[:-1]])), direction(breaks[1:], side="left")])
+    lengths = np.linalg.norm(values, axis=1)
+    least = int(lengths.argmin())
+    if lengths[least] <= 1e-9 * lengths.max():
+        raise GeometryError(
+            f"the field vanishes at t = {t[least]:.9g}, where it has no direction: cut it there and treat the parts"
+        )
+
+
+def _out_of_reach(direction: Curve, tolerance: float) -> GeometryError:
+    t = np.linspace(*direction.domain, 1025)
+    lengths = np.linalg.norm(direction(t), axis=1)
+    at, ratio = t[lengths.argmin()], lengths.max() / lengths.min()
+    return GeometryError(
+        f"no {MOST} pieces bring the field to its length within a relative {tolerance:.3g}: it is shortest near "
+        f"t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it there"
+    )
+
+
+def _misses(unit: Curve) -> Array:
+    """Bernstein coefficients of <U, U> - 1, (2p+1, n)."""
+    return unit.dot(unit).coefs[:, 0] - 1
+
+
+def _proven(unit: Curve, misses: Array) -> float:
+    r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1."""
+    rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
+    low, high = enclose(misses, slack=rounding)
+    return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1))
+
+
+# -- high order
+
+
+def _fewest(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
+    """Find the factor that leads to the fewest poles, the unit field and its error."""
+    target = tolerance
+    for _ in range(_ATTEMPTS):
+        factor = _interpolant(direction, *_plan(direction, target))
+        unit = direction * factor if factor.degree == 0 else factor * direction
+        error = _proven(unit, _misses(unit))
+        if error <= tolerance:
+            return factor, unit, error
+        target *= 0.5 * tolerance / error
+    raise _out_of_reach(direction, tolerance)
+
+
+@lru_cache(maxsize=1)
+def _chebyshev() -> tuple[Array, Array]:
+    """Points in [0, 1], and the matrix from values there to Chebyshev coefficients."""
+    angle = (np.arange(_SAMPLES) + 0.5) * (np.pi / _SAMPLES)
+    matrix = (2 / _SAMPLES) * np.cos(np.outer(np.arange(_SAMPLES), angle))
+    matrix[0] /= 2
+    return (1 + np.cos(angle)) / 2, matrix
+
+
+def _lengths(direction: Curve, start: Array, end: Array, x: Array) -> Array:
+    r"""\|T\| at local parameters x of each interval, (len(x), n)."""
+    return np.linalg.norm(direction(np.multiply.outer(1 - x, start) + np.multiply.outer(x, end)), axis=-1)
+
+
+def _needs(direction: Curve, start: Array, end: Array, tolerance: float) -> Array:
+    r"""Estimate the degree at which a polynomial is close enough to 1/\|T\| in each interval.
+
+    By the Chebyshev coefficients that a lower degree leaves out; what is left out is small relative to 1/\|T\|.
+    """
+    x, matrix = _chebyshev()
+    lengths = _lengths(direction, start, end, x)
+    left_out = np.abs(matrix @ (1 / lengths))[::-1].cumsum(axis=0)[::-1] * lengths.max(axis=0)
+    return np.asarray((left_out > tolerance).sum(axis=0) - 1)
+
+
+def _plan(direction: Curve, tolerance: float) -> tuple[Array, int]:
+    """Choose breaks and degree of M such that M T has the fewest poles.
+
+    Pieces are halved until a degree suffices. All degrees are looked at on one tree of halves, and each only as long as
+    it may still lead to fewer poles than the best one so far.
+    """
+    x, _ = _chebyshev()
+    lengths = _lengths(direction, direction.breaks[:-1], direction.breaks[1:], x)
+    if lengths.max() <= (1 + tolerance) * lengths.min():
+        return direction.breaks[[0, -1]], 0
+    real = direction.continuity < SMOOTH
+    roots = direction.breaks[np.concatenate([[True], real, [True]])]
+    order = np.minimum(ORDER, (_DEGREES - 1) // 2)
+    shared = (np.minimum.outer(direction.continuity[real], order) + 1).sum(axis=0)
+    start, end, above = roots[:-1], roots[1:], np.full(len(roots) - 1, _DEGREES[-1] + 1)
+    settled, possible = np.zeros(len(_DEGREES), dtype=int), np.ones(len(_DEGREES), dtype=bool)
+    levels = []
+    while True:
+        need = _needs(direction, start, end, tolerance)
+        leaf = (need[:, None] <= _DEGREES) & (above[:, None] > _DEGREES)
+        levels.append((start, leaf))
+        settled += leaf.sum(axis=0)
+        above = np.minimum(above, need)
+        open_ = (above[:, None] > _DEGREES).sum(axis=0)
+        pieces = settled + 2 * open_
+        poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(roots) + 1) * (order + 1) - shared
+        done = possible & (open_ == 0)
+        possible &= done | (poles < poles[done].min(initial=MOST * (direction.degree + 2)))
+        worth = possible & ~done
+        if not worth.any():
+            break
+        split = above > _DEGREES[worth].min()
+        middle = (start[split] + end[split]) / 2
+        start, end = np.concatenate([start[split], middle]), np.concatenate([middle, end[split]])
+        above = np.tile(above[split], 2)
+    if not done.any():
+        raise _out_of_reach(direction, tolerance)
+    best = int(np.where(done, poles, np.iinfo(int).max).argmin())
+    starts = np.sort(np.concatenate([first[leaf[:, best]] for first, leaf in levels]))
+    return np.append(starts, roots[-1]), int(_DEGREES[best])
+
+
+@lru_cache(maxsize=64)
+def _between(degree: int, order: int) -> tuple[Array, Array, Array]:
+    """Points between the ends of a piece, Bernstein polynomials there, and (x (1-x))^(order+1) times as many there.
+
+    The points are zeros of the Gegenbauer polynomial that goes with the weight (x (1-x))^(order+1): interpolation at
+    them, of what already vanishes to that order at both ends, is close to the best there is.
+    """
+    count = degree - 2 * order - 1
+    k, index = np.arange(1, count), 2.0 * (order + 1)
+    jacobi = np.zeros((count, count))
+    jacobi[k, k - 1] = np.sqrt(k * (k + 2 * index - 1) / (4 * (k + index) * (k + index - 1)))
+    x = (1 + np.linalg.eigvalsh(jacobi)) / 2  # which reads the lower triangle
+    basis = bernstein.basis(count - 1, 1 - x, x) if count else np.empty((0, 0))
+    bubble = (x * (1 - x)) ** (order + 1)
+    return x, basis, bubble
+
+
+def _interpolant(direction: Curve, breaks: Array, degree: int) -> Curve:
+    r"""Meet 1/\|T\| with its derivatives at the breaks, and at points between them."""
+    if degree == 0:
+        t = np.linspace(*direction.domain, 4 * len(direction.breaks) * direction.degree + 1)
+        lengths = np.linalg.norm(direction(t), axis=1)
+        constant = 2 / (lengths.min() + lengths.max())
+        return Curve._new((breaks,), np.full((1, 1, 1), constant), False, (np.empty(0, dtype=int),))
+    order = min(ORDER, (degree - 1) // 2)
+    start, end = breaks[:-1], breaks[1:]
+    jets = np.stack([direction.jet(start, order), direction.jet(end, order, side="left")], axis=2)
+    known = np.full(len(breaks) - 2, SMOOTH)
+    at = np.searchsorted(breaks, direction.breaks[1:-1])
+    on = np.isin(direction.breaks[1:-1], breaks)
+    known[at[on] - 1] = direction.continuity[on]
+    reciprocal = _reciprocal(jets)
+    reciprocal[:, :-1, 1] = np.where(
+        known >= np.arange(order + 1)[:, None], reciprocal[:, 1:, 0], reciprocal[:, :-1, 1]
+    )
+    ends = hermite(breaks, reciprocal[..., None])
+    coefs = bernstein.elevate(ends.coefs, degree - ends.degree)
+    x, basis, bubble = _between(degree, order)
+    if len(x):
+        values = bernstein.basis(degree, 1 - x, x).T @ coefs[:, 0]
+        wanted = (1 / _lengths(direction, start, end, x) - values) / bubble[:, None]
+        inner = np.linalg.solve(basis.T, wanted)
+        share = [comb(len(x) - 1, i) / comb(degree, i + order + 1) for i in range(len(x))]
+        coefs[order + 1 : degree - order, 0] += np.array(share)[:, None] * inner
+    return Curve._new((breaks,), coefs, False, (ends.continuity,))
+
+
+def _reciprocal(jets: Array) -> Array:
+    r"""Differentiate 1/\|T\|, from the derivatives of T: (k+1, .., dim) to (k+1, ..).
+
+    By Leibniz' rule on m = <T, T> and on 2 m f' + m' f = 0, which f = m^(-1/2) solves.
+    """
+    orders = range(len(jets))
+    m = [sum(comb(k, i) * (jets[i] * jets[k - i]).sum(axis=-1) for i in range(k + 1)) for k in orders]
+    f = [1 / np.sqrt(m[0])]
+    for k in orders[:-1]:
+        right = sum(comb(k, i) * m[i + 1] * f[k - i] for i in range(k + 1))
+        right = right + 2 * sum(comb(k, i) * m[i] * f[k + 1 - i] for i in range(1, k + 1))
+        f.append(-right / (2 * m[0]))
+    return np.stack(f)
+
+
+# -- the paper's
+
+
+def _refined(direction: Curve, tolerance: float, knots: int | None) -> tuple[Curve, Curve, float]:
+    """Refine the field until the variation-diminishing factor is close enough, or as often as is asked."""
+    a, b = direction.domain
+    field = _with_knots(direction, a + (b - a) * np.arange(1, (knots or 0) + 1) / ((knots or 0) + 1))
+    while True:
+        factor = _variation_diminishing(field)
+        if factor is not None:
+            unit = factor * field
+            misses = _misses(unit)
+            error = _proven(unit, misses)
+            if error <= tolerance:
+                return factor, unit, error
+            bad = np.abs(misses).max(axis=0) > tolerance
+        else:
+            bad, error = np.ones(len(field.breaks) - 1, dtype=bool), inf
+        if knots is not None:
+            raise GeometryError(
+                f"with {knots} knots inserted the length is off by a relative {error:.3g}, more than {tolerance:.3g}: "
+                f"give more, leave knots=None, or use method='hermite'"
+            )
+        if len(bad) + bad.sum() > MOST:
+            raise _out_of_reach(direction, tolerance)
+        field = _with_knots(field, (field.breaks[:-1] + field.breaks[1:])[bad] / 2)
+
+
+def _with_knots(field: Curve, knots: Array) -> Curve:
+    """Insert simple knots, which stay: across them the curve is held to be no smoother than its degree lets it be."""
+    cut = field.cut(knots)
+    return Curve._new(cut._breaks, cut._coefs, False, (np.minimum(cut.continuity, field.degree - 1),))
+
+
+def _variation_diminishing(field: Curve) -> Curve | None:
+    """Replace each pole k of <T, T> by 1/sqrt(k); None if there is one that is not positive."""
+    squared = field.dot(field)
+    knots, poles = door.assemble(squared.breaks, squared.coefs, squared.continuity)
+    if poles.min() <= 0:
+        return None
+    return Curve.from_bspline(squared.degree, knots, 1 / np.sqrt(poles))
