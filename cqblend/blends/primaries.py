@@ -102,6 +102,18 @@ class Primary(ABC):
             By order, exact, splines in homogeneous 4-space (dim 4, not flagged rational).
         """
 
+    @abstractmethod
+    def normal(self, c: Curve) -> Curve:
+        """Return a normal of the tangent plane along a rail: an exact spline (dim 3), of any sign and length.
+
+        It is worked out beside the rail, so that its rounding does not grow with the distance from the origin.
+
+        Parameters
+        ----------
+        c
+            The rail, lifted.
+        """
+
     def scale(self, c: Array, weight: Array) -> Array:
         """Scale lifted points (n, k) so that the homogeneous weight of P(c) is multiplied by ``weight`` (n,)."""
         return c * weight[:, None] ** self.powers
@@ -199,6 +211,10 @@ class Frame:
         """Map local vectors (..., 3) to global ones."""
         return local @ self.axes
 
+    def covector(self, local: Array) -> Array:
+        """Map normals (3, ...) of local planes to global ones, also where the axes are not orthonormal."""
+        return np.tensordot(np.linalg.inv(self.axes), local, 1)
+
 
 @dataclass(frozen=True)
 class Quadric(Primary):
@@ -243,6 +259,15 @@ class Quadric(Primary):
             jets.append(Curve(c.breaks, np.broadcast_to(rows, (degree, 4, len(c.breaks) - 1)), continuity=continuity))
         return tuple(jets)
 
+    @abstractmethod
+    def _normal_form(self) -> Array:
+        """Return the form (3, k, k) in c whose value is normal to the surface."""
+
+    def normal(self, c: Curve) -> Curve:
+        form = np.einsum("djk,mkn->mdjn", self._normal_form(), c.coefs)
+        terms = [bernstein.product(c.coefs[:, j, None], form[:, :, j]) for j in range(c.dim)]
+        return Curve(c.breaks, np.sum(terms, axis=0))
+
     @property
     def curved(self) -> bool:
         """Whether the surface is no plane."""
@@ -280,6 +305,10 @@ class Plane(Quadric):
     def lift(self, uv: Array) -> Array:
         return np.column_stack([uv, np.ones(len(uv))])
 
+    def _normal_form(self) -> Array:
+        x, y, _ = self.frame.axes
+        return np.multiply.outer(cross(x, y), np.diag([0.0, 0.0, 1.0]))
+
     def push(self, uv: Array, c: Array, rs: Array) -> Array:
         return np.column_stack([rs * c[:, 2:], np.zeros(len(c))])
 
@@ -306,6 +335,11 @@ class Cylinder(Quadric):
         quadratic[3, :2, :2] = CIRCLE[2]
         linear[2, 2] = 1
         return self._homogeneous(quadratic), self._homogeneous(linear)
+
+    def _normal_form(self) -> Array:
+        local = np.zeros((3, 3, 3))
+        local[:2, :2, :2] = CIRCLE[:2]
+        return self.frame.covector(local)
 
     def jet(self, uv: Array) -> Array:
         cos, sin = np.cos(uv[:, 0]), np.sin(uv[:, 0])
@@ -351,6 +385,11 @@ class Cone(Quadric):
         linear[2, 2] = -self.radius * cot
         linear[3, 2] = 1
         return self._homogeneous(quadratic), self._homogeneous(linear)
+
+    def _normal_form(self) -> Array:
+        local = np.zeros((3, 3, 3))
+        local[:, :2, :2] = CIRCLE * np.array([1, 1, -np.tan(self.half_angle)])[:, None, None]
+        return self.frame.covector(local)
 
     def jet(self, uv: Array) -> Array:
         cos, sin = np.cos(uv[:, 0]), np.sin(uv[:, 0])
@@ -408,6 +447,11 @@ class Sphere(Quadric):
     periods = (2 * np.pi, None)
 
     def _forms(self) -> tuple[Array, Array]:
+        norm = np.eye(4)[None]
+        xyz = self.radius * self._normal_form() + np.multiply.outer(self.frame.origin, np.eye(4))
+        return np.concatenate([xyz, norm]), np.zeros((4, 4))
+
+    def _normal_form(self) -> Array:
         m = self.pole
         # R q m q* = (q0^2 - |v|^2) m + 2 (v.m) v + 2 q0 (v x m)
         turned = np.zeros((3, 4, 4))
@@ -419,9 +463,7 @@ class Sphere(Quadric):
             turned[:, 1 + i, 0] += side
             turned[i, 1 + i, 1:] += m
             turned[i, 1:, 1 + i] += m
-        norm = np.eye(4)[None]
-        xyz = self.radius * turned + np.multiply.outer(self.frame.origin, np.eye(4))
-        return np.concatenate([xyz, norm]), np.zeros((4, 4))
+        return turned
 
     def jet(self, uv: Array) -> Array:
         cu, su, cv, sv = np.cos(uv[:, 0]), np.sin(uv[:, 0]), np.cos(uv[:, 1]), np.sin(uv[:, 1])
@@ -483,11 +525,11 @@ class Tensor(Primary):
     levelled: bool = False  # the weight of a rail is evened out after composing, not by scaling lifted parameters
 
     @classmethod
-    def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False), *, fitted: bool = True) -> Tensor:
+    def of(cls, surface: Surface, closed: tuple[bool, bool] = (False, False), *, level: bool = False) -> Tensor:
         """Wrap a spline; in a ``closed`` direction it goes on periodically past its ends.
 
-        ``fitted`` rails are free to be scaled so that their weight is one, as long as the surface's own weight has no
-        kinks; a rail that is not is given, and must stay as it is.
+        Lifted points can be scaled so that the weight of a rail is one; where the surface's own weight has kinks, or
+        to ``level`` those of rails that are given as they are, it is evened out after composing.
         """
         coefs = surface.coefs
         if not surface.rational:
@@ -502,7 +544,7 @@ class Tensor(Primary):
             periods=(periods[0], periods[1]),
             knots=surface.continuity,
             joints=(joints[0], joints[1]),
-            levelled=surface.rational and (not fitted or _kinked(surface.continuity)),
+            levelled=level or (surface.rational and _kinked(surface.continuity)),
         )
 
     @property
@@ -589,6 +631,28 @@ class Tensor(Primary):
             continuity = np.min([*(x.continuity for x in phi[: k + 1]), crossed - k], axis=0)
             jets.append(Curve(c.breaks, factorial(k) * coefs, continuity=np.maximum(continuity, 0)))
         return _levelled(jets) if self.levelled else tuple(jets)
+
+    def normal(self, c: Curve) -> Curve:
+        c, patches, spans, _ = self._follow(c, 1)
+        centre = patches[:, :, :3].mean(axis=(0, 1)) / patches[:, :, 3].mean(axis=(0, 1))
+        patches = np.concatenate([patches[:, :, :3] - centre * patches[:, :, 3:], patches[:, :, 3:]], axis=2)
+        pairs = self._local(c, spans)
+        su, sv = (self._slope(patches, pairs, axis, c.breaks) for axis in (0, 1))
+        normal = su[:3].cross(sv[:3])
+        if not self.rational:
+            return normal
+        s = Curve(c.breaks, bernstein.compose(patches, *pairs))
+        return normal * s[3] + sv[:3].cross(s[:3]) * su[3] + s[:3].cross(su[:3]) * sv[3]
+
+    def _slope(self, patches: Array, pairs: tuple[Array, Array, Array, Array], axis: int, breaks: Array) -> Curve:
+        """Differentiate P along a rail by u or v, or by the angle; up to a positive factor."""
+        p = patches.shape[axis] - 1
+        first, last = (patches.take(range(i, i + p), axis) for i in (0, 1))
+        if not self.angular[axis]:
+            return Curve(breaks, bernstein.compose(last - first, *pairs))
+        a, b = (pair[:, None] for pair in pairs[2 * axis : 2 * axis + 2])
+        turned = [bernstein.compose(part, *pairs) for part in (first, last)]
+        return Curve(breaks, bernstein.product(a, turned[1]) - bernstein.product(b, turned[0]))
 
     def _lines(self, c: Curve, axis: int) -> tuple[Array, Array]:
         """Return the knot lines that the rail may cross, ends included, periodically repeated, and their continuity."""

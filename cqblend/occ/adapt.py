@@ -217,6 +217,9 @@ class Mapped(Primary):
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         return self.spline.jets(c, directions, order)
 
+    def normal(self, c: Curve) -> Curve:
+        return self.spline.normal(c)
+
 
 def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
     frame = _frame(surface.Position())
