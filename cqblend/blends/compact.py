@@ -1,0 +1,432 @@
+"""The compact form: quintic splines with few knots in place of the exact jets of two ribbons.
+
+Exact jets have a degree of 12, 18 or more and a knot of high multiplicity wherever a rail crosses a knot line. This
+module replaces them by polynomial quintics on common knots, within a tolerance in position, in the tangent plane and in
+curvature. Two sorts of knots make them few:
+
+- *joints*, multiple knots, where the exact jets really jump in a low derivative. There, and at both ends, the fit takes
+  over the exact values and derivatives, as many as have both sides in common, up to the second;
+- single knots (C4), uniform between two joints, fitted by least squares. Their number follows from the error found.
+
+Whether a break of the exact jets is a joint is decided by what ignoring it costs, not by its nominal continuity: a
+cubic rail has a break with a tiny jump every few spans, a steered one crosses knot lines without any. A C4 quintic with
+spans of length h misses a jump D of the m-th derivative by about `KINK[m]` D h^m.
+
+It must not know where jets come from, nor how a surface is made of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, cross
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, bernstein
+from cqblend.splines.evaluation import Side, quotient
+from cqblend.splines.knots import extract
+
+DEGREE = 5  # single knots of a higher one do not survive re-assembly, which keeps amplification of rounding below 50
+SHARED = 3  # values and derivatives taken over at a joint, at most: half the coefficients of a quintic
+CURVATURE = 1e-6  # tolerance in curvature, in units of 1 / size of the rail
+MARGIN = 0.9  # share of the tolerances that may be used up where they are measured
+FINEST = 4096  # spans
+LONGEST = 32  # spans between two joints: longer stretches are halved, so that matrices stay small
+GROWTH = 4.0  # largest factor from one number of spans to the next
+KINK = np.array([0.5, 0.1, 0.017, 0.005])
+"""Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""
+HARMLESS = 0.05  # share of the tolerance up to which a jump is averaged away
+EXPLAINS = 0.3  # a jump explains an error if ignoring it costs this share of it
+SNAP = 1e-3  # of a stretch: nearer breaks of the exact jets take the place of its middle
+FITTED, CHECKED = 4, 10  # samples of each span
+
+Jets = Sequence[Curve]
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """Where two stretches meet: the Euclidean derivatives of all rows that each of them ends with."""
+
+    t: float
+    before: Array  # (rows, SHARED, 3)
+    after: Array  # (rows, SHARED, 3), its first ``agreed`` derivatives the same numbers
+    agreed: Array  # (rows,)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """What lies between two joints: its number of spans, and once it is fitted its coefficients and its errors."""
+
+    start: _Joint
+    end: _Joint
+    spans: int
+
+    @property
+    def length(self) -> float:
+        """Length in the parameter."""
+        return self.end.t - self.start.t
+
+    def spanned(self) -> tuple[Array, Array]:
+        """Return the starts and the ends of its spans, (spans,) each."""
+        inner = self.start.t + self.length / self.spans * np.arange(1, self.spans)
+        return np.concatenate([[self.start.t], inner]), np.concatenate([inner, [self.end.t]])
+
+    def samples(self, count: int) -> Array:
+        """Return ``count`` parameters spread evenly over its inside."""
+        return self.start.t + self.length * (np.arange(count) + 0.5) / count
+
+
+@dataclass(frozen=True)
+class _Exact:
+    """The exact jets of both ribbons, all on the same breaks, and what a fit of them may miss.
+
+    Rows are the Euclidean jets of the first side by order, then those of the second.
+    """
+
+    sides: tuple[list[Curve], list[Curve]]
+    tolerance: float
+    angular: float
+    sizes: tuple[float, float]  # of the rails
+
+    @property
+    def breaks(self) -> Array:
+        """Breaks common to all jets."""
+        return self.sides[0][0].breaks
+
+    def derivatives(self, t: Array, order: int, side: Side) -> Array:
+        """Return the Euclidean rows with their derivatives by t, (rows, order + 1, n, 3)."""
+        return np.concatenate([_derivatives(jets, t, order, side) for jets in self.sides])
+
+    def values(self, t: Array) -> list[tuple[Array, Array]]:
+        """Return for each side its Euclidean jets (orders, n, 3), and the velocity of its rail (n, 3)."""
+        values = []
+        for jets in self.sides:
+            point, velocity = jets[0].jet(t, 1)
+            homogeneous = np.stack([point, *(jet(t) for jet in jets[1:])]).swapaxes(1, 2)
+            rows = quotient(homogeneous[:, None])[:, 0].swapaxes(1, 2)
+            values.append((rows, (velocity[:, :3] - rows[0] * velocity[:, 3:]) / point[:, 3:]))
+        return values
+
+    def errors(self, fitted: list[tuple[Array, Array]], exact: list[tuple[Array, Array]]) -> Array:
+        """Compare what :meth:`values` returns: (n,), the largest error of any sort as a share of its tolerance."""
+        ratios = []
+        for (rows, rate), (true, velocity), size in zip(fitted, exact, self.sizes, strict=True):
+            ratios.append(_norm(rows[0] - true[0]) / self.tolerance)
+            if len(rows) == 1:
+                continue
+            n, wanted = cross(rate, rows[1]), cross(velocity, true[1])
+            ratios.append(np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1)) / self.angular)
+            n, wanted = n / _norm(n)[:, None], wanted / _norm(wanted)[:, None]
+            for k in range(2, len(rows)):
+                bend = (rows[k] * n).sum(-1) / _norm(rows[1]) ** k - (true[k] * wanted).sum(-1) / _norm(true[1]) ** k
+                ratios.append(np.abs(bend) * size ** (k - 1) / CURVATURE)
+        return np.asarray(np.max(ratios, axis=0) / MARGIN)
+
+    def influence(self, jumps: Array, rows: Array) -> Array:
+        """Return what ignoring jumps (rows, 4, n) costs: a[r, m] h^m tolerances of row r, (rows, 4, n).
+
+        ``rows`` are the Euclidean rows with their first derivatives, (rows, 2, n, 3). The error of a rail counts by its
+        slope as well, which has one derivative less.
+        """
+        out, first = np.zeros_like(jumps), 0
+        for jets, size in zip(self.sides, self.sizes, strict=True):
+            reach = _norm(rows[first + min(1, len(jets) - 1), 0])
+            for k in range(len(jets)):
+                allowed = (
+                    self.tolerance
+                    if k == 0
+                    else self.angular * reach
+                    if k == 1
+                    else CURVATURE * reach**k / size ** (k - 1)
+                )
+                out[first + k] = KINK[:, None] * jumps[first + k] / allowed
+            slope = KINK[:-1, None] * jumps[first, 1:] / (self.angular * _norm(rows[first, 1]))
+            out[first, :-1] = np.maximum(out[first, :-1], slope)
+            first += len(jets)
+        return out
+
+
+def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float) -> tuple[list[Curve], list[Curve]]:
+    r"""Replace the exact jets of two ribbons by quintic splines on common knots.
+
+    With X_k the Euclidean jets, C = X_0 the rail and T = X_1 the field, and n the unit normal of C' and T, the fit has
+
+    .. math::
+        |C_f - C| \le \mathrm{tolerance}, \quad
+        \angle(\mathrm{span}(C_f', T_f), \mathrm{span}(C', T)) \le \mathrm{angular\_tolerance}, \quad
+        \left|\frac{\langle X_{k,f}, n_f\rangle}{|T_f|^k} - \frac{\langle X_k, n\rangle}{|T|^k}\right|
+        \le \frac{10^{-6}}{\mathrm{size}^{k-1}}, \; k = 2, 3,
+
+    at equal t, size being the diagonal of the box around the rail. This is measured, with a margin of a tenth, at ten
+    points of each span of the fit and two of each piece of the exact jets; it is not proven in between. At both ends
+    the rows and their first two derivatives are the exact ones.
+
+    Parameters
+    ----------
+    sides
+        For each ribbon its jets d^k/dv^k, k = 0 .. 0 to 3: homogeneous (dim 4, weight last, not flagged rational), on
+        breaks of their own over the same domain.
+    tolerance
+        In position, in the unit of the coordinates.
+    angular_tolerance
+        Of tangent planes, in rad.
+
+    Returns
+    -------
+    tuple of two lists of Curve
+        For each ribbon as many Euclidean jets (dim 3), all on the same breaks. Their continuity is that of the exact
+        ones, up to 2, at joints, where the exact jets really jump; 4 at all other breaks.
+
+    Raises
+    ------
+    GeometryError
+        If 4096 spans do not suffice.
+
+    Examples
+    --------
+    A quarter of a cylinder, from below and from a plane above it:
+
+    >>> arc = Curve.bezier([[1.0, 0, 0, 1], [1, 1, 0, 1], [0, 2, 0, 2]])
+    >>> up = Curve.bezier([[0.0, 0, 1, 0], [0, 0, 1, 0], [0, 0, 2, 0]])
+    >>> (rail, field), _ = compact(((arc, up), (arc, up)), 1e-7, 1e-5)
+    >>> rail.degree, rail.dim, bool(abs(rail.dot(rail)(0.3) - 1).max() < 2e-7)
+    (5, 3, True)
+    """
+    exact = _aligned(sides, tolerance, angular_tolerance)
+    joints, kinks, influence = _joints(exact)
+    pieces = np.searchsorted(exact.breaks, [joint.t for joint in joints])
+    waiting = [
+        _Stretch(start, end, max(1, int(count) // 8))
+        for start, end, count in zip(joints, joints[1:], np.diff(pieces), strict=False)
+    ]
+    done: list[tuple[_Stretch, Array]] = []
+    while waiting:
+        if sum(stretch.spans for stretch in waiting) + sum(stretch.spans for stretch, _ in done) > FINEST:
+            raise GeometryError(
+                f"a compact blend of {FINEST} pieces does not reach {tolerance:g} mm and {angular_tolerance:g} rad; "
+                "ask for larger tolerances, or take form='exact'"
+            )
+        again: list[_Stretch] = []
+        for stretch, coefs, t, errors in _fitted(exact, waiting):
+            if errors.max() <= 1:
+                done.append((stretch, coefs))
+                continue
+            inside = (kinks > stretch.start.t) & (kinks < stretch.end.t)
+            again += _refined(exact, stretch, t, errors, kinks[inside], influence[:, inside])
+        waiting = again
+    return _assembled(sorted(done, key=lambda one: one[0].start.t), len(sides[0]))
+
+
+def _norm(vectors: Array) -> Array:
+    return np.asarray(np.sqrt((vectors * vectors).sum(-1)))
+
+
+def _aligned(sides: tuple[Jets, Jets], tolerance: float, angular: float) -> _Exact:
+    breaks = np.unique(np.concatenate([jet.breaks for jets in sides for jet in jets]))
+    breaks = breaks[np.append(True, np.diff(breaks) > 1e-13 * (breaks[-1] - breaks[0]))]
+    first, second = ([_onto(jet, breaks) for jet in jets] for jets in sides)
+    sizes = []
+    for rail in (first[0], second[0]):
+        middle = (breaks[1:] + breaks[:-1]) / 2
+        points = rail(np.concatenate([breaks, middle]))
+        sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
+    return _Exact((first, second), tolerance, angular, (sizes[0], sizes[1]))
+
+
+def _onto(jet: Curve, breaks: Array) -> Curve:
+    """Cut at the breaks, to which those of the curve move that equal them to rounding."""
+    own = breaks[np.abs(jet.breaks[:, None] - breaks).argmin(axis=1)]
+    return Curve(own, jet.coefs, continuity=jet.continuity).cut(breaks[1:-1])
+
+
+def _derivatives(jets: Jets, t: Array, order: int, side: Side) -> Array:
+    homogeneous = np.stack([jet.jet(t, order, side=side) for jet in jets])  # (orders, order + 1, n, 4)
+    return quotient(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)
+
+
+def _at(exact: _Exact, t: Array, spacing: Array) -> tuple[list[_Joint], Array]:
+    """Make joints at parameters t; also return the influence of the jumps there, (rows, 4, n).
+
+    Derivatives agree up to the first whose jump is not harmless on spans of the length ``spacing``.
+    """
+    before, after = (exact.derivatives(t, len(KINK) - 1, side) for side in ("left", "right"))
+    middle = (before + after) / 2
+    jumps, powers = _norm(after - before), spacing ** np.arange(len(KINK))[:, None]
+    influence = exact.influence(jumps, middle[:, :2])
+    single = np.eye(len(KINK))[:SHARED, None, :, None] * jumps  # one derivative at a time
+    costs = [(exact.influence(one, middle[:, :2]) * powers).max(axis=1) for one in single]
+    agreed = np.cumprod(np.stack(costs, axis=1) <= HARMLESS, axis=1).astype(bool)
+    first, second = (np.where(agreed[..., None], middle[:, :SHARED], x[:, :SHARED]) for x in (before, after))
+    count = agreed.sum(axis=1)
+    joints = [_Joint(float(at), first[:, :, i], second[:, :, i], count[:, i]) for i, at in enumerate(t)]
+    return joints, influence
+
+
+def _joints(exact: _Exact) -> tuple[list[_Joint], Array, Array]:
+    """Decide at which breaks the jets really jump: on spans as long as the pieces around, more than is tolerated.
+
+    Returns the joints, both ends included, the other breaks (n,), and what a smooth fit loses there: a[m] h^m
+    tolerances on spans of length h, (4, n).
+    """
+    t = exact.breaks
+    around = np.arange(len(t))[:, None] + [-3, 3]
+    low, high = np.clip(around, 0, len(t) - 1).T
+    spacing = (t[high] - t[low]) / (high - low)
+    joints, influence = _at(exact, t, spacing)
+    worst = influence.max(axis=0)
+    chosen = (worst * spacing ** np.arange(len(worst))[:, None]).max(axis=0) > 1
+    chosen[[0, -1]] = True
+    return [joints[i] for i in np.flatnonzero(chosen)], t[~chosen], worst[:, ~chosen]
+
+
+@lru_cache(maxsize=512)
+def _operator(spans: int, first: int, last: int) -> Array:
+    """Return the matrix of the least-squares quintic on [0, 1] with uniform single knots.
+
+    From ``first`` derivatives at 0 and ``last`` at 1, which it takes over, and from the values at the samples; to
+    Bernstein coefficients by piece: (spans * 6, first + last + samples).
+    """
+    count = spans + DEGREE
+    knots = np.concatenate([np.zeros(DEGREE), np.linspace(0, 1, spans + 1), np.ones(DEGREE)])
+    _, pieces, _ = extract(DEGREE, knots, np.eye(count))
+    basis = Curve.from_bspline(DEGREE, knots, np.eye(count))
+    samples = basis((np.arange(_samples(spans)) + 0.5) / _samples(spans))
+    fixed = np.r_[:first, count - last : count]
+    free = np.arange(first, count - last)
+    ends = np.concatenate([basis.jet(0.0, first - 1), basis.jet(1.0, last - 1)])[:, fixed]
+    solution = np.zeros((count, first + last + len(samples)))
+    solution[fixed, : first + last] = np.linalg.inv(ends)
+    if len(free):
+        inverse = np.linalg.pinv(samples[:, free])
+        solution[free, first + last :] = inverse
+        solution[free, : first + last] = -inverse @ samples[:, fixed] @ solution[fixed, : first + last]
+    matrix = np.einsum("icn,cd->nid", pieces, solution).reshape(-1, solution.shape[1])
+    matrix[[0, -1]] = 0.0  # the ends are the data, bit for bit
+    matrix[0, 0] = matrix[-1, first] = 1.0
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _samples(spans: int) -> int:
+    return FITTED * (spans + 1)
+
+
+def _fitted(exact: _Exact, stretches: list[_Stretch]) -> Iterable[tuple[_Stretch, Array, Array, Array]]:
+    """Fit stretches, which are in order: yield each with its coefficients (rows, 3, 6, spans), parameters and errors."""
+    taken = [stretch.samples(_samples(stretch.spans)) for stretch in stretches]
+    checks = [_checks(exact, stretch) for stretch in stretches]
+    t = np.concatenate(taken + checks)
+    values = exact.values(t)
+    used, checked = (np.cumsum([0] + [len(one) for one in part]) for part in (taken, checks))
+    rows = np.concatenate([side[0] for side in values])
+    coefs = _coefficients(stretches, [rows[:, i:j] for i, j in zip(used, used[1:], strict=False)])
+
+    starts, ends = (np.concatenate(part) for part in zip(*(stretch.spanned() for stretch in stretches), strict=True))
+    fit = _evaluated(exact, np.concatenate(coefs, axis=-1), starts, ends, t[used[-1] :])
+    errors = exact.errors(fit, [(side[:, used[-1] :], rate[used[-1] :]) for side, rate in values])
+    for i, stretch in enumerate(stretches):
+        yield stretch, coefs[i], checks[i], errors[checked[i] : checked[i + 1]]
+
+
+def _checks(exact: _Exact, stretch: _Stretch) -> Array:
+    """Choose where to measure: ten points of every span, and two of every exact piece."""
+    inner = exact.breaks[(exact.breaks > stretch.start.t) & (exact.breaks < stretch.end.t)]
+    ends = np.concatenate([[stretch.start.t], inner, [stretch.end.t]])
+    pieces = [ends[:-1] + share * np.diff(ends) for share in (0.25, 0.75)]
+    return np.concatenate([stretch.samples(CHECKED * stretch.spans), *pieces])
+
+
+def _coefficients(stretches: list[_Stretch], values: list[Array]) -> list[Array]:
+    """Fit every row of every stretch to values (rows, samples, 3): Bernstein coefficients (rows, 3, 6, spans) each."""
+    groups: dict[tuple[int, int, int], list[tuple[int, int]]] = {}
+    for i, stretch in enumerate(stretches):
+        shared = zip(_taken(stretch.start), _taken(stretch.end), strict=True)
+        for row, (first, last) in enumerate(shared):
+            groups.setdefault((stretch.spans, first, last), []).append((i, row))
+    coefs = [
+        np.empty((len(value), 3, DEGREE + 1, stretch.spans)) for stretch, value in zip(stretches, values, strict=True)
+    ]
+    powers = np.arange(SHARED)[:, None]
+    for (spans, first, last), members in groups.items():
+        data = []
+        for i, row in members:
+            stretch, scale = stretches[i], stretches[i].length ** powers
+            ends = (scale * stretch.start.after[row])[:first], (scale * stretch.end.before[row])[:last]
+            data.append(np.concatenate([*ends, values[i][row]]))
+        solved = _operator(spans, first, last) @ np.concatenate(data, axis=1)
+        for (i, row), poles in zip(members, np.split(solved, len(members), axis=1), strict=True):
+            coefs[i][row] = poles.reshape(spans, DEGREE + 1, 3).transpose(2, 1, 0)
+    return coefs
+
+
+def _taken(joint: _Joint) -> list[int]:
+    """Count the derivatives of each row that a stretch takes over: those that agree, and its own value in any case."""
+    return np.maximum(joint.agreed, 1).tolist()
+
+
+def _evaluated(exact: _Exact, coefs: Array, starts: Array, ends: Array, t: Array) -> list[tuple[Array, Array]]:
+    """Evaluate a fit (rows, 3, 6, spans), as :meth:`_Exact.values` does the exact jets."""
+    span = np.searchsorted(starts, t, "right") - 1
+    length = (ends - starts)[span]
+    s, x = (ends[span] - t) / length, (t - starts[span]) / length
+    taken = np.moveaxis(coefs, 2, 0)[..., span]  # (6, rows, 3, n)
+    points = bernstein.evaluate(taken, bernstein.basis(DEGREE, s, x)).swapaxes(1, 2)
+    values, first = [], 0
+    for jets in exact.sides:
+        slope = bernstein.evaluate(bernstein.derivative(taken[:, first]), bernstein.basis(DEGREE - 1, s, x)) / length
+        values.append((points[first : first + len(jets)], slope.T))
+        first += len(jets)
+    return values
+
+
+def _refined(
+    exact: _Exact, stretch: _Stretch, t: Array, errors: Array, kinks: Array, influence: Array
+) -> list[_Stretch]:
+    """Replace a stretch that errs: divided at the jumps that explain its errors, or with more spans.
+
+    With more spans means either uniformly or, where that takes fewer, each half with its own number.
+    """
+    n, width = stretch.spans, stretch.length / stretch.spans
+    if len(kinks):
+        cost = (influence * width ** np.arange(len(influence))[:, None]).max(axis=0)
+        near = np.abs(t - kinks[:, None]) <= width
+        explained = (cost > 1) & (cost > EXPLAINS * np.where(near, errors, 0).max(axis=1))
+        if explained.any():
+            return _divided(exact, stretch, kinks[explained], None)
+    middle = (stretch.start.t + stretch.end.t) / 2
+    more = _more(n, errors)
+    halves = [_more(n / 2, errors[half]) for half in (t < middle, t >= middle)]
+    if more > LONGEST or sum(halves) + SHARED - 1 < more:
+        return _divided(exact, stretch, np.array([middle]), halves)
+    return [_Stretch(stretch.start, stretch.end, more)]
+
+
+def _more(spans: float, errors: Array) -> int:
+    """Return how many spans bring errors to one: they fall with the fifth power of their number, that of a slope."""
+    return int(np.ceil(spans * min(GROWTH, errors.max() ** (1 / DEGREE))))
+
+
+def _divided(exact: _Exact, stretch: _Stretch, t: Array, counts: list[int] | None) -> list[_Stretch]:
+    """Divide a stretch at t, into parts with the given numbers of spans, or spans as long as they are."""
+    near = exact.breaks[np.abs(exact.breaks - t[:, None]).argmin(axis=1)]
+    t = np.where(np.abs(near - t) < SNAP * stretch.length, near, t)
+    joints = [stretch.start, *_at(exact, t, np.full(len(t), stretch.length / stretch.spans))[0], stretch.end]
+    pairs = list(zip(joints, joints[1:], strict=False))
+    if counts is None:
+        counts = [max(1, round((b.t - a.t) / stretch.length * stretch.spans)) for a, b in pairs]
+    return [_Stretch(a, b, max(1, count)) for (a, b), count in zip(pairs, counts, strict=True)]
+
+
+def _assembled(done: list[tuple[_Stretch, Array]], first: int) -> tuple[list[Curve], list[Curve]]:
+    """Put the stretches together: the first rows make up the first side."""
+    breaks = np.concatenate([stretch.spanned()[0] for stretch, _ in done] + [[done[-1][0].end.t]])
+    coefs = np.concatenate([rows for _, rows in done], axis=-1)
+    continuity = np.full((len(coefs), len(breaks) - 2), DEGREE - 1)
+    at = np.cumsum([stretch.spans for stretch, _ in done])[:-1] - 1
+    for i, (stretch, _) in zip(at, done, strict=False):
+        continuity[:, i] = stretch.end.agreed - 1
+    rows = [Curve(breaks, c.swapaxes(0, 1), continuity=order) for c, order in zip(coefs, continuity, strict=True)]
+    return rows[:first], rows[first:]
