@@ -1,4 +1,4 @@
-"""Pictures of shapes, rendered by VTK without a window: what the demo and the documentation show.
+"""Pictures of shapes and curves, rendered by VTK without a window: what the demo and the documentation show.
 
 Exists because ``cadquery.vis`` draws one view at a time, and has no zebra: stripes reflected in a surface, which break
 where normals do and bend sharply where curvature does. Normals are OCCT's own at every vertex of the mesh. Knows shapes
@@ -43,16 +43,48 @@ class Part:
         """The faces as VTK's triangles, with exact normals."""
         return [_triangles(face) for face in self.faces]
 
+    def actors(self, eye: Triple) -> list[Any]:
+        """Return what VTK draws, as seen from a direction."""
+        return [_surface(triangles, self.colour, np.array(eye)) for triangles in self.meshes]
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """Polygons (n, 3) to be drawn as lines so many pixels wide."""
+
+    lines: Sequence[NDArray[np.float64]]
+    colour: Colour = INK
+    width: float = 1.5
+
+    def actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (lines look the same from everywhere)
+        """Return what VTK draws."""
+        ends = np.cumsum([len(line) for line in self.lines])
+        cells = [np.arange(end - len(line), end) for line, end in zip(self.lines, ends, strict=True)]
+        return [_marks(np.concatenate(self.lines), "SetLines", cells, self.colour, self.width)]
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Points (n, 3) to be drawn as round dots so many pixels wide."""
+
+    points: NDArray[np.float64]
+    colour: Colour = INK
+    size: float = 7.0
+
+    def actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (dots look the same from everywhere)
+        """Return what VTK draws."""
+        return [_marks(self.points, "SetVerts", np.arange(len(self.points))[:, None], self.colour, self.size)]
+
 
 @dataclass(frozen=True)
 class View:
-    """Parts as seen from a direction, in parallel projection.
+    """Parts, strokes and dots as seen from a direction, in parallel projection with z upwards.
 
     ``focus`` is what the middle of the view shows, ``height`` how much of the model it shows (mm), ``window`` which
     part of the picture it fills, (x0, y0, x1, y1) between 0 and 1 from the lower left.
     """
 
-    parts: Sequence[Part]
+    parts: Sequence[Part | Strokes | Dots]
     eye: Triple
     focus: Triple
     height: float
@@ -104,8 +136,8 @@ def _renderer(view: View) -> Any:
     renderer.SetViewport(*view.window)
     renderer.SetBackground(*WHITE)
     for part in view.parts:
-        for triangles in part.meshes:
-            renderer.AddActor(_surface(triangles, part.colour, np.array(view.eye)))
+        for actor in part.actors(view.eye):
+            renderer.AddActor(actor)
     camera = renderer.GetActiveCamera()
     camera.ParallelProjectionOn()
     camera.SetParallelScale(view.height / 2)
@@ -147,6 +179,34 @@ def _surface(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) ->
         look.SetDiffuse(0.85)
         look.SetSpecular(0.2)
         look.SetSpecularPower(40)
+    return actor
+
+
+def _marks(points: NDArray[np.float64], kind: str, cells: Iterable[Any], colour: Colour, size: float) -> Any:
+    """Unlit lines or dots, pixels wide."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    array = vtkCellArray()
+    for cell in cells:
+        array.InsertNextCell(len(cell), cell.tolist())
+    corners = vtkPoints()
+    corners.SetData(numpy_to_vtk(np.ascontiguousarray(points, dtype=float), deep=True))
+    data = vtkPolyData()
+    data.SetPoints(corners)
+    getattr(data, kind)(array)
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(data)
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.SetColor(*colour)
+    look.LightingOff()
+    look.SetLineWidth(size)
+    look.SetPointSize(size)
+    look.RenderPointsAsSpheresOn()
     return actor
 
 

@@ -4,9 +4,10 @@ import runpy
 from pathlib import Path
 
 import cadquery as cq
+import numpy as np
 
 from cqblend import demo, picture
-from cqblend.picture import Part, View
+from cqblend.picture import Dots, Part, Strokes, View
 
 DOCS = Path(__file__).resolve().parent
 PICTURES, EXAMPLES = DOCS / "pictures", DOCS.parent / "examples"
@@ -55,7 +56,28 @@ def teapot() -> None:
     demo.draw(pot, demo.blended(pot), PICTURES / "teapot.png")
 
 
+def circle_speeds() -> None:
+    """Draw circles with markers at equal steps of the parameter, and below each its speed over the parameter."""
+    made = runpy.run_path(str(EXAMPLES / "circle_speeds.py"))
+    t = np.linspace(0, 1, 129)
+    frame = np.array([(-1, 0, -1.4), (-1, 0, -2.4), (1, 0, -2.4)], dtype=float)
+    views = []
+    for i, motion in enumerate(made["motions"].values()):
+        points, marks = (np.insert(motion(at), 1, 0, axis=1) for at in (t, made["steps"]))
+        speed = np.linalg.norm(motion(t, 1), axis=1)
+        profile = np.stack([2 * t - 1, 0 * t, speed / 10 - 2.4], axis=1)
+        drawn = [
+            Strokes([points], demo.COPPER, 2.5),
+            Dots(marks),
+            Strokes([frame], width=1),
+            Strokes([profile], demo.COPPER, 2.5),
+        ]
+        views.append(View(drawn, (0, -1, 0), (0, 0, -0.65), 3.9, (i / 3, 0, (i + 1) / 3, 1)))
+    picture.draw(views, PICTURES / "circle_speeds.png", size=(900, 480))
+
+
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
     teapot()
     gallery()
+    circle_speeds()
