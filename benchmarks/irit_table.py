@@ -8,18 +8,20 @@ them costs it more than the operation itself.
 
 Inputs: knots clamped uniform on [0, 1]. A_i = sin(.7 i) + .3 cos(1.3 i), B_i = cos(.9 i) - .2 sin(.4 i). The wavy
 surface is bicubic with 10 x 10 spans: x = greville_i + .02 sin(1.1 j), y = greville_j + .02 cos(1.7 i),
-z = .25 sin(.7 i) cos(.9 j).
+z = .25 sin(.7 i) cos(.9 j). Unit length: the quadratic field (1, 0, .2), (.6, .9, -.1), (-.4, .7, .5), and the
+derivative of the cubic curve of 10 spans with poles (i + .3 sin(2 i), 2 sin(.9 i), 1.5 cos(.6 i)); the error is the
+distance from T/|T|, which both libraries keep below the tolerance given.
 """
 
 import argparse
 import time
 from collections.abc import Callable
 from fractions import Fraction
-from math import comb
+from math import comb, isqrt
 
 import numpy as np
 
-from cqblend.splines import Curve, Surface
+from cqblend.splines import Curve, Surface, normalise
 
 IRIT = {  # row: median CPU ms, relative error, coefficients
     "A*B, d = 3, n = 50": (0.24, 6e-16, "301"),
@@ -31,6 +33,9 @@ IRIT = {  # row: median CPU ms, relative error, coefficients
     "wavy o uv B-spline": (0.81, 1.4e-10, "487"),
     "wavy o rational arc": (0.32, 0.014, "87"),
     "whole blend, T1 x .3": (51, 3.5e-7, "4x343"),  # its error is 2e-5 degrees of the normal, not relative
+    "unit T, quadratic, 1e-3": (3.3, 1e-3, "409"),
+    "unit T, quadratic, 1e-5": (908, 1e-5, "3895"),
+    "unit T, 10 spans, 1e-4": (6000, 1e-4, "7141"),
 }
 
 exact = np.vectorize(Fraction, otypes=[object])
@@ -162,6 +167,25 @@ def rows():
         lambda s1, c1, s2, c2: Surface.from_rows([*side(s1, c1), *side(s2, c2)[::-1]]),
         lambda t, v: true_blend((wavy, rail), (moved, mirrored), t, v),
     )
+
+    for name, field, tolerance in unit_fields():
+        yield name, (field,), lambda f, x=tolerance: normalise(f, x).field, lambda t, f=field: direction(f, t)
+
+
+def unit_fields():
+    quadratic = np.array([[1, 0, 0.2], [0.6, 0.9, -0.1], [-0.4, 0.7, 0.5]])
+    i = np.arange(13)
+    cubic = np.stack([i + 0.3 * np.sin(2 * i), 2 * np.sin(0.9 * i), 1.5 * np.cos(0.6 * i)], -1)
+    velocity = Curve.from_bspline(3, clamped(3, 10), cubic).derivative().to_bspline()
+    yield "unit T, quadratic, 1e-3", (2, clamped(2, 1), quadratic, None), 1e-3
+    yield "unit T, quadratic, 1e-5", (2, clamped(2, 1), quadratic, None), 1e-5
+    yield "unit T, 10 spans, 1e-4", velocity, 1e-4
+
+
+def direction(field, t):
+    """T/|T| to 60 digits."""
+    value = true_curve(field, t)
+    return value / Fraction(isqrt(int((value**2).sum() * 10**120)), 10**60)
 
 
 SHIFT = np.array([0.3, 0.2, 1.0])
