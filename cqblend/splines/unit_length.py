@@ -200,10 +200,10 @@ def _misses(unit: Curve) -> Array:
 
 
 def _proven(unit: Curve, misses: Array) -> float:
-    r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1."""
+    r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1, with the rounding of these and of one more product with U."""
     rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
     low, high = enclose(misses, slack=rounding)
-    return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1))
+    return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 
 
 # -- high order
