@@ -129,7 +129,7 @@ class Rail:
         return self.surface.derivative(ku, kv).compose(self.curve)
 
     def _tangent(self, rs: Curve) -> Curve:
-        """Return r Su + s Sv. For (u', v') it is C', without the digits that differentiating C loses on short pieces."""
+        """Return r Su + s Sv. For (u', v') it is C', with the digits that differentiating C loses on short pieces."""
         return self._partial(1, 0) * rs[0] + self._partial(0, 1) * rs[1]
 
     def field(self, name: FieldName, *operands: Rail | Curve) -> Curve:
@@ -321,7 +321,7 @@ class Rail:
 
 
 def _change(t: Array, values: Array, least: Array) -> float | None:
-    """Return the first t at which a sampled function is zero up to ``least``, or about to change its sign; else None."""
+    """Return the first t at which a sampled function is zero up to ``least`` or changes its sign, else None."""
     if (zero := np.abs(values) <= least).any():
         return float(t[zero.argmax()])
     if not (changed := values * values[0] < 0).any():

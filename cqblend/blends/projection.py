@@ -1,0 +1,205 @@
+"""Curves of space projected onto a surface: the curve of nearest points, in the parameter plane.
+
+The foot points of all stations are found at once by a damped Newton iteration; a C2 cubic through them is refined until
+it stays with them. This is how a rail is made of an edge or curve that has none in the surface's parameters. The result
+is approximate, and a rail all the same: whatever runs in the parameter plane lies on the surface exactly. Knows splines
+only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cqblend.blends.primaries import Array
+from cqblend.errors import GeometryError, InputError
+from cqblend.splines import Curve, Surface, interpolate
+
+_GUIDES = 129  # stations that the others start from
+_SEEDS = 3  # grid points per patch and direction, at most _GRID in a direction, among which the nearest are looked for
+_GRID = 96
+_STEPS = 60
+_STILL = 1e-12  # relative to the domain: Newton's next step would be its square
+_DAMPINGS = 12
+_MARGIN = 0.125  # how far beyond the domain iterations may go, relative to its width
+_JUMP = 0.25  # step of the foot point between neighbouring stations, relative to the domain, that needs an explanation
+_REFINEMENTS = 24
+_MOST = 4000
+_INNER = (np.arange(1, 4) / 4)[:, None]
+
+
+def projected(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Curve:
+    """Return the projection of a curve onto a surface, as a C2 cubic in the parameter plane.
+
+    Parameters
+    ----------
+    surface
+        S(u, v) of dim 3.
+    curve
+        X(t) of dim 3, without kinks. Where it has several nearest points, the projection stays on the sheet it is on.
+    tolerance
+        Largest distance (in the surface's unit) between S(c(t)) and the foot point of X(t), the nearest point of S.
+
+    Returns
+    -------
+    Curve
+        c(t) of dim 2, over the domain of ``curve``; periodic if that closes smoothly in the parameter plane.
+
+    Raises
+    ------
+    InputError
+        If dims are not 3, or the tolerance is not positive.
+    GeometryError
+        If a point has no foot inside the surface's domain, foot points jump, or the tolerance cannot be reached. The
+        message names t.
+
+    Examples
+    --------
+    >>> corners = [[[0, 0, 0], [0, 2, 0]], [[4, 0, 0], [4, 2, 0]]]
+    >>> plane = Surface.from_bspline((1, 1), ([0, 0, 4, 4], [0, 0, 2, 2]), corners)
+    >>> projected(plane, Curve.bezier([[1.0, 1.0, 5.0], [3.0, 1.5, 7.0]]))([0.0, 0.5, 1.0]).round(9)
+    array([[1.  , 1.  ],
+           [2.  , 1.25],
+           [3.  , 1.5 ]])
+    """
+    if surface.dim != 3 or curve.dim != 3:
+        raise InputError(f"projection takes a surface and a curve of dim 3, not of dim {surface.dim} and {curve.dim}")
+    if not tolerance > 0:
+        raise InputError(f"the tolerance of a projection is a positive length, not {tolerance!r}")
+    feet = _Feet(surface, curve, tolerance)
+    t = np.union1d(np.linspace(*curve.domain, 5), curve.breaks)
+    for _ in range(_REFINEMENTS):
+        values = feet(t)
+        if feet.closed:
+            values[-1] = values[0]
+        found = interpolate(t, values, periodic=feet.closed)
+        between = t[:-1] + _INNER * np.diff(t)
+        error = feet.distance(found, between.ravel()).reshape(between.shape).max(axis=0)
+        if (bad := error > tolerance).any() and len(t) < _MOST:
+            t = np.sort(np.concatenate([t, between[1][bad]]))
+            continue
+        if not bad.any():
+            return found.reduce()
+        break
+    raise GeometryError(
+        f"the projection onto the surface misses its foot points by {error.max():.3g} still, at t = "
+        f"{t[error.argmax()]:.9g}, with {len(t)} stations; split the curve there if that is a kink, or allow more than {tolerance:g}"
+    )
+
+
+class _Feet:
+    """The foot points (u, v)(t) of a curve, continuous along it."""
+
+    def __init__(self, surface: Surface, curve: Curve, tolerance: float) -> None:
+        self._surface, self._curve, self._tolerance = surface, curve, tolerance
+        self._low, self._high = (np.array(bound) for bound in np.transpose(surface.domain))
+        self._t = np.union1d(np.linspace(*curve.domain, _GUIDES), curve.breaks)
+        points = curve(self._t)
+        self._uv = self._connected(points, self._nearest(points))
+        self._checked(self._t, points, self._uv)
+        ends = curve.jet(curve.domain, 1)
+        same = np.abs(ends[:, 1] - ends[:, 0]).max(axis=-1) <= 1e-9 * np.abs(ends).max(axis=(1, 2))
+        apart = np.abs(self._uv[-1] - self._uv[0]) / (self._high - self._low)
+        self.closed = bool(same.all() and apart.max() <= 1e-9)
+
+    def __call__(self, t: Array) -> Array:
+        """Return the foot points' parameters (n, 2)."""
+        points = self._curve(t)
+        start = np.stack([np.interp(t, self._t, column) for column in self._uv.T], axis=-1)
+        return self._checked(t, points, self._solve(points, start))
+
+    def distance(self, c: Curve, t: Array) -> Array:
+        """Return how far S(c(t)) is from the foot points, (n,)."""
+        found, foot = (self._surface(uv[:, 0], uv[:, 1]) for uv in (c(t), self(t)))
+        return np.asarray(np.linalg.norm(found - foot, axis=-1))
+
+    def _nearest(self, points: Array) -> Array:
+        """Return the nearest of the points that two starts lead to: the nearest of a grid, and the nearest far from it.
+
+        At a seam those are its two sides, and only one may lead to a foot inside the domain.
+        """
+        inner = (np.arange(_SEEDS) + 0.5) / _SEEDS  # off the borders, which may be poles
+        lines = [(b[:-1, None] + np.diff(b)[:, None] * inner).ravel() for b in self._surface.breaks]
+        u, v = (x[np.linspace(0, len(x) - 1, min(len(x), _GRID)).round().astype(int)] for x in lines)
+        nodes = self._surface.grid(u, v).reshape(-1, 3)
+        uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+        centre = nodes.mean(axis=0)
+        squares = ((nodes - centre) ** 2).sum(axis=1) - 2 * (points - centre) @ (nodes - centre).T
+        first = uv[squares.argmin(axis=1)]
+        far = (np.abs(uv - first[:, None]) > _JUMP * (self._high - self._low)).any(axis=-1)
+        second = uv[np.where(far, squares, np.inf).argmin(axis=1)]
+        first, second = self._solve(points, first), self._solve(points, second)
+        better = self._off(points, second) < self._off(points, first) - self._tolerance
+        return np.where(better[:, None], second, first)
+
+    def _solve(self, points: Array, uv: Array) -> Array:
+        """Minimise the distances by Newton's method, halving steps that do not, all points at once.
+
+        Iterations may leave the domain by a little; what comes back is inside.
+        """
+        width = self._high - self._low
+        low, high = self._low - _MARGIN * width, self._high + _MARGIN * width
+        uv = np.clip(uv, low, high)
+        for _ in range(_STEPS):
+            step = np.clip(self._step(points, uv), -_JUMP * width, _JUMP * width)
+            before, scale = self._off(points, uv), np.ones((len(uv), 1))
+            for _ in range(_DAMPINGS):
+                after = np.clip(uv + scale * step, low, high)
+                worse = self._off(points, after) > before * (1 + 1e-12) + 1e-15 * np.abs(points).max()
+                if not worse.any():
+                    break
+                scale[worse] /= 2
+            moved = np.abs(after - uv) / width
+            uv = after
+            if moved.max() <= _STILL:
+                break
+        return np.clip(uv, self._low, self._high)
+
+    def _off(self, points: Array, uv: Array) -> Array:
+        return np.asarray(np.linalg.norm(self._surface(uv[:, 0], uv[:, 1]) - points, axis=-1))
+
+    def _step(self, points: Array, uv: Array) -> Array:
+        """Return Newton's step (n, 2) for (S - X).Su = (S - X).Sv = 0; Gauss's where that is no minimum."""
+        jet = self._surface.jet(uv[:, 0], uv[:, 1], 2)
+        su, sv, away = jet[1, 0], jet[0, 1], jet[0, 0] - points
+        a, b, c = ((x * y).sum(axis=-1) for x, y in ((su, su), (su, sv), (sv, sv)))
+        p, q, r = ((away * x).sum(axis=-1) for x in (jet[2, 0], jet[1, 1], jet[0, 2]))
+        bowl = ((a + p) * (c + r) - (b + q) ** 2 > 1e-3 * (a * c - b * b)) & (a + p > 0)
+        a, b, c = (x + np.where(bowl, y, 0) for x, y in ((a, p), (b, q), (c, r)))
+        f, g = (away * su).sum(axis=-1), (away * sv).sum(axis=-1)
+        det = a * c - b * b
+        regular = det > 1e-14 * a * c
+        det, a, c = np.where(regular, det, 1), np.where(a > 0, a, np.inf), np.where(c > 0, c, np.inf)
+        single = np.stack([-f / a, -g / c], axis=-1)  # at a pole, where one of the partials vanishes
+        return np.where(regular[:, None], np.stack([b * g - c * f, b * f - a * g], axis=-1) / det[:, None], single)
+
+    def _connected(self, points: Array, uv: Array) -> Array:
+        """Where neighbours are far apart, as on both sides of a seam, start anew from the one before, or after."""
+        width = self._high - self._low
+        for order in (range(1, len(uv)), range(len(uv) - 2, -1, -1)):
+            for i in order:
+                beside, here = uv[i - order.step], slice(i, i + 1)
+                if (np.abs(uv[i] - beside) > _JUMP * width).any():
+                    again = self._solve(points[here], beside[None])
+                    if self._off(points[here], again) <= self._off(points[here], uv[here]) + self._tolerance:
+                        uv[i] = again[0]
+        jump = (np.abs(np.diff(uv, axis=0)) > _JUMP * width).any(axis=1)
+        if jump.any():
+            i = int(jump.argmax())
+            raise GeometryError(
+                f"the foot points on the surface jump, from {uv[i]} at t = {self._t[i]:.9g} to {uv[i + 1]} at t = "
+                f"{self._t[i + 1]:.9g}: the curve crosses a seam, or has two nearest points there; split it"
+            )
+        return uv
+
+    def _checked(self, t: Array, points: Array, uv: Array) -> Array:
+        """Return the parameters, all of which must be of foot points: no step along the surface leads nearer."""
+        jet, step = self._surface.jet(uv[:, 0], uv[:, 1], 1), self._step(points, uv)
+        outside = np.linalg.norm(step[:, :1] * jet[1, 0] + step[:, 1:] * jet[0, 1], axis=-1) > self._tolerance
+        if outside.any():
+            i = int(outside.argmax())
+            x, y, z = points[i]
+            raise GeometryError(
+                f"the point of the curve at t = {t[i]:.9g}, ({x:.9g}, {y:.9g}, {z:.9g}), has no foot on the surface "
+                f"inside its domain; clip the curve, or extend the surface"
+            )
+        return uv

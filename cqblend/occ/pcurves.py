@@ -1,0 +1,163 @@
+"""Edges of OCCT as symbolic curves: in the parameter plane of a face's spline surface, and in space.
+
+The parameters are those of :func:`cqblend.occ.convert.to_surface`, in which the rails of freeform blends live. On
+planes, B-splines and extrusions they are the face's own, and a pcurve is taken as it is; on analytic faces an angle
+becomes the parameter of a rational arc, and a pcurve that mixes directions is fitted. Decides nothing about blends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_TrimmedCurve
+from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_OffsetCurve, Geom2d_TrimmedCurve
+from OCP.Geom2dConvert import Geom2dConvert
+from OCP.GeomConvert import GeomConvert
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
+
+from cqblend.blends import projection
+from cqblend.blends.primaries import Array
+from cqblend.errors import GeometryError, SelectionError, UnsupportedError
+from cqblend.occ import bulk
+from cqblend.occ.convert import Arcs, ParameterMap, with_parameters
+from cqblend.occ.topology import explore
+from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.composition import follow
+from cqblend.splines.evaluation import Side
+
+PCURVE = 1e-11
+"""Largest error of a fitted curve in the parameter plane."""
+
+_REFINEMENTS = 12
+_INNER = (np.arange(1, 4) / 4)[:, None]
+
+
+def curve_on(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
+    """Return an edge of a face as a curve of dim 2 in the parameters of ``to_surface(face)``, run as the edge is.
+
+    Exact where those are the face's own parameters, and for straight pcurves along u or v on any face; such lines are
+    run through at constant speed, which on an arc is not that of the angle. Else a C2 quintic, C1 where arcs meet,
+    within 1e-11.
+
+    Parameters
+    ----------
+    face : TopoDS_Face
+    edge : TopoDS_Edge
+        One of its edges. A REVERSED edge is run backwards, over the same range of t; the orientation also tells the two
+        sides of a seam apart.
+
+    Raises
+    ------
+    SelectionError
+        If the edge is not on the face.
+    GeometryError
+        If a fit does not reach 1e-11.
+    UnsupportedError
+        If the pcurve is an offset curve.
+    """
+    if not any(use.IsSame(edge) for use in explore(face, TopAbs_EDGE)):
+        raise SelectionError("the edge is not one of the face's: take it from the face, or project it")
+    plane = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+    if plane is None:
+        raise SelectionError("the edge has no curve in the parameters of the face: project it")
+    curve = _plane_curve(plane, *BRep_Tool.Range_s(edge, face))
+    curve = _in_spline_parameters(curve, with_parameters(face)[1])
+    return curve.reverse() if edge.Orientation() == TopAbs_REVERSED else curve
+
+
+def curve_of(edge: TopoDS_Edge) -> Curve:
+    """Return an edge as a curve of dim 3 in space, run as the edge is; conics as rational arcs.
+
+    Raises
+    ------
+    SelectionError
+        If the edge is degenerate: a point.
+    """
+    curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
+    if curve is None:
+        raise SelectionError("the edge has no curve in space: it is degenerate, or has curves on faces only")
+    spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, *BRep_Tool.Range_s(edge)))
+    result = Curve.from_bspline(*bulk.curve_to_arrays(spline))
+    return result.reverse() if edge.Orientation() == TopAbs_REVERSED else result
+
+
+def projected(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1e-7) -> Curve:
+    """Return the projection of an edge, or of a curve of dim 3, into the parameter plane of a surface.
+
+    See :func:`cqblend.blends.projection.projected`.
+
+    Raises
+    ------
+    SelectionError
+        If the edge is degenerate.
+    GeometryError
+        If a point has no foot inside the surface's domain, or the tolerance cannot be reached.
+    """
+    return projection.projected(surface, curve if isinstance(curve, Curve) else curve_of(curve), tolerance)
+
+
+def _plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
+    """Return a curve of the parameter plane over a part of its range."""
+    while isinstance(curve, Geom2d_TrimmedCurve):
+        curve = curve.BasisCurve()
+    if isinstance(curve, Geom2d_OffsetCurve):
+        raise UnsupportedError("the edge's curve on the face is an offset curve, which is no spline: project the edge")
+    if not curve.IsPeriodic():
+        first, last = max(first, curve.FirstParameter()), min(last, curve.LastParameter())
+    whole = (first, last) == (curve.FirstParameter(), curve.LastParameter())
+    if not (whole and isinstance(curve, Geom2d_BSplineCurve)):
+        curve = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
+    return Curve.from_bspline(*bulk.curve2d_to_arrays(curve))
+
+
+def _in_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
+    """Return a curve in a face's own parameters in those of its spline."""
+    both = (parameters.u, parameters.v)
+    if both == (None, None):
+        return curve
+    ends = curve(curve.domain)
+    if curve.degree == 1 and len(curve.breaks) == 2 and not curve.rational and (ends[0] == ends[1]).any():
+        return Curve.bezier(parameters.to_spline(ends), domain=curve.domain)
+    lines = [np.array([0.0, 1.0]) if arcs is None else arcs.breaks for arcs in both]
+    cut, index, _ = follow(curve, lines, [np.zeros(len(line) - 2, dtype=int) for line in lines])
+    pieces, breaks = index, cut.breaks
+    rounding = 16 * np.finfo(float).eps * max(float(np.abs(bound).max()) for bound in curve.bounds())
+    for _ in range(_REFINEMENTS):
+        starts = _jets(cut, both, pieces, breaks[:-1], "right")
+        stops = _jets(cut, both, pieces, breaks[1:], "left")
+        same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
+        stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
+        fitted = fit.hermite(breaks, np.stack([starts, stops], axis=2))
+        t = breaks[:-1] + _INNER * np.diff(breaks)
+        error = np.abs(fitted(t) - parameters.to_spline(curve(t))).max(axis=(0, 2))
+        bad = error > PCURVE + rounding
+        if not bad.any():
+            return fitted
+        at = np.flatnonzero(bad)
+        breaks = np.insert(breaks, at + 1, t[1, at])
+        pieces = np.insert(pieces, at + 1, pieces[:, at], axis=1)
+    raise GeometryError(
+        f"the edge's curve on the face errs by {error.max():.3g} in the spline's parameters at t = "
+        f"{breaks[int(error.argmax())]:.9g}, more than {PCURVE:g}"
+    )
+
+
+def _jets(curve: Curve, arcs: tuple[Arcs | None, Arcs | None], pieces: Array, t: Array, side: Side) -> Array:
+    """Return a curve's parameters on a spline and their first two derivatives, (3, n, 2).
+
+    ``pieces`` (2, n) are the arcs on which the points count: at their ends the second derivative depends on it.
+    """
+    out = curve.jet(t, 2, side=side)
+    for axis, whole in enumerate(arcs):
+        if whole is None:
+            continue
+        for k in np.unique(pieces[axis]):
+            on = pieces[axis] == k
+            arc = Arcs(whole.breaks[k : k + 2], whole.hyperbolic)
+            angle, turn, bend = out[:, on, axis]
+            value = arc.to_spline(angle)
+            slope, curvature = arc.rates(value)
+            rate = turn / slope
+            out[:, on, axis] = value, rate, (bend - curvature * rate**2) / slope
+    return out
