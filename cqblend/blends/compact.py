@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -34,11 +35,13 @@ SHARED = 3  # values and derivatives taken over at a joint, at most: half the co
 CURVATURE = 1e-6  # tolerance in curvature, in units of 1 / size of the rail
 MARGIN = 0.9  # share of the tolerances that may be used up where they are measured
 FINEST = 4096  # spans
-LONGEST = 32  # spans between two joints: longer stretches are halved, so that matrices stay small
-GROWTH = 4.0  # largest factor from one number of spans to the next
+LONGEST = 48  # spans between two joints: longer stretches are halved, so that matrices stay small
+LEAST, GROWTH = 1.08, 4.0  # factors from one number of spans to the next
+SHRINKAGE = 0.5  # of what is good enough, where a part is divided from it
 KINK = np.array([0.5, 0.1, 0.017, 0.005])
 """Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""
 HARMLESS = 0.05  # share of the tolerance up to which a jump is averaged away
+JOINT = 3  # poles that a joint costs beyond single knots
 EXPLAINS = 0.3  # a jump explains an error if ignoring it costs this share of it
 SNAP = 1e-3  # of a stretch: nearer breaks of the exact jets take the place of its middle
 FITTED, CHECKED = 4, 10  # samples of each span
@@ -277,9 +280,16 @@ def _joints(exact: _Exact) -> tuple[list[_Joint], Array, Array]:
     spacing = (t[high] - t[low]) / (high - low)
     joints, influence = _at(exact, t, spacing)
     worst = influence.max(axis=0)
-    chosen = (worst * spacing ** np.arange(len(worst))[:, None]).max(axis=0) > 1
+    chosen = _harmless(worst) * JOINT < spacing
     chosen[[0, -1]] = True
     return [joints[i] for i in np.flatnonzero(chosen)], t[~chosen], worst[:, ~chosen]
+
+
+def _harmless(influence: Array) -> Array:
+    """Return the longest spans on which jumps with that influence (4, n) may be ignored, (n,)."""
+    orders = np.arange(1, len(influence))[:, None]
+    lengths = np.maximum(influence[1:], np.finfo(float).tiny) ** (-1 / orders)
+    return np.where(influence[0] > 1, 0.0, lengths.min(axis=0))
 
 
 @lru_cache(maxsize=512)
@@ -300,7 +310,8 @@ def _operator(spans: int, first: int, last: int) -> Array:
     solution = np.zeros((count, first + last + len(samples)))
     solution[fixed, : first + last] = np.linalg.inv(ends)
     if len(free):
-        inverse = np.linalg.pinv(samples[:, free])
+        q, r = np.linalg.qr(samples[:, free])
+        inverse = np.linalg.solve(r, q.T)
         solution[free, first + last :] = inverse
         solution[free, : first + last] = -inverse @ samples[:, fixed] @ solution[fixed, : first + last]
     matrix = np.einsum("icn,cd->nid", pieces, solution).reshape(-1, solution.shape[1])
@@ -390,34 +401,40 @@ def _refined(
     With more spans means either uniformly or, where that takes fewer, each half with its own number.
     """
     n, width = stretch.spans, stretch.length / stretch.spans
-    if len(kinks):
-        cost = (influence * width ** np.arange(len(influence))[:, None]).max(axis=0)
-        near = np.abs(t - kinks[:, None]) <= width
-        explained = (cost > 1) & (cost > EXPLAINS * np.where(near, errors, 0).max(axis=1))
-        if explained.any():
-            return _divided(exact, stretch, kinks[explained], None)
     middle = (stretch.start.t + stretch.end.t) / 2
-    more = _more(n, errors)
-    halves = [_more(n / 2, errors[half]) for half in (t < middle, t >= middle)]
-    if more > LONGEST or sum(halves) + SHARED - 1 < more:
+    more = _more(n, errors.max())
+    halves = [_more(n / 2, errors[half].max()) for half in (t < middle, t >= middle)]
+    cost = (influence * width ** np.arange(len(influence))[:, None]).max(axis=0)
+    near = np.abs(t - kinks[:, None]) <= width
+    explained = (cost > 1) & (cost > EXPLAINS * np.where(near, errors, 0).max(axis=1))
+    if explained.any():
+        longest = _harmless(influence[:, explained])
+        order = np.argsort(longest)
+        counts = np.append(n * np.minimum(width / np.maximum(longest[order], stretch.length / FINEST), FINEST), n)
+        chosen = np.argmin(counts + JOINT * np.arange(len(counts)))
+        if chosen:
+            return _divided(exact, stretch, np.sort(kinks[explained][order[:chosen]]))
+        more = max(more, int(np.ceil(min(GROWTH * n, counts[0]))))
+        halves = [-(-more // 2)] * 2
+    if more > LONGEST or sum(halves) + JOINT < more:
         return _divided(exact, stretch, np.array([middle]), halves)
     return [_Stretch(stretch.start, stretch.end, more)]
 
 
-def _more(spans: float, errors: Array) -> int:
-    """Return how many spans bring errors to one: they fall with the fifth power of their number, that of a slope."""
-    return int(np.ceil(spans * min(GROWTH, errors.max() ** (1 / DEGREE))))
+def _more(spans: float, error: float) -> int:
+    """Return how many spans bring an error to one: it falls with the fifth power of their number, that of a slope."""
+    return int(np.ceil(spans * np.clip(error ** (1 / DEGREE), SHRINKAGE if error < 1 else LEAST, GROWTH)))
 
 
-def _divided(exact: _Exact, stretch: _Stretch, t: Array, counts: list[int] | None) -> list[_Stretch]:
-    """Divide a stretch at t, into parts with the given numbers of spans, or spans as long as they are."""
+def _divided(exact: _Exact, stretch: _Stretch, t: Array, counts: Sequence[int] | None = None) -> list[_Stretch]:
+    """Divide a stretch at t, into parts with the given numbers of spans, or with spans as long as they are."""
     near = exact.breaks[np.abs(exact.breaks - t[:, None]).argmin(axis=1)]
     t = np.where(np.abs(near - t) < SNAP * stretch.length, near, t)
     joints = [stretch.start, *_at(exact, t, np.full(len(t), stretch.length / stretch.spans))[0], stretch.end]
-    pairs = list(zip(joints, joints[1:], strict=False))
     if counts is None:
-        counts = [max(1, round((b.t - a.t) / stretch.length * stretch.spans)) for a, b in pairs]
-    return [_Stretch(a, b, max(1, count)) for (a, b), count in zip(pairs, counts, strict=True)]
+        shares = np.diff([joint.t for joint in joints]) / stretch.length
+        counts = np.maximum(1, np.round(shares * stretch.spans)).astype(int).tolist()
+    return [_Stretch(a, b, count) for (a, b), count in zip(pairwise(joints), counts, strict=True)]
 
 
 def _assembled(done: list[tuple[_Stretch, Array]], first: int) -> tuple[list[Curve], list[Curve]]:
