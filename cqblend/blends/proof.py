@@ -47,15 +47,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.spline import union
+
+if TYPE_CHECKING:
+    from cqblend.blends.hermite import Blend
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 2.0**-46  # of the largest coordinate, 1.4e-14: a rail nearer than that to the exact one is the exact one
@@ -100,13 +102,16 @@ class Proof:
 def prove(blend: Blend) -> Proof:
     """Prove how a blend meets both of its surfaces: the larger bounds of the two rails.
 
+    The proof is about the B-spline that the blend leaves as, with its knots.
+
     Raises
     ------
     InputError
         If the surface and a ribbon have different domains.
     """
+    surface = Surface.from_bspline(*blend.surface.to_bspline())
     first, second = blend.ribbons
-    return prove_side(blend.surface, 0, first) | prove_side(blend.surface, 1, second)
+    return prove_side(surface, 0, first) | prove_side(surface, 1, second)
 
 
 def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int | None = None) -> Proof:
