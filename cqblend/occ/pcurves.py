@@ -36,9 +36,10 @@ _INNER = (np.arange(1, 4) / 4)[:, None]
 def curve_on(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
     """Return an edge of a face as a curve of dim 2 in the parameters of ``to_surface(face)``, run as the edge is.
 
-    Exact where those are the face's own parameters, and for straight pcurves along u or v on any face; such lines are
-    run through at constant speed, which on an arc is not that of the angle. Else a C2 quintic, C1 where arcs meet,
-    within 1e-11.
+    Exact where those are the face's own parameters, and for straight pcurves along u or v on any face. Conics, and such
+    lines where the spline's parameter is not the angle, are the same curve at another speed, with the ends at the
+    edge's own parameters. Everything else is fitted at the edge's own speed, as C2 quintics (C1 where arcs of the
+    surface meet) within 1e-11.
 
     Parameters
     ----------
