@@ -17,43 +17,71 @@ from cqblend.certificate import Certificate, RailRecord
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
+    from cqblend.blends.rails import Rail
+    from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
     from cqblend.front import BlendResult, blend_edges, continuity, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.splines.curve import Curve
+    from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
+    from cqblend.splines.unit_length import Normalised, normalise
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Blend",
     "BlendResult",
     "Certificate",
+    "Combination",
     "Continuity",
     "CqblendError",
     "Curve",
+    "Guide",
+    "Normalised",
+    "Rail",
     "RailRecord",
     "Surface",
     "Verification",
     "__version__",
     "blend_edges",
+    "change_of_parameter",
     "continuity",
+    "curve_on",
     "errors",
+    "hermite_blend",
+    "normalise",
+    "projected",
+    "reparameterise",
     "to_face",
     "to_surface",
     "verify",
+    "with_end_speeds",
 ]
 
 _HOME = {
+    "Blend": "freeform",
     "BlendResult": "front",
+    "Combination": "freeform",
     "Continuity": "occ.measure",
     "Curve": "splines.curve",
+    "Guide": "freeform",
+    "Normalised": "splines.unit_length",
+    "Rail": "blends.rails",
     "Surface": "splines.surface",
     "Verification": "occ.verification",
     "blend_edges": "front",
+    "change_of_parameter": "splines.retiming",
     "continuity": "front",
+    "curve_on": "freeform",
+    "hermite_blend": "freeform",
+    "normalise": "splines.unit_length",
+    "projected": "freeform",
+    "reparameterise": "splines.retiming",
     "to_face": "front",
     "to_surface": "front",
     "verify": "front",
+    "with_end_speeds": "splines.retiming",
 }
 
 

@@ -23,12 +23,12 @@ Section = Literal["hermite"]
 FormWanted = Literal["auto", "exact", "compact"]
 
 # What is built, and what is part of the interface but not built yet.
-_CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
+CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
 _TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
 _TANGENTS_LATER = ("guide", "combination")
 _SECTION: tuple[Section, ...] = ("hermite",)
 _SECTION_LATER = ("pde", "potential")
-_FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
+FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 
 Chosen = TypeVar("Chosen", bound=str)
 Checked = TypeVar("Checked")
@@ -125,22 +125,22 @@ class BlendRequest:
             raise InputError(f"give exactly one of radius and width, not {given}")
         return cls(
             radius=None if radius is None else _size("radius", radius),
-            width=None if width is None else _pair("width", width, _size),
-            continuity=_pair(
-                "continuity", "G1" if continuity is None else continuity, partial(_choice, built=_CONTINUITY)
+            width=None if width is None else pair("width", width, _size),
+            continuity=pair(
+                "continuity", "G1" if continuity is None else continuity, partial(choice, built=CONTINUITY)
             ),
-            tangents=_pair("tangents", tangents, partial(_choice, built=_TANGENTS, later=_TANGENTS_LATER)),
-            bulge=_pair("bulge", bulge, _positive),
-            steer=_positive("steer", steer, zero=True),
-            section=_choice("section", section, _SECTION, _SECTION_LATER),
-            form=_choice("form", form, _FORM),
-            tolerance=_positive("tolerance", tolerance),
-            angular_tolerance=_positive("angular_tolerance", angular_tolerance),
+            tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
+            bulge=pair("bulge", bulge, positive),
+            steer=positive("steer", steer, zero=True),
+            section=choice("section", section, _SECTION, _SECTION_LATER),
+            form=choice("form", form, FORM),
+            tolerance=positive("tolerance", tolerance),
+            angular_tolerance=positive("angular_tolerance", angular_tolerance),
             first=first,
         )
 
 
-def _choice(name: str, value: object, built: tuple[Chosen, ...], later: tuple[str, ...] = ()) -> Chosen:
+def choice(name: str, value: object, built: tuple[Chosen, ...], later: tuple[str, ...] = ()) -> Chosen:
     """Return the built option that `value` names."""
     for option in built:
         if isinstance(value, str) and value == option:
@@ -158,7 +158,7 @@ def _size(name: str, value: object) -> float:
     """Return a length that an edge can be blended with, as a float."""
     if callable(value):
         raise UnsupportedError(f"a {name} that varies along the edge is not built yet; give a number")
-    size = _positive(name, value)
+    size = positive(name, value)
     if size < SMALLEST:
         raise SizeError(f"{name} {size:g} mm is below {SMALLEST:g} mm, ten times OCCT's tolerance; scale the model up")
     if size > LARGEST:
@@ -166,7 +166,7 @@ def _size(name: str, value: object) -> float:
     return size
 
 
-def _pair(name: str, value: object, check: Callable[[str, object], Checked]) -> tuple[Checked, Checked]:
+def pair(name: str, value: object, check: Callable[[str, object], Checked]) -> tuple[Checked, Checked]:
     """Return one checked value a side from one value or a pair."""
     if not isinstance(value, tuple | list):
         checked = check(name, value)
@@ -176,7 +176,7 @@ def _pair(name: str, value: object, check: Callable[[str, object], Checked]) -> 
     return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
 
 
-def _positive(name: str, value: object, *, zero: bool = False) -> float:
+def positive(name: str, value: object, *, zero: bool = False) -> float:
     """Return a finite number above 0 (or 0, if that is allowed) as a float. A bool is no number."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number, not {shown(value)}")

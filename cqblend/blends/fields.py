@@ -1,8 +1,8 @@
-"""Cross directions: Kim and Elber's fields T1 to T5 as numbers, along a rail on any primary.
+"""Cross directions of a fitted rail: Kim and Elber's fields T1 to T3 as numbers, on any primary.
 
 A field tells, at each station, in which tangent direction a blend leaves its surface; a ribbon is then fitted to it in
-the parameter plane (:mod:`cqblend.blends.fitting`). Only directions count here: lengths are chosen apart from them. The
-same fields as exact splines are :meth:`cqblend.blends.rails.Rail.field`.
+the parameter plane (:mod:`cqblend.blends.aiming`). Only directions count here: lengths are chosen apart from them. On
+rails that are given, on splines, all five fields are those of :class:`cqblend.blends.rails.Rail`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from cqblend.blends.primaries import Array, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve
 
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
 
@@ -51,29 +50,6 @@ def parametric(at: Along) -> Array:
 def chord(at: Along) -> Array:
     """T3: the way to the other rail."""
     return at.chord
-
-
-@dataclass(frozen=True)
-class Guide:
-    """T4: a guiding curve K(t), dim 3, that points into the blend."""
-
-    curve: Curve
-
-    def __call__(self, at: Along) -> Array:
-        """Return K(t)."""
-        return self.curve(at.t)
-
-
-@dataclass(frozen=True)
-class Combination:
-    """T5 = r Su + s Sv, with a plane curve (r, s)(t)."""
-
-    curve: Curve
-
-    def __call__(self, at: Along) -> Array:
-        """Return r Su + s Sv."""
-        rs = self.curve(at.t)
-        return rs[:, :1] * at.jet[1] + rs[:, 1:] * at.jet[2]
 
 
 def _facing(vectors: Array, at: Along) -> Array:

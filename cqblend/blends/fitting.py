@@ -15,23 +15,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cqblend.blends.aiming import FEWEST, FINE, Maker, aim, euclidean
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fields import Along, Field, directions, perpendicular
-from cqblend.blends.primaries import Array, Primary, cross, near_period, tangent_coordinates, unit, unwrapped
+from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
-from cqblend.splines.evaluation import quotient
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
-FEWEST = 16  # spans of a cubic rail
-FINE, FINEST = 1 / 256, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
+FINEST = 1 / 4096  # shortest span of a cubic rail, as a share of it, for the sake of its position
 
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
-Maker = Callable[[Array], Curve]
 Scale = Callable[[Array], Array]
 Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
 
@@ -40,9 +38,9 @@ Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t
 class Wanted:
     """What ribbons are to be: within tolerances in space (mm), in direction (rad) and in length (relative).
 
-    By side, ``fields`` are their cross directions, ``bulges`` factors on the lengths that the contacts suggest, as functions of
-    t, ``orders`` the numbers of directions, ``steer`` the largest angle (rad) by which directions are turned for the
-    sake of what is inside the blend.
+    By side, ``fields`` are their cross directions, ``bulges`` factors on the lengths that the contacts suggest, as
+    functions of t, ``orders`` those of continuity; ``steer`` is the largest angle (rad) by which directions are turned
+    for the sake of what is inside the blend.
     """
 
     position: float = 1e-7
@@ -59,20 +57,13 @@ class Errors:
     """How far a fitted ribbon is from what was wanted, at every sample.
 
     In space (mm), of that across the rail (what is along it only shifts the common parameter), in direction (rad), in
-    length (relative).
+    length (relative), both less the slack of steering.
     """
 
     position: Array
     across: Array
     direction: Array
     length: Array
-
-
-def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
-    """Return points and velocities (n, 3) of a homogeneous curve (dim 4)."""
-    x, dx = curve.jet(t, 1)
-    point = x[:, :3] / x[:, 3:]
-    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
 
 
 def along(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
@@ -109,45 +100,6 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
     return solve_around
 
 
-def aim(
-    primary: Primary, c: Curve, uv: Array, t: Array, vectors: Array, order: int, make: Maker, steering: Steering
-) -> tuple[tuple[Curve, ...], Array, Array]:
-    """Fit the directions of a ribbon on a rail to wanted first ones, tangent vectors (n, 3) at t.
-
-    ``uv`` (n, 2) are the rail's native parameters at t; ``make`` turns lifted values there into a curve. Second
-    directions are such that the second derivative is normal to the surface, third ones such that the speed of the
-    ribbon's sections stays constant: those of curves run through at constant speed and as straight as they can be.
-
-    Returns
-    -------
-    directions, direction, length
-        The lifted curves, and how far the first one is from the (steered) vectors at t: rad, and relative.
-    """
-    jet = primary.jet(uv)
-    vectors = steering.turned(vectors, unit(cross(jet[1], jet[2])), t)
-    lifted = c(t)
-    rs = steering.pinned(tangent_coordinates(jet, vectors), t)
-    directions = [make(primary.push(uv, lifted, rs))]
-    for k in range(2, order + 1):
-        jets = np.stack([curve(t) for curve in primary.jets(c, directions, k)])
-        space = derivatives(jets)
-        target = np.zeros_like(vectors)
-        if k == 3:
-            target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
-        rs = steering.faded(tangent_coordinates(jet, target - space[k]), t)
-        gauge = -jets[k, :, 3:] / jets[0, :, 3:]
-        directions.append(make(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers))
-    fitted = derivatives(np.stack([curve(t) for curve in primary.jets(c, directions[:1])]))[1]
-    angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
-    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
-    return tuple(directions), angle, np.abs(ratio)
-
-
-def derivatives(jets: Array) -> Array:
-    """Return the derivatives (k, n, 3) by v in space of homogeneous ones (k, n, 4)."""
-    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
-
-
 def _build(
     primaries: tuple[Primary, Primary],
     t: Array,
@@ -180,11 +132,11 @@ def _build(
     errors = Errors(
         np.linalg.norm(offset, axis=1),
         np.linalg.norm(cross(offset, unit(rate[inside])), axis=1),
-        turned[inside],
-        ratio[inside],
+        (turned - steering.slack(t))[inside],
+        (ratio - steering.slack(t))[inside],
     )
     direction = (turned + np.abs(steering.angle(t)))[inside]
-    ribbon = Ribbon(primary, c, made, near, wanted.orders[side], float(direction.max()), float(errors.length.max()))
+    ribbon = Ribbon(primary, c, made, near, wanted.orders[side], float(direction.max()), float(ratio[inside].max()))
     return ribbon, errors
 
 

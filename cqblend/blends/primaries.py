@@ -40,16 +40,21 @@ from numpy.typing import NDArray
 from cqblend.errors import GeometryError
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
-from cqblend.splines.evaluation import quotient
+from cqblend.splines.evaluation import Side, quotient
 
 Array = NDArray[Any]
+
+EVEN = 1e-10  # of a surface: jumps of derivatives up to that are rounding
 
 # Order of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv.
 JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 class Crossing(NamedTuple):
-    """Where a rail crosses a knot line: at t, the line native parameter ``axis`` = ``value``, and its continuity."""
+    """Where a rail crosses a knot line: at t, the line native parameter ``axis`` = ``value``.
+
+    ``continuity`` is that of the surface at this very point, counted up to 4.
+    """
 
     t: float
     axis: int
@@ -126,8 +131,8 @@ class Primary(ABC):
         """Return the inner knot lines of a native parameter."""
         return np.empty(0)
 
-    def crossings(self, c: Curve) -> list[Crossing]:
-        """Return where a rail crosses knot lines of the surface, along the rail."""
+    def crossings(self, c: Curve, most: int) -> list[Crossing]:
+        """Return where a rail crosses knot lines at points where the surface is C``most`` or less, along the rail."""
         return []
 
     def is_native(self) -> bool:
@@ -164,6 +169,16 @@ def tangent_coordinates(jet: Array, vector: Array) -> Array:
     if not np.all(det > 0):
         raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
     return np.stack([(g * p - f * q) / det, (e * q - f * p) / det], -1)
+
+
+def aligned(curves: Sequence[Curve]) -> list[Curve]:
+    """Cut curves over one domain at each other's breaks."""
+    first = curves[0]
+    if all(np.array_equal(curve.breaks, first.breaks) for curve in curves[1:]):
+        return list(curves)
+    for curve in curves[1:]:
+        first = first.cut(curve.breaks[1:-1])
+    return [curve.cut(first.breaks[1:-1]) for curve in curves]
 
 
 def near_period(value: Array, near: Array, period: float) -> Array:
@@ -246,7 +261,8 @@ class Quadric(Primary):
         return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
 
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
-        phi = [c, *directions]
+        phi = aligned([c, *directions])
+        breaks = phi[0].breaks
         jets = []
         for k in range(len(phi) if order is None else order + 1):
             terms = [self._linear(phi[k])] if k < len(phi) else []
@@ -256,7 +272,7 @@ class Quadric(Primary):
             degree = max(map(len, terms), default=1)
             rows = sum((bernstein.elevate(term, degree - len(term)) for term in terms), np.zeros((1, 4, 1)))
             continuity = np.min([curve.continuity for curve in phi[: k + 1]], axis=0)
-            jets.append(Curve(c.breaks, np.broadcast_to(rows, (degree, 4, len(c.breaks) - 1)), continuity=continuity))
+            jets.append(Curve(breaks, np.broadcast_to(rows, (degree, 4, len(breaks) - 1)), continuity=continuity))
         return tuple(jets)
 
     @abstractmethod
@@ -621,8 +637,9 @@ class Tensor(Primary):
 
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         order = len(directions) if order is None else order
+        c, *rest = aligned([c, *directions])
         c, patches, spans, crossed = self._follow(c, order)
-        phi = [c, *(d.cut(c.breaks[1:-1]) for d in directions)]
+        phi = [c, *(d.cut(c.breaks[1:-1]) for d in rest)]
         pairs = [self._local(x, spans) for x in phi]
         none = [np.zeros((1, len(c.breaks) - 1))] * (order + 1 - len(phi))
         series = [[pair[i] / factorial(k) for k, pair in enumerate(pairs)] + none for i in range(4)]
@@ -669,21 +686,48 @@ class Tensor(Primary):
         joint = [self.joints[axis]]
         return lines, np.concatenate([orders, *([*joint, *orders] for _ in laps[1:])])
 
-    def crossings(self, c: Curve) -> list[Crossing]:
+    def crossings(self, c: Curve, most: int) -> list[Crossing]:
         found = []
         for axis in (0, 1):
             if self.angular[axis]:
                 continue
             lines, orders = self._lines(c, axis)
+            if not (orders <= most).any():
+                continue
             x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
             cut, (index,), _ = follow(Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders])
-            for j in np.flatnonzero(np.diff(index)).tolist():
-                low, high = sorted(index[j : j + 2].tolist())
-                found += [
-                    Crossing(float(cut.breaks[j + 1]), axis, float(lines[i]), int(orders[i - 1]))
-                    for i in range(low + 1, high + 1)
-                ]
-        return sorted(found)
+            steps = [(j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _between(index[j], index[j + 1])]
+            steps = [(j, i) for j, i in steps if orders[i - 1] <= most]
+            if not steps:
+                continue
+            piece, line = np.array(steps).T
+            t, value = cut.breaks[piece + 1], lines[line]
+            uv = self.unlift(c(t), np.zeros((len(t), 2)))
+            uv[:, axis] = value
+            smooth = self._smoothness(uv, axis)
+            found += [Crossing(*one) for one in zip(t.tolist(), [axis] * len(t), value.tolist(), smooth, strict=True)]
+        return sorted(one for one in found if one.continuity <= most)
+
+    def _smoothness(self, uv: Array, axis: int) -> list[int]:
+        """Return the continuity at points (n, 2) of knot lines: points may be smoother than coefficients tell."""
+        after = self.wrap(uv)
+        before = after.copy()
+        start, end = self.breaks[axis][[0, -1]]
+        if self.periods[axis] is not None:
+            seam = np.minimum(after[:, axis] - start, end - after[:, axis]) < 1e-12 * (end - start)
+            after[seam, axis], before[seam, axis] = start, end
+        span, size = np.diff(self.breaks[axis]).min(), np.abs(self.patches).max()
+        smooth = np.full(len(uv), 4)
+        for k in range(4, 0, -1):
+            jump = self._one_sided(after, axis, k, "right") - self._one_sided(before, axis, k, "left")
+            smooth[np.abs(jump).max(axis=1) * span**k > EVEN * size] = k - 1
+        return smooth.tolist()
+
+    def _one_sided(self, uv: Array, axis: int, k: int, side: Side) -> Array:
+        """Return the k-th derivative along a native parameter on one side of a knot line."""
+        assert self.surface is not None
+        order = (k, 0) if axis == 0 else (0, k)
+        return self.surface(uv[:, 0], uv[:, 1], *order, side=side)
 
     def _follow(self, c: Curve, order: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
         """Cut the rail at knot lines, for jets up to an order.
@@ -719,6 +763,11 @@ class Tensor(Primary):
                 low, high = span
                 pairs += [(high * (x + y) - y) / (high - low), (y - low * (x + y)) / (high - low)]
         return pairs[0], pairs[1], pairs[2], pairs[3]
+
+
+def _between(first: int, second: int) -> range:
+    """Return the numbers of the lines between two of the intervals that they bound, in either order."""
+    return range(min(first, second) + 1, max(first, second) + 1)
 
 
 def _kinked(orders: Sequence[Array]) -> bool:
@@ -829,6 +878,10 @@ class Revolution(Tensor):
         assert self.profile is not None
         v = self.wrap(uv)[:, 1]
         return turned_jet(self.frame, uv[:, 0], np.stack([self.profile(v, k) for k in range(3)]))
+
+    def _one_sided(self, uv: Array, axis: int, k: int, side: Side) -> Array:
+        assert self.profile is not None
+        return self.profile(uv[:, axis], k, side=side)
 
     def _weight(self, uv: Array) -> tuple[Array, Array]:
         if not self.rational or self.levelled:

@@ -20,6 +20,7 @@ from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError
 
 SLIVER = 2e-5  # of the rail: breaks nearer to each other than that are one
+LOOSE = 0.02  # share of a turn by which the fit of its fading may err
 FADE = 0.1  # of the rail: over such a length a turn fades, unless the next crossing is nearer
 
 
@@ -62,6 +63,11 @@ class Steering:
         for node, angle, left, right in zip(nodes, angles, before, after, strict=True):
             total += angle * _fade(np.where(t < node, (node - t) / left, (t - node) / right))
         return total
+
+    def slack(self, t: Array) -> Array:
+        """Return how closely a fit need follow the turn (rad): loosely where it fades, which has no meaning of its own."""
+        largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
+        return np.where(self.angle(t) == 0, 0.0, LOOSE * largest)
 
     def turned(self, vectors: Array, normals: Array, t: Array) -> Array:
         """Turn tangent vectors (n, 3) about the normals."""
@@ -109,7 +115,7 @@ def _fade(x: Array) -> Array:
 def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
     """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
     order = ribbon.order
-    crossings = [one for one in ribbon.primary.crossings(ribbon.c) if one.continuity <= order] if order else []
+    crossings = ribbon.primary.crossings(ribbon.c, order) if order else []
     if not crossings:
         return []
     if order == 3:

@@ -179,8 +179,8 @@ class Mapped(Primary):
     def lines(self, axis: int) -> Array:
         return self.spline.lines(axis)
 
-    def crossings(self, c: Curve) -> list[Crossing]:
-        return self.spline.crossings(c)
+    def crossings(self, c: Curve, most: int) -> list[Crossing]:
+        return self.spline.crossings(c, most)
 
     def _change(self, change: Callable[[Array], Array], uv: Array) -> Array:
         inside = self.spline.wrap(uv)

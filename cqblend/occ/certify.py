@@ -1,16 +1,23 @@
-"""The certificate of a blend: measured on the finished faces by :mod:`cqblend.occ.measure`, which knows no blends."""
+"""The certificate of a blend: measured on what is finished by :mod:`cqblend.occ.measure`, which knows no blends."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from OCP.BRep import BRep_Tool
 
 from cqblend.blends.hermite import Blend
 from cqblend.certificate import Certificate, RailRecord
+from cqblend.occ import bulk
+from cqblend.occ.convert import to_face
 from cqblend.occ.joint import Joint
-from cqblend.occ.measure import continuity_between, inner_crease
+from cqblend.occ.measure import contact, continuity_between, inner_crease, spread
 from cqblend.occ.surgery import Proposal
+from cqblend.splines import Curve, Surface
 
 SAMPLES = 400  # points at which each piece of a rail is measured, beside those at its knots
+STATIONS = 1000  # and of a rail that is no edge
 
 
 def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
@@ -31,6 +38,31 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
                 tolerance=max(one.tolerance for one in found),
             )
         )
+    return _certificate(
+        blend,
+        records,
+        inner_crease=inner_crease(proposal.blend).angle,
+        method="wire substitution" + (", flat ends" if proposal.caps else ""),
+        stations=SAMPLES,
+    )
+
+
+def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Certificate:
+    """Measure a blend of surfaces along its rails, each a surface and a curve in its parameter plane."""
+    face = to_face(blend.surface)
+    records = []
+    for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
+        t = spread(np.union1d(blend.surface.breaks[0], curve.breaks), STATIONS)
+        one = (BRep_Tool.Surface_s(face), np.stack([t, np.full_like(t, i)], -1))
+        two = (bulk.surface_from_arrays(*surface.to_bspline()), curve(t))
+        gap, angle, jump = contact(one, two)
+        records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0))
+    return _certificate(blend, records, inner_crease=inner_crease(face).angle, method="surfaces", stations=STATIONS)
+
+
+def _certificate(
+    blend: Blend, records: Sequence[RailRecord], *, inner_crease: float, method: str, stations: int
+) -> Certificate:
     surface = blend.surface
     t = np.linspace(*surface.domain[0], 65)
     across = np.linalg.norm(surface(t, np.ones(65)) - surface(t, np.zeros(65)), axis=1)
@@ -41,9 +73,9 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
         degree=surface.degree,
         poles=poles.shape[:2],
         rational=weights is not None,
-        inner_crease=inner_crease(proposal.blend).angle,
-        method="wire substitution" + (", flat ends" if proposal.caps else ""),
+        inner_crease=inner_crease,
+        method=method,
         valid=True,
         width=(float(across.min()), float(across.max())),
-        stations=SAMPLES,
+        stations=stations,
     )

@@ -287,12 +287,42 @@ def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
         knots = _knots(Geom2dAdaptor_Curve(pcurve, low, high))
         crossings = _crossings(pcurve, low, high, BRep_Tool.Surface_s(face))
         breaks.append(_onto(np.concatenate((knots, crossings)), (low, high), unit))
-    at = np.unique(np.concatenate(breaks))
-    grid = np.linspace(0.0, 1.0, samples)
-    grid = grid[_distance(grid, at) > _AROUND[0]]
-    clusters = (at[:, None] + np.concatenate((-_AROUND, _AROUND))).ravel()
+    return _onto(spread(np.unique(np.concatenate(breaks)), samples), unit, ends)
+
+
+def spread(at: Array, samples: int) -> Array:
+    """Spread samples over a range, equidistant and clustered beside given places (n,), its ends among them."""
+    low, high = at[0], at[-1]
+    grid = np.linspace(low, high, samples)
+    around = _AROUND * (high - low)
+    grid = grid[_distance(grid, at) > around[0]]
+    clusters = (at[:, None] + np.concatenate((-around, around))).ravel()
     ts = np.unique(np.concatenate((grid, clusters)))
-    return _onto(ts[(ts > 0.0) & (ts < 1.0) & (_distance(ts, at) > _AROUND[0] / 2)], unit, ends)
+    return np.asarray(ts[(ts > low) & (ts < high) & (_distance(ts, at) > around[0] / 2)])
+
+
+def contact(one: tuple[Geom_Surface, Array], two: tuple[Geom_Surface, Array]) -> tuple[float, float, float]:
+    """Measure how two surfaces meet at pairs of parameters (n, 2) along a common curve, u along it on the first.
+
+    Returns gap, angle and curvature jump as in :class:`Continuity`; on a surface, normals have no outside, and are
+    taken to point the same way on both.
+    """
+    samples, tangents = [], None
+    for surface, uv in (one, two):
+        jets = _jets(surface, uv, order=2)
+        normals, curvature = _normals_and_curvature(jets, reverse=False)
+        if tangents is None:
+            tangents = jets[:, 1]
+        elif np.nansum(normals * samples[0].normals) < 0:
+            normals, curvature = -normals, -curvature
+        samples.append(EdgeSamples(jets[:, 0], normals, curvature, uv))
+    assert tangents is not None
+    a, b = samples
+    return (
+        float(np.linalg.norm(a.points - b.points, axis=1).max()),
+        float(np.nanmax(angle_between(a.normals, b.normals))),
+        float(np.nanmax(_spectral_norm(_unfolded(a, tangents) - _unfolded(b, tangents)))),
+    )
 
 
 def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:

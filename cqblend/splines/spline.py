@@ -166,14 +166,15 @@ class Spline:
         before = (slice(None),) * self._directions
         return self._coefs[(*before, slice(None, -1))], self._coefs[(*before, slice(-1, None))]
 
-    def _like(self, numerator: Array, weight: Array | None) -> Self:
+    def _like(self, numerator: Array, weight: Array | None, continuity: tuple[Array, ...] | None = None) -> Self:
         """Spline on the same breaks from a numerator and a weight of possibly different degrees."""
+        continuity = self._continuity if continuity is None else continuity
         if weight is None:
-            return self._new(self._breaks, numerator, False, self._continuity)
+            return self._new(self._breaks, numerator, False, continuity)
         k = self._directions
         degrees = [max(m, n) - 1 for m, n in zip(numerator.shape[:k], weight.shape[:k], strict=True)]
         numerator, weight = _elevated(numerator, degrees), _elevated(weight, degrees)
-        return self._new(self._breaks, np.concatenate([numerator, weight], axis=k), True, self._continuity)
+        return self._new(self._breaks, np.concatenate([numerator, weight], axis=k), True, continuity)
 
     def _cut(self, axis: int, breaks: Array) -> Self:
         """Subdivide at `breaks`, which contain the present ones."""
@@ -195,8 +196,8 @@ class Spline:
         self = self._new(_with(self._breaks, axis, moved), self._coefs, self._rational, self._continuity)
         return self._cut(axis, breaks)
 
-    def _aligned(self, other: Self) -> tuple[Self, Self]:
-        """Both splines on the union of their breaks, sharing the lesser continuity."""
+    def _aligned(self, other: Self) -> tuple[Self, Self, tuple[Array, ...]]:
+        """Both splines on the union of their breaks, and the lesser continuity, which their sum or product has."""
         first, second = self, other
         for axis, (a, b) in enumerate(zip(self._breaks, other._breaks, strict=True)):
             if a is b or np.array_equal(a, b):
@@ -209,14 +210,11 @@ class Spline:
             breaks = union(a, b)
             first, second = first._refine(axis, breaks), second._refine(axis, breaks)
         lesser = tuple(np.minimum(c, d) for c, d in zip(first._continuity, second._continuity, strict=True))
-        return (
-            first._new(first._breaks, first._coefs, first._rational, lesser),
-            second._new(first._breaks, second._coefs, second._rational, lesser),
-        )
+        return first, second, lesser
 
-    def _paired(self, other: Self) -> tuple[Self, Array, Array, Array | None]:
-        """Aligned numerators on a common denominator's degree, for sums: (frame, numerator, numerator, weight)."""
-        a, b = self._aligned(other)
+    def _paired(self, other: Self, join: Callable[[Array, Array], Array]) -> Self:
+        """Join aligned numerators on a common denominator and of a common degree."""
+        a, b, continuity = self._aligned(other)
         (x, v), (y, w) = a._parts(), b._parts()
         weight: Array | None
         if v is None and w is None:
@@ -228,7 +226,7 @@ class Spline:
             x, y = (x if w is None else a._product(x, w)), (y if v is None else a._product(y, v))
         k = self._directions
         degrees = [max(m, n) - 1 for m, n in zip(x.shape[:k], y.shape[:k], strict=True)]
-        return a, _elevated(x, degrees), _elevated(y, degrees), weight
+        return a._like(join(_elevated(x, degrees), _elevated(y, degrees)), weight, continuity)
 
     def _product(self, a: Array, b: Array) -> Array:
         return bernstein.product(a, b, self._directions)
@@ -261,8 +259,7 @@ class Spline:
         if isinstance(other, type(self)):
             if self.dim != other.dim:
                 raise InputError(f"cannot add splines of dim {self.dim} and {other.dim}")
-            frame, x, y, weight = self._paired(other)
-            return frame._like(x + y, weight)
+            return self._paired(other, np.add)
         vector = self._vector(other)
         if vector is None:
             return NotImplemented
@@ -303,9 +300,9 @@ class Spline:
         return self._like(numerator / vector, weight)
 
     def _bilinear(self, other: Self, kernel: Callable[[Array, Array], Array]) -> Self:
-        a, b = self._aligned(other)
+        a, b, continuity = self._aligned(other)
         (x, v), (y, w) = a._parts(), b._parts()
-        return a._like(kernel(x, y), a._times(v, w))
+        return a._like(kernel(x, y), a._times(v, w), continuity)
 
     def dot(self, other: Self) -> Self:
         """Scalar product, a spline of dim 1."""
@@ -347,8 +344,7 @@ class Spline:
             raise InputError("stack needs at least one spline")
         result = splines[0]
         for other in splines[1:]:
-            frame, x, y, weight = result._paired(other)
-            result = frame._like(np.concatenate([x, y], axis=cls._directions), weight)
+            result = result._paired(other, lambda x, y: np.concatenate([x, y], axis=cls._directions))
         return result
 
     def _derive(self, orders: Sequence[int]) -> Self:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from spline_oracles import clamped, curves, exact, parameters, piece_value, quarter_arc, surfaces, wavy
 
 from cqblend.errors import CqblendError, GeometryError, InputError
-from cqblend.splines import SMOOTH, Curve, Surface
+from cqblend.splines import SMOOTH, Curve, Surface, hermite
 
 
 def close(a, b, tolerance=1e-12):
@@ -334,3 +334,15 @@ def test_surface_round_trip(s):
     np.testing.assert_array_equal(assembled[1][0], ku)
     np.testing.assert_array_equal(assembled[1][1], kv)
     close(assembled[2], poles, 1e-12)
+
+
+def test_a_product_with_a_parabola_is_as_continuous_as_its_other_factor():
+    """A parabola goes on unchanged across any break; what it is multiplied by does not."""
+    t = np.linspace(0, 1, 3)
+    other = hermite(t, [[[1.0], [2.0], [0.5]], [[0.3], [-1.0], [2.0]], [[0.0], [4.0], [1.0]]])
+    parabola = Curve.bezier([[1.0], [3.0], [2.0]])
+    for made in (parabola * other, other * parabola, parabola + other, Curve.stack([parabola, other])):
+        degree, knots, poles, weights = made.to_bspline()
+        again = Curve.from_bspline(degree, knots, poles, weights)
+        x = np.linspace(0, 1, 101)
+        assert np.abs(again(x) - made(x)).max() < 1e-13

@@ -1,0 +1,211 @@
+"""Aiming: fits the directions of a ribbon, on a rail that is already there, to wanted vectors in space.
+
+Directions are fitted as curves of lifted parameters, C2 and of low degree, because nothing else may approximate: with
+every one of them the blend is exactly smooth. What a fit misses is the direction and the length that were asked for,
+and it says by how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
+from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.steering import Steering, pins
+from cqblend.splines import Curve, fit
+from cqblend.splines.evaluation import quotient
+
+FEWEST = 16  # spans of a cubic fit
+FINE = 1 / 256  # its shortest span for the sake of directions, as a share of the whole
+DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
+
+Maker = Callable[[Array], Curve]
+
+
+def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
+    """Return points and velocities (n, 3) of a homogeneous curve (dim 4)."""
+    x, dx = curve.jet(t, 1)
+    point = x[:, :3] / x[:, 3:]
+    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
+
+
+def aim(
+    primary: Primary, c: Curve, uv: Array, t: Array, vectors: Array, order: int, make: Maker, steering: Steering
+) -> tuple[tuple[Curve, ...], Array, Array]:
+    """Fit the directions of a ribbon on a rail to wanted first ones, tangent vectors (n, 3) at t.
+
+    ``uv`` (n, 2) are the rail's native parameters at t; ``make`` turns lifted values there into a curve. Second
+    directions are such that the second derivative is normal to the surface, third ones such that the speed of the
+    ribbon's sections stays constant: those of curves run through at constant speed and as straight as they can be.
+
+    Returns
+    -------
+    directions, direction, length
+        The lifted curves, and how far the first one is from the (steered) vectors at t: rad, and relative.
+    """
+    jet = primary.jet(uv)
+    vectors = steering.turned(vectors, unit(cross(jet[1], jet[2])), t)
+    lifted = c(t)
+    rs = steering.pinned(tangent_coordinates(jet, vectors), t)
+    first = make(primary.push(uv, lifted, rs))
+    directions = further(primary, c, [first], uv, t, order, make, steering)
+    fitted = derivatives(np.stack([curve(t) for curve in primary.jets(c, [first])]))[1]
+    angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
+    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
+    return directions, angle, np.abs(ratio)
+
+
+def further(
+    primary: Primary, c: Curve, first: Sequence[Curve], uv: Array, t: Array, order: int, make: Maker, steering: Steering
+) -> tuple[Curve, ...]:
+    """Add second and third directions, up to an order: see :func:`aim`."""
+    directions = list(first)
+    jet, lifted = primary.jet(uv), c(t)
+    for k in range(2, order + 1):
+        jets = np.stack([curve(t) for curve in primary.jets(c, directions, k)])
+        space = derivatives(jets)
+        target = np.zeros_like(space[1])
+        if k == 3:
+            target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
+        rs = steering.faded(tangent_coordinates(jet, target - space[k]), t)
+        gauge = -jets[k, :, 3:] / jets[0, :, 3:]
+        directions.append(make(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers))
+    return tuple(directions)
+
+
+def derivatives(jets: Array) -> Array:
+    """Return the derivatives (k, n, 3) by v in space of homogeneous ones (k, n, 4)."""
+    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a ribbon on a given rail is to be.
+
+    Attributes
+    ----------
+    rail
+        Kept as it is: the blend will start on the whole of S(c(t)).
+    vectors
+        The wanted cross derivatives: tangent vectors (n, 3) at t (n,).
+    order
+        Of the continuity between blend and surface.
+    closed
+        Whether rail and vectors return to where they start.
+    exact
+        The wanted direction (r, s) as a curve, if it is one of low degree: it is taken as it is, unless it must be
+        turned.
+    """
+
+    rail: Rail
+    vectors: Callable[[Array], Array]
+    order: int
+    closed: bool
+    exact: Curve | None
+
+    @cached_property
+    def primary(self) -> Tensor:
+        """The surface."""
+        surface = self.rail.surface
+        return Tensor.of(surface, level=surface.rational or self.rail.curve.rational)
+
+    @cached_property
+    def c(self) -> Curve:
+        """The rail, lifted: barycentric pairs (w - U, U, w - V, V) of the plane curve (U, V) / w."""
+        curve = self.rail.curve
+        u, v = curve.coefs[:, 0], curve.coefs[:, 1]
+        w = curve.coefs[:, 2] if curve.rational else np.ones_like(u)
+        return Curve(curve.breaks, np.stack([w - u, u, w - v, v], axis=1), continuity=curve.continuity)
+
+    @cached_property
+    def corners(self) -> Array:
+        """The parameters at which the wanted directions are no more than C1."""
+        if self.exact is not None and self.order < 2:
+            return self.c.breaks
+        return merged(self.c.breaks, np.array([one.t for one in self.primary.crossings(self.c, 2)]))
+
+    def ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
+        """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
+        t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
+        t[::3] = nodes
+        corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= _same(nodes))
+
+        def make(values: Array) -> Curve:
+            return _through(nodes, values, corners, closed=self.closed)
+
+        uv, ends = self.rail.curve(t), self.rail.curve(self.c.breaks)
+        if self.exact is not None and not steering.pins:
+            r, s = self.exact.coefs[:, 0], self.exact.coefs[:, 1]
+            first = Curve(self.exact.breaks, np.stack([-r, r, -s, s], axis=1), continuity=self.exact.continuity)
+            made = further(self.primary, self.c, [first], uv, t, self.order, make, steering)
+            return Ribbon(self.primary, self.c, made, ends, self.order), np.zeros(len(nodes) - 1, bool)
+        made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering)
+        off = float((turned + np.abs(steering.angle(t))).max())
+        bad = (turned > DIRECTION + steering.slack(t)) | (ratio > LENGTH + steering.slack(t))
+        fine = np.diff(nodes) < 2 * FINE * (nodes[-1] - nodes[0])
+        ribbon = Ribbon(self.primary, self.c, made, ends, self.order, off, float(ratio.max()))
+        return ribbon, (bad[1::3] | bad[2::3]) & ~fine
+
+
+def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
+    """Make ribbons on two given rails, on common nodes, with directions turned by ``steer`` (rad) at most."""
+    domain = aims[0].c.domain
+    steering = [Steering((), domain, aim.closed) for aim in aims]
+
+    def refined(nodes: Array) -> tuple[list[Ribbon], Array]:
+        while True:
+            (first, bad), (second, worse) = (aim.ribbon(nodes, s) for aim, s in zip(aims, steering, strict=True))
+            bad |= worse
+            if not bad.any():
+                return [first, second], nodes
+            nodes = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:])[bad] / 2]))
+
+    corners = merged(aims[0].corners, aims[1].corners)
+    spread = np.linspace(*domain, FEWEST + 1)
+    clear = np.abs(spread[:, None] - corners).min(axis=1) > (spread[1] - spread[0]) / 3
+    ribbons, nodes = refined(np.sort(np.concatenate([corners, spread[clear]])))
+    found = [pins(ribbon, steer) for ribbon in ribbons]
+    if any(found):
+        steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, found, strict=True)]
+        ribbons, _ = refined(nodes)
+    return ribbons[0], ribbons[1]
+
+
+def merged(first: Array, second: Array) -> Array:
+    """Unite two sets of parameters; those equal to rounding count once, as in the first."""
+    new = second[np.abs(second[:, None] - first).min(axis=1) > _same(first)] if len(second) else second
+    return np.sort(np.concatenate([first, new]))
+
+
+def _same(t: Array) -> float:
+    """Return the difference up to which parameters are equal to rounding."""
+    return 1e-13 * float(t[-1] - t[0])
+
+
+def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
+    """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
+
+    There are two more values between neighbouring nodes, at equal distances. From them come the slopes at the corners,
+    of third order, and the same on both sides.
+    """
+    steps = np.diff(nodes)
+    weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
+    spans = np.stack([values[i::3][: len(steps)] for i in range(4)])
+    right, left = (
+        np.einsum("w,wnd->nd", weights, spans) / steps[:, None],
+        np.einsum("w,wnd->nd", -weights[::-1], spans) / steps[:, None],
+    )
+    slopes = np.concatenate([right[:1], (right[1:] + left[:-1]) / 2, left[-1:]])
+    if closed:
+        slopes[0] = slopes[-1] = (right[0] + left[-1]) / 2
+    whole: Curve | None = None
+    for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
+        piece = fit.interpolate(nodes[i : j + 1], values[3 * i : 3 * j + 1 : 3], derivatives=slopes[[i, j]])
+        whole = piece if whole is None else whole.join(piece, continuity=1)
+    assert whole is not None
+    return whole

@@ -1,0 +1,328 @@
+"""Blends between surfaces: the front door for those who have surfaces and rails rather than a solid and an edge.
+
+Two rails, each a curve in the parameter plane of a surface, need not touch nor belong to one body. Thin: checks what it
+is given, and hands rails, fields and sections to :mod:`cqblend.blends`; OCCT is needed only for faces and measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
+
+from cqblend.blends import hermite
+from cqblend.blends.aiming import Aim, on_rails
+from cqblend.blends.primaries import Array
+from cqblend.blends.rails import FIELDS, FieldName, Rail
+from cqblend.blends.regularity import stations
+from cqblend.certificate import Certificate
+from cqblend.errors import GeometryError, InputError, shown
+from cqblend.request import CONTINUITY, FORM, STEER, choice, pair, positive
+from cqblend.splines import Curve, Surface
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face
+
+Amount: TypeAlias = float | Curve | Callable[[Array], Any]
+"""A number, or one that varies along the rail: a curve of dim 1, or a function of arrays of its parameter t."""
+
+Length: TypeAlias = Amount | Literal["field"] | None
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Kim and Elber's T4: the cross direction is the projection of a guiding curve K(t) on the tangent plane.
+
+    For both sides at once, a second curve may be given; without it, K2 = -K1. Curves have dim 3, run over the rail's
+    domain, and point into the blend.
+    """
+
+    first: Curve
+    second: Curve | None = None
+
+    def operands(self, side: int) -> tuple[Curve, ...]:
+        """Return the guiding curve of side 0 or 1."""
+        return (self.first if side == 0 else -self.first if self.second is None else self.second,)
+
+
+@dataclass(frozen=True)
+class Combination:
+    """Kim and Elber's T5: the cross direction r Su + s Sv, with a plane curve (r, s)(t), or the difference of two."""
+
+    first: Curve
+    second: Curve | None = None
+
+    def operands(self, side: int) -> tuple[Curve, ...]:
+        """Return the one curve or the two, the same on side 0 and 1."""
+        del side
+        return (self.first,) if self.second is None else (self.first, self.second)
+
+
+Tangents: TypeAlias = FieldName | Guide | Combination
+
+
+@dataclass(frozen=True)
+class Blend(hermite.Blend):
+    """A blend surface H(t, v) between two rails, v = 0 on the first and 1 on the second.
+
+    Attributes
+    ----------
+    surface : Surface
+        H, over the domain of the first rail times [0, 1].
+    ribbons : tuple of Ribbon
+        What it is made from: rail and directions in the parameter planes.
+    form : {"exact", "compact"}
+    rails : tuple of Rail
+        With the sides on which the blend lies.
+    """
+
+    rails: tuple[Rail, Rail]
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients."""
+        from cqblend.occ.certify import certify_surfaces
+
+        return certify_surfaces(self, [(rail.surface, rail.curve) for rail in self.rails])
+
+    def face(self) -> TopoDS_Face:
+        """Return the face that covers it, of the same parameters. Wrap it with ``cadquery.Face(...)``."""
+        from cqblend.occ.convert import to_face
+
+        return to_face(self.surface)
+
+
+def hermite_blend(
+    rail1: Rail,
+    rail2: Rail,
+    *,
+    tangents: Tangents | tuple[Tangents, Tangents] = "perpendicular",
+    continuity: str | tuple[str, str] = "G1",
+    bulge: Amount | tuple[Amount, Amount] = 1.0,
+    length: Length | tuple[Length, Length] = None,
+    form: str = "auto",
+    tolerance: float = 1e-7,
+    angular_tolerance: float = 1e-5,
+    steer: float = STEER,
+) -> Blend:
+    r"""Blend two surfaces along given rails.
+
+    In homogeneous coordinates, with the ribbons' jets C, T, K, .. of both sides (T into the blend), the Hermite
+    interpolant across; for G1 on both sides Kim and Elber's eq. (4),
+
+    .. math:: H(t, v) = h_{00}(v) C_1(t) + h_{01}(v) C_2(t) + h_{10}(v) T_1(t) - h_{11}(v) T_2(t).
+
+    Parameters
+    ----------
+    rail1, rail2
+        The surfaces may be the same, touch or be apart. If the rails' domains differ, the second one's is changed to
+        the first one's. A rail without a side has its blend towards the other rail.
+    tangents
+        Cross directions, for both sides or a pair: "perpendicular" (T2), "parametric" (T1), "chord" (T3),
+        :class:`Guide` (T4) or :class:`Combination` (T5).
+    continuity
+        "G0", "G1", "G2" or "G3", for both sides or a pair.
+    bulge
+        Factor on the length of the cross derivative, for both sides or a pair: a number, a curve of dim 1 or a
+        function of t.
+    length
+        Of the cross derivative before `bulge`, mm: None for the distance of the rails, "field" for that of the paper's
+        unnormalised field, or as `bulge`.
+    form
+        "exact", "compact" or "auto", as in `cqblend.blend_edges`.
+    tolerance, angular_tolerance
+        Of the compact form, mm and rad.
+    steer
+        Largest angle by which directions are turned next to a knot line that the rail crosses, so that the blend has no
+        crease inside, rad.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, out of range or unknown.
+    GeometryError
+        A cross direction vanishes or runs along its rail, a length is not positive, or G3 is asked of a surface that is
+        not C3; messages name the parameter t.
+    DegreeError
+        The exact form would need a degree above 25.
+
+    Examples
+    --------
+    >>> import cqblend
+    >>> corners = [[[0, 0, 0], [0, 9, 0]], [[9, 0, 0], [9, 9, 0]]]
+    >>> plane = cqblend.Surface.from_bspline((1, 1), ([0, 0, 9, 9], [0, 0, 9, 9]), corners)
+    >>> rails = [cqblend.Rail(s, cqblend.Curve.bezier([[1, 1], [8, 1]])) for s in (plane, plane + [0, -3, 4])]
+    >>> blend = cqblend.hermite_blend(*rails, continuity="G2")
+    >>> blend.surface.degree, blend.form
+    ((1, 5), 'exact')
+    """
+    for rail in (rail1, rail2):
+        if not isinstance(rail, Rail):
+            raise InputError(f"hermite_blend takes two cqblend.Rail, not {shown(rail)}")
+    if rail2.domain != rail1.domain:
+        rail2 = rail2.reparametrized(*rail1.domain)
+    rails = (
+        rail1 if rail1.side is not None else rail1.towards(rail2),
+        rail2 if rail2.side is not None else rail2.towards(rail1),
+    )
+    orders = pair("continuity", continuity, partial(choice, built=CONTINUITY))
+    kinds = pair("tangents", tangents, _tangents)
+    bulges = pair("bulge", bulge, _amount)
+    lengths = pair("length", length, _length)
+    form = choice("form", form, FORM)
+    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    steer = positive("steer", steer, zero=True)
+    closed = rail1.closed and rail2.closed
+    aims = []
+    for i in (0, 1):
+        side = _Side(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
+        side.check()
+        aims.append(Aim(rails[i], side.vectors, int(orders[i][1]), closed and side.returns(), side.exact))
+    made = hermite.hermite(on_rails((aims[0], aims[1]), steer), form, tolerance, angular_tolerance)
+    return Blend(made.surface, made.ribbons, made.form, rails)
+
+
+def curve_on(face: Any, edge: Any) -> Curve:
+    """Return an edge of a face as a curve in the parameter plane of ``cqblend.to_surface(face)``.
+
+    Parameters
+    ----------
+    face, edge : cadquery, build123d or TopoDS face and edge
+        The edge as it is oriented in the face, if it is a seam.
+
+    Raises
+    ------
+    SelectionError
+        The edge is not one of the face.
+    GeometryError
+        Its curve in the parameter plane cannot be followed.
+    """
+    from cqblend.native import edge_of, face_of
+    from cqblend.occ import pcurves
+
+    return pcurves.curve_on(face_of(face, "face"), edge_of(edge))
+
+
+def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
+    """Project a curve in space onto a surface: return the curve of the foot points in the parameter plane.
+
+    Parameters
+    ----------
+    surface : Surface or a face
+    curve : Curve of dim 3 or an edge
+    tolerance : float
+        Largest distance between the surface's curve and the foot points, mm.
+
+    Raises
+    ------
+    GeometryError
+        A point of the curve has no foot inside the surface; the message names t.
+    """
+    from cqblend.native import edge_of, face_of
+    from cqblend.occ import convert, pcurves
+
+    if not isinstance(surface, Surface):
+        surface = convert.to_surface(face_of(surface, "surface"))
+    if not isinstance(curve, Curve):
+        curve = edge_of(curve)
+    return pcurves.projected(surface, curve, positive("tolerance", tolerance))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What the cross derivatives along one rail are to be."""
+
+    rail: Rail
+    other: Rail
+    tangents: Tangents
+    number: int
+    length: Length
+    bulge: Amount
+
+    @property
+    def _name(self) -> FieldName:
+        if isinstance(self.tangents, Guide):
+            return "guide"
+        return "combination" if isinstance(self.tangents, Combination) else self.tangents
+
+    @property
+    def _operands(self) -> tuple[Any, ...]:
+        if isinstance(self.tangents, Guide | Combination):
+            return self.tangents.operands(self.number)
+        return (self.other,) if self.tangents == "chord" else ()
+
+    def coordinates(self, t: Array) -> Array:
+        """Return the field's own (r, s), (n, 2), at t."""
+        return self.rail.coordinates(self._name, t, *self._operands)
+
+    def vectors(self, t: Array) -> Array:
+        """Return the wanted cross derivatives (n, 3) at t."""
+        rs, uv = self.coordinates(t), self.rail.curve(t)
+        jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], 1)
+        vectors = rs[:, :1] * jet[1, 0] + rs[:, 1:] * jet[0, 1]
+        size = np.linalg.norm(vectors, axis=1)
+        if self.length is None:
+            size = np.linalg.norm(self.other.curve3d()(t) - jet[0, 0], axis=1) / size
+        elif self.length == "field":
+            size = np.ones_like(size)
+        else:
+            size = _at(self.length, t) / size
+        return vectors * (size * _at(self.bulge, t))[:, None]
+
+    def check(self) -> None:
+        """Check the field at stations of the rail, before it is divided by its length."""
+        t = stations(self.rail.curve3d().breaks)
+        self.rail.check_direction(self.coordinates(t), t)
+        size = np.linalg.norm(self.vectors(t), axis=1)
+        if not np.all(size > 0):
+            raise GeometryError(
+                f"the cross derivative at t = {t[size.argmin()]:.9g} of rail {self.number + 1} has no length: do the "
+                "rails meet there? give a length"
+            )
+
+    def returns(self) -> bool:
+        """Whether the cross derivative ends as it starts."""
+        first, last = self.vectors(np.array(self.rail.domain))
+        return bool(np.linalg.norm(first - last) <= 1e-9 * np.linalg.norm(first))
+
+    @property
+    def exact(self) -> Curve | None:
+        """The direction (r, s) as a curve, if it is the field's own, scaled by a number, and of low degree."""
+        if self.length != "field" or not isinstance(self.bulge, float) or self.rail.curve.rational:
+            return None
+        rs = self.rail.symbolic_coordinates(self._name, *self._operands)
+        return None if rs is None or rs.rational else rs * self.bulge
+
+
+def _at(amount: Amount, t: Array) -> Array:
+    """Return what may vary along the rail at t (n,), above zero."""
+    given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64)
+    values = np.broadcast_to(given.T, (1, *t.shape))[0]
+    if not np.all(values > 0) or not np.all(np.isfinite(values)):
+        worst = int(np.argmin(np.where(np.isfinite(values), values, -np.inf)))
+        raise InputError(f"a length or bulge is {values[worst]:.4g} at t = {t[worst]:.6g}: it must be above 0")
+    return values
+
+
+def _tangents(name: str, value: object) -> Tangents:
+    if isinstance(value, Guide | Combination):
+        return value
+    for known in FIELDS[:3]:
+        if isinstance(value, str) and value == known:
+            return known
+    raise InputError(f"{name} must be one of {', '.join(FIELDS[:3])}, a Guide or a Combination, not {shown(value)}")
+
+
+def _amount(name: str, value: object) -> Amount:
+    if isinstance(value, Curve) and value.dim != 1:
+        raise InputError(f"{name} must be a curve of dim 1, not {value.dim}")
+    return value if callable(value) else positive(name, value)
+
+
+def _length(name: str, value: object) -> Length:
+    if isinstance(value, str) and value == "field":
+        return "field"
+    return None if value is None else _amount(name, value)
