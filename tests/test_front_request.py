@@ -16,13 +16,12 @@ checked = BlendRequest.checked
 def test_defaults():
     request = checked(2)
     assert (request.radius, request.width) == (2.0, None)
-    assert (request.continuity, request.tangents, request.section, request.form) == (
-        "G1",
-        "perpendicular",
-        "hermite",
-        "auto",
-    )
-    assert (request.bulge, request.tolerance, request.angular_tolerance) == (1.0, 1e-7, 1e-5)
+    assert request.continuity == ("G1", "G1")
+    assert request.tangents == ("perpendicular", "perpendicular")
+    assert (request.section, request.form) == ("hermite", "auto")
+    assert (request.tolerance, request.angular_tolerance) == (1e-7, 1e-5)
+    assert request.bulge == (1.0, 1.0)
+    assert math.degrees(request.steer) == pytest.approx(20)
 
 
 @pytest.mark.parametrize("size", [2, 2.0, Fraction(4, 2), np.float32(2), np.int64(2)])
@@ -40,8 +39,10 @@ def test_width_may_differ_by_side():
 def test_what_is_no_number(value):
     with pytest.raises(InputError, match=r"^radius must be a number, not "):
         checked(value)
-    with pytest.raises(InputError, match=r"^bulge must be a number, not "):
-        checked(2, bulge=value)
+    with pytest.raises(InputError, match=r"^tolerance must be a number, not "):
+        checked(2, tolerance=value)
+    with pytest.raises(InputError, match=r"^bulge\[1\] must be a number, not "):
+        checked(2, bulge=(1, value))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
