@@ -20,21 +20,28 @@ over the length of a piece, which on short pieces says nothing of the shape. So 
 below ``ROUNDING`` times the largest coordinate, the bound is that of the surface H(t, v) - D(t), which is nowhere
 farther from H than that and has S(c) for its boundary: there a = S(c)' and A = 0. On all other pieces it is that of H.
 
-*Jump of the normal curvature.* Let T and K be the first and second v-jet of the ribbon in space, q = b - T what the
-final surface has beside the ribbon's direction, and II the primary's second fundamental form. The ribbon's map
-(t, v) -> S(c + v d + v^2/2 e) parametrises the primary, so
+*Jump of the normal curvature.* The ribbon's map G(t, v) = S(c + v d + v^2/2 e) parametrises the primary. Its jets give
+the primary's second fundamental form, II(G_i, G_j) = n.G_ij for i, j in {t, v}, as quotients of splines, and those of H
+give the blend's. With H_i = G_i + q_i, q_i = x_i G_t + y_i G_v + z_i n and H_ij = alpha a + beta b + gamma n, where
 
-.. math:: II(C', C') = n \cdot C'', \quad II(C', T) = n \cdot T', \quad II(T, T) = n \cdot K
+.. math:: x_i = \frac{N \cdot (q_i \times G_v)}{N \cdot (G_t \times G_v)},
+          \quad y_i = \frac{N \cdot (G_t \times q_i)}{N \cdot (G_t \times G_v)},
+          \quad \alpha = \frac{N \cdot (H_{ij} \times b)}{N \cdot (a \times b)},
+          \quad \beta = \frac{N \cdot (a \times H_{ij})}{N \cdot (a \times b)},
 
-are quotients of splines again. The normal curvature of H along b is m.H_vv/(|m| |b|^2). That of S along the projection
-of b, which is T + q less its part along n, is II(T + q, T + q)/(|b|^2 (1 - B^2)). They differ by at most
+the blend's unit normal m/|m|, which is orthogonal to a and b, gives
 
-.. math:: \Delta = \frac{|n \cdot (H_{vv} - K)| + 2\, |II(T, q)| + |II(q, q)| + (\varphi + B^2)\, |H_{vv}|}
-          {|b|^2\, (1 - B^2)}
+.. math:: m \cdot H_{ij} / |m| = \cos\varphi\, (n \cdot H_{ij} - \alpha\, n \cdot a - \beta\, n \cdot b)
 
-with q = x C' + y T + z n, |x| <= |q|/(|C'| sin), |y| <= |q|/(|T| sin), sin that of the angle between C' and T. Where
-the surfaces are tangent along the rail, their forms differ by a multiple of the squared component across it. So the
-jump is largest at right angles to the rail, and this is what is stated: Delta/sin^2 theta.
+and the primary's form takes the projections of H_i and H_j on its plane to II(G_i + q_i, G_j + q_j). Up to the factor
+cos(phi) the two forms differ by at most
+
+.. math:: \Delta_{ij} = |n \cdot (H_{ij} - G_{ij})| + |\alpha|\,|n \cdot a| + |\beta|\,|n \cdot b|
+          + |II(G_i, q_j)| + |II(q_i, G_j)| + |II(q_i, q_j)|
+
+From these three, |a|, |b| and theta follows the largest difference on unit vectors, in all directions of the plane; the
+factor cos(phi), and projected unit vectors being shorter by up to that much, cost a share sin^2(phi) of the curvatures.
+The gauge of rational blends drops out: what it adds to H_ij is a combination of a and b.
 
 The rounding of what is computed here is carried along as a bound on the error of the coefficients, product by product;
 P, its jets and N enter with ``COMPOSED`` of error. The blend's own coefficients count as exact. Positions are taken
@@ -45,7 +52,7 @@ This module must not know how blends are made, and believes nothing of what they
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -77,7 +84,7 @@ class Proof:
     angle : float
         Angle between the tangent planes there, at most, rad; pi/2 where nothing is proven.
     curvature_jump : float or None
-        Difference of the normal curvatures at right angles to the rail, at most, 1/mm; None below G2.
+        Difference of the normal curvatures in any direction, at most, 1/mm; None below G2.
 
     Examples
     --------
@@ -136,8 +143,8 @@ def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int 
     order = ribbon.order if order is None else order
     side = _Side(surface, end, ribbon, 2 if order >= 2 else 1)
     gap = side.gap()
-    angle = float(np.arcsin(min(1.0, side.sine())))
-    return Proof(gap, angle, side.curvature_jump(angle) if order >= 2 else None)
+    sine = min(1.0, side.sine())
+    return Proof(gap, float(np.arcsin(sine)), side.curvature_jump(sine) if order >= 2 else None)
 
 
 # -- polynomials with an error
@@ -242,33 +249,38 @@ def _sizes(curve: Curve) -> Array:
 
 
 class _Side:
-    """The rows of a surface along one boundary and the jets of its ribbon, on common pieces."""
+    """A surface H along one boundary and the ribbon's map G(t, v) = S(c + v d + ..) there, on common pieces.
+
+    What is called by a derivative, ``h["tv"]`` for H_tv, is that derivative in space, without the part along the first
+    ones that the gauge adds, times the common ``weight``.
+    """
 
     def __init__(self, surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int) -> None:
-        rows = _rows(surface, end, order)
-        jets = ribbon.primary.jets(ribbon.c, ribbon.directions, order)
+        self.order = order
+        self.rows = _rows(surface, end, order)
+        self.jets = ribbon.primary.jets(ribbon.c, ribbon.directions, max(order, len(ribbon.directions)))
         normal = ribbon.primary.normal(ribbon.c)
-        self.breaks = union(union(rows[0].breaks, jets[0].breaks), normal.breaks)
-        boundary, _ = self._cut(rows[0])
+        self.breaks = union(union(self.rows[0].breaks, self.jets[0].breaks), normal.breaks)
+        boundary, _ = self._cut(self.rows[0])
         self.origin = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
-        self.reach = np.abs(boundary[:, :3]).max(axis=(0, 1)) / boundary[:, 3].min(axis=0)
 
         self.n = _Poly(*self._cut(normal, COMPOSED * _sizes(normal)))
-        self.x, self.v, *self.vv = (self._row(row) for row in rows)
-        self.jets = jets
-        self.p, self.t, *self.k = (self._derived(jet, 0) for jet in jets)
-        # differentiated before they are cut: a piece of rounding's length has no difference quotients
-        self.x_t = self._row(rows[0].derivative())
-        self.p_t = self._derived(jets[0], 1)
-
-        self.b = self.v.over(self.x)
+        self.x, self.p = self._row(self.rows[0]), self._jet(0, 0)
         numerator, weights = self.x.over(self.p), self.x.w * self.p.w
-        gap, least = numerator.norms()[1], weights.norms()[0]
-        same = gap <= ROUNDING * self.reach * least
         self.distance = numerator, weights
-        self.a = _chosen(same, self.p_t.over(self.p), self.x_t.over(self.x))
-        na = self.n.dot(self.a)
-        self.na = _Poly(np.where(same, 0.0, na.coefs), np.where(same, 0.0, na.error))
+        reach = np.abs(boundary[:, :3]).max(axis=(0, 1)) / boundary[:, 3].min(axis=0)
+        self.same = numerator.norms()[1] <= ROUNDING * reach * weights.norms()[0]
+
+        first, second = self.x.w * self.x.w, self.p.w * self.p.w
+        self.even = bool(np.all((first - second).size <= 64 * EPS * first.size))
+        self.squares = first, second
+        self.weight = first if self.even else first * second
+        self.h = {"v": self._of_surface(1, 0)}
+        self.g = {"t": self._of_ribbon(0, 1)}
+        self.h["t"] = _chosen(self.same, self.g["t"], self._of_surface(0, 1))
+        self.na = self._kept(self.n.dot(self.h["t"]))
+        self.nb = self.n.dot(self.h["v"])
+        self.area = self.n.dot(self.h["t"].cross(self.h["v"]))
 
     def _cut(self, curve: Curve, error: Array | None = None) -> tuple[Array, Array]:
         """Cut a curve on the common breaks; the coefficients of its own pieces may be off by ``error``."""
@@ -285,45 +297,53 @@ class _Side:
         moved = known + 2 * EPS * np.abs(shift).max(axis=(0, 1))
         return _Row(_Poly(coefs[:, :3] - shift, moved), _weight(w, known))
 
-    def _derived(self, jet: Curve, k: int) -> _Row:
-        """Return the k-th derivative along the rail of a jet of the primary."""
-        return self._row(jet.derivative(k), COMPOSED * _sizes(jet) * (2 * jet.degree / np.diff(jet.breaks)) ** k)
+    def _jet(self, across: int, along: int) -> _Row:
+        # differentiated before it is cut: a piece of rounding's length has no difference quotients
+        jet = self.jets[across]
+        error = COMPOSED * _sizes(jet) * (2 * jet.degree / np.diff(jet.breaks)) ** along
+        return self._row(jet.derivative(along), error)
+
+    def _of_surface(self, across: int, along: int) -> _Poly:
+        derivative = self._row(self.rows[across].derivative(along)).over(self.x)
+        return derivative if self.even else derivative * self.squares[1]
+
+    def _of_ribbon(self, across: int, along: int) -> _Poly:
+        derivative = self._jet(across, along).over(self.p)
+        if self.even:
+            return _Poly(derivative.coefs, derivative.error + 64 * EPS * derivative.size)
+        return derivative * self.squares[0]
+
+    def _kept(self, poly: _Poly) -> _Poly:
+        """Take zero where the boundary is the rail to rounding."""
+        return _Poly(np.where(self.same, 0.0, poly.coefs), np.where(self.same, 0.0, poly.error))
 
     def gap(self) -> float:
         """Bound |H(t, 0) - S(c(t))|."""
-        return _largest(self.distance, lambda low, high: high[0] / low[1])
+        return _largest(dict(zip("dw", self.distance, strict=True)), lambda low, high: high["d"] / low["w"])
 
     def sine(self) -> float:
         """Bound the sine of the angle between the tangent planes."""
-        return _largest((self.n, self.a, self.b, self.a.cross(self.b), self.na, self.n.dot(self.b)), _sine)
+        polys = {"n": self.n, "t": self.h["t"], "v": self.h["v"], "area": self.area, "nt": self.na, "nv": self.nb}
+        return _largest(polys, _sine)
 
-    def curvature_jump(self, angle: float) -> float:
-        """Bound the jump of the normal curvature at right angles to the rail, given the angle between the planes."""
-        (h,), (k,) = ([row.over(base) for row in rows] for rows, base in ((self.vv, self.x), (self.k, self.p)))
-        c, t = self.p_t.over(self.p), self.t.over(self.p)
-        w, s = self.x.w * self.x.w, self.p.w * self.p.w
-        q = self.b * s - t * w
-        polys = (
-            self.n,
-            w,
-            s,
-            self.v.w,
-            self.x.w,
-            self.b,
-            h,
-            q,
-            c,
-            t,
-            self.a,
-            self.a.cross(self.b),
-            c.cross(t),
-            self.n.dot(self.b),
-            self.n.dot(h * s - k * w),
-            self.n.dot(self._derived(self.jets[0], 2).over(self.p)),
-            self.n.dot(self._derived(self.jets[1], 1).over(self.p)),
-            self.n.dot(k),
-        )
-        return _largest(polys, lambda low, high: _jump(low, high, angle))
+    def curvature_jump(self, sine: float) -> float:
+        """Bound the jump of the normal curvature, given the sine of the angle between the tangent planes."""
+        h, g, n = self.h, self.g, self.n
+        g["v"] = self._of_ribbon(1, 0)
+        for name, across, along in (("tt", 0, 2), ("tv", 1, 1), ("vv", 2, 0)):
+            g[name], h[name] = self._of_ribbon(across, along), self._of_surface(across, along)
+        h["tt"] = _chosen(self.same, g["tt"], h["tt"])
+        polys = {"n": n, "w": self.weight, "area": self.area, "nt": self.na, "nv": self.nb}
+        polys |= {"t": h["t"], "v": h["v"], "gt": g["t"], "gv": g["v"], "garea": n.dot(g["t"].cross(g["v"]))}
+        for name in "tv":
+            apart = h[name] - g[name]
+            polys["x" + name], polys["y" + name] = n.dot(apart.cross(g["v"])), n.dot(g["t"].cross(apart))
+        polys["xt"], polys["yt"] = self._kept(polys["xt"]), self._kept(polys["yt"])
+        for name in ("tt", "tv", "vv"):
+            polys["g" + name], polys["d" + name] = n.dot(g[name]), n.dot(h[name] - g[name])
+            polys["a" + name], polys["b" + name] = n.dot(h[name].cross(h["v"])), n.dot(h["t"].cross(h[name]))
+        polys["dtt"] = self._kept(polys["dtt"])
+        return _largest(polys, lambda low, high: _jump(low, high, sine))
 
 
 def _rows(surface: Surface, end: Literal[0, 1], order: int) -> list[Curve]:
@@ -350,48 +370,75 @@ def _chosen(which: Array, first: _Poly, second: _Poly) -> _Poly:
 # -- bounds
 
 
-def _largest(polys: Sequence[_Poly], quantity: Callable[[Array, Array], Array]) -> float:
+Norms = Mapping[str, Array]
+
+
+def _largest(polys: Mapping[str, _Poly], quantity: Callable[[Norms, Norms], Array]) -> float:
     """Bound a quantity that depends on the norms of polynomials: from above, and within ``RATIO`` of a value if it can.
 
-    ``quantity`` takes bounds of all norms, (len(polys), n) from below and from above, and returns a bound (n,).
+    ``quantity`` takes bounds of all norms, from below and from above, (n,) each, and returns a bound (n,).
     """
     taken = bound = 0.0
     for halving in range(HALVINGS + 1):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = quantity(*(np.array(side) for side in zip(*(poly.norms() for poly in polys), strict=True)))
-            low, high = (np.array(side) for side in zip(*(poly.ends() for poly in polys), strict=True))
-            values = quantity(low.reshape(len(polys), -1), high.reshape(len(polys), -1))
+            found, values = (
+                quantity(*({name: pair[k] for name, pair in bounds.items()} for k in (0, 1)))
+                for bounds in (
+                    {name: poly.norms() for name, poly in polys.items()},
+                    {name: poly.ends() for name, poly in polys.items()},
+                )
+            )
         found = np.where(np.isnan(found), np.inf, found)
         taken = max(taken, float(values[np.isfinite(values)].max(initial=0.0)))
         open_ = found > RATIO * taken if halving < HALVINGS else np.zeros(len(found), bool)
         bound = max(bound, float(found[~open_].max(initial=0.0)))
         if not open_.any():
             break
-        polys = [poly.at(open_).halves() for poly in polys]
+        polys = {name: poly.at(open_).halves() for name, poly in polys.items()}
     return bound
 
 
-def _sine(low: Array, high: Array) -> Array:
-    """Bound the sine of the angle between the planes from norms of N, a, b, a x b, N.a and N.b."""
-    n, a, b, area, _, _ = low
-    _, a_most, b_most, _, na, nb = high
-    rail, across = na / (n * a), nb / (n * b)
-    sine = np.minimum(area / (a_most * b_most), 1.0)
-    return np.sqrt(rail**2 + across**2 + 2 * rail * across * np.sqrt(1 - sine**2)) / sine
+def _slant(low: Norms, high: Norms) -> tuple[Array, Array]:
+    """Bound the sine of the angle between a = H_t and b = H_v from below, and its cosine from above."""
+    sine = np.minimum(low["area"] / (high["n"] * high["t"] * high["v"]), 1.0)
+    return sine, np.sqrt(1 - sine**2)
 
 
-def _jump(low: Array, high: Array, angle: float) -> Array:
-    """Bound the jump of curvature; norms in the order of :meth:`_Side.curvature_jump`."""
-    n, w, s, _, x_w, b, _, _, c, t, _, area, area_s, *_ = low
-    _, w_most, s_most, v_w, _, b_most, h, q, c_most, t_most, a_most, _, _, nb, f, cc, ct, tt = high
-    across = nb / (n * b)
-    gauge = 2 * (b_most / w) * v_w / x_w
-    h = h / w + gauge
-    # the primary's second fundamental form for C', T, and the parts x C' + y T of q
-    cc, ct, tt = cc / (n * s), ct / (n * s), tt / (n * s)
-    apart = q / (w * s) * (c_most * t_most) / area_s
-    x, y = apart * s_most / c, apart * s_most / t
-    mixed = 2 * (x * ct + y * tt) + x**2 * cc + 2 * x * y * ct + y**2 * tt
-    jump = f / (n * w * s) + across * gauge + mixed + (angle + across**2) * h
-    jump /= (b / w_most) ** 2 * np.maximum(1 - across**2, 0.0)
-    return jump * (a_most * b_most / area) ** 2
+def _sine(low: Norms, high: Norms) -> Array:
+    """Bound the sine of the angle between the tangent planes."""
+    sine, cosine = _slant(low, high)
+    rail, across = high["nt"] / (low["n"] * low["t"]), high["nv"] / (low["n"] * low["v"])
+    return np.sqrt(rail**2 + across**2 + 2 * rail * across * cosine) / sine
+
+
+def _jump(low: Norms, high: Norms, sine: float) -> Array:
+    """Bound the jump of the normal curvature."""
+    unit = low["n"] * low["w"]
+    own = {name: high["g" + name] / unit for name in ("tt", "tv", "vv")}  # II(C', C'), II(C', T), II(T, T)
+    x, y = ({name: high[axis + name] / low["garea"] for name in "tv"} for axis in "xy")
+
+    def form(x1: Array | float, y1: Array | float, x2: Array | float, y2: Array | float) -> Array:
+        return x1 * x2 * own["tt"] + (x1 * y2 + y1 * x2) * own["tv"] + y1 * y2 * own["vv"]
+
+    jumps = {}
+    for name in ("tt", "tv", "vv"):
+        i, j = name
+        leaning = (high["a" + name] * high["nt"] + high["b" + name] * high["nv"]) / (low["area"] * unit)
+        first, second = (1.0 if k == "t" else 0.0 for k in name)
+        turned = (
+            form(first, 1 - first, x[j], y[j]) + form(x[i], y[i], second, 1 - second) + form(x[i], y[i], x[j], y[j])
+        )
+        jumps[name] = high["d" + name] / unit + leaning + turned
+    a, b, slant = low["t"] / high["w"], low["v"] / high["w"], _slant(low, high)
+    jump = _spectral(jumps["tt"] / a**2, jumps["tv"] / (a * b), jumps["vv"] / b**2, *slant)
+    c, t = low["gt"] / high["w"], low["gv"] / high["w"]
+    straight = np.minimum(low["garea"] / (high["n"] * high["gt"] * high["gv"]), 1.0)
+    most = _spectral(own["tt"] / c**2, own["tv"] / (c * t), own["vv"] / t**2, straight, np.sqrt(1 - straight**2))
+    return (1 + sine**2) * jump + 2 * sine**2 * most
+
+
+def _spectral(aa: Array, ab: Array, bb: Array, sine: Array, cosine: Array) -> Array:
+    """Bound |II(x, x)| for all unit x from bounds for two unit vectors a, b, and of the angle between them."""
+    across = (ab + cosine * aa) / sine
+    both = (bb + 2 * cosine * ab + cosine**2 * aa) / sine**2
+    return (aa + both) / 2 + np.hypot((aa - both) / 2, across)
