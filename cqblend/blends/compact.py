@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -37,13 +37,14 @@ MARGIN = 0.9  # share of the tolerances that may be used up where they are measu
 FINEST = 4096  # spans
 LONGEST = 48  # spans between two joints: longer stretches are halved, so that matrices stay small
 LEAST, GROWTH = 1.08, 4.0  # factors from one number of spans to the next
-SHRINKAGE = 0.5  # of what is good enough, where a part is divided from it
+SHRINKAGE = 0.5  # of a half that is good enough while the other is not
 KINK = np.array([0.5, 0.1, 0.017, 0.005])
 """Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""
 HARMLESS = 0.05  # share of the tolerance up to which a jump is averaged away
 JOINT = 3  # poles that a joint costs beyond single knots
 EXPLAINS = 0.3  # a jump explains an error if ignoring it costs this share of it
-SNAP = 1e-3  # of a stretch: nearer breaks of the exact jets take the place of its middle
+SNAP = 0.1  # of a span: nearer breaks of the exact jets take the place of the middle of a stretch
+TINY = 1e-100  # length of a vector that has none
 FITTED, CHECKED = 4, 10  # samples of each span
 
 Jets = Sequence[Curve]
@@ -120,6 +121,7 @@ class _Exact:
             ratios.append(_norm(rows[0] - true[0]) / self.tolerance)
             if len(rows) == 1:
                 continue
+            ratios.append(_norm(rows[1] - true[1]) / (_norm(true[1]) * self.angular))
             n, wanted = cross(rate, rows[1]), cross(velocity, true[1])
             ratios.append(np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1)) / self.angular)
             n, wanted = n / _norm(n)[:, None], wanted / _norm(wanted)[:, None]
@@ -136,17 +138,12 @@ class _Exact:
         """
         out, first = np.zeros_like(jumps), 0
         for jets, size in zip(self.sides, self.sizes, strict=True):
-            reach = _norm(rows[first + min(1, len(jets) - 1), 0])
+            speed, reach = (np.maximum(_norm(x), TINY) for x in (rows[first, 1], rows[first + len(jets[:2]) - 1, 0]))
+            allowed = [self.tolerance, self.angular * reach]
+            allowed += [CURVATURE * reach**k / size ** (k - 1) for k in range(2, len(jets))]
             for k in range(len(jets)):
-                allowed = (
-                    self.tolerance
-                    if k == 0
-                    else self.angular * reach
-                    if k == 1
-                    else CURVATURE * reach**k / size ** (k - 1)
-                )
-                out[first + k] = KINK[:, None] * jumps[first + k] / allowed
-            slope = KINK[:-1, None] * jumps[first, 1:] / (self.angular * _norm(rows[first, 1]))
+                out[first + k] = KINK[:, None] * jumps[first + k] / allowed[k]
+            slope = KINK[:-1, None] * jumps[first, 1:] / (self.angular * speed)
             out[first, :-1] = np.maximum(out[first, :-1], slope)
             first += len(jets)
         return out
@@ -155,17 +152,19 @@ class _Exact:
 def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float) -> tuple[list[Curve], list[Curve]]:
     r"""Replace the exact jets of two ribbons by quintic splines on common knots.
 
-    With X_k the Euclidean jets, C = X_0 the rail and T = X_1 the field, and n the unit normal of C' and T, the fit has
+    With X_k the Euclidean jets, C = X_0 the rail and T = X_1 the field, n the unit normal of C' and T, and
+    :math:`\varepsilon`, :math:`\alpha` the two tolerances, the fit (f) has at equal t
 
     .. math::
-        |C_f - C| \le \mathrm{tolerance}, \quad
-        \angle(\mathrm{span}(C_f', T_f), \mathrm{span}(C', T)) \le \mathrm{angular\_tolerance}, \quad
+        |C_f - C| \le \varepsilon, \quad
+        \angle(n_f, n) \le \alpha, \quad
+        |T_f - T| \le \alpha |T|, \quad
         \left|\frac{\langle X_{k,f}, n_f\rangle}{|T_f|^k} - \frac{\langle X_k, n\rangle}{|T|^k}\right|
         \le \frac{10^{-6}}{\mathrm{size}^{k-1}}, \; k = 2, 3,
 
-    at equal t, size being the diagonal of the box around the rail. This is measured, with a margin of a tenth, at ten
-    points of each span of the fit and two of each piece of the exact jets; it is not proven in between. At both ends
-    the rows and their first two derivatives are the exact ones.
+    size being the diagonal of the box around the rail; k = 2 is the normal curvature along T. This is measured, with a
+    margin of a tenth, at ten points of each span of the fit and two of each piece of the exact jets; it is not proven
+    in between. At both ends the rows and their first two derivatives are the exact ones.
 
     Parameters
     ----------
@@ -202,8 +201,8 @@ def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float
     joints, kinks, influence = _joints(exact)
     pieces = np.searchsorted(exact.breaks, [joint.t for joint in joints])
     waiting = [
-        _Stretch(start, end, max(1, int(count) // 8))
-        for start, end, count in zip(joints, joints[1:], np.diff(pieces), strict=False)
+        _Stretch(start, end, min(max(1, int(count) // 8), 8))
+        for (start, end), count in zip(pairwise(joints), np.diff(pieces), strict=True)
     ]
     done: list[tuple[_Stretch, Array]] = []
     while waiting:
@@ -212,14 +211,14 @@ def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float
                 f"a compact blend of {FINEST} pieces does not reach {tolerance:g} mm and {angular_tolerance:g} rad; "
                 "ask for larger tolerances, or take form='exact'"
             )
-        again: list[_Stretch] = []
+        plans = []
         for stretch, coefs, t, errors in _fitted(exact, waiting):
             if errors.max() <= 1:
                 done.append((stretch, coefs))
                 continue
             inside = (kinks > stretch.start.t) & (kinks < stretch.end.t)
-            again += _refined(exact, stretch, t, errors, kinks[inside], influence[:, inside])
-        waiting = again
+            plans.append((stretch, *_plan(stretch, t, errors, kinks[inside], influence[:, inside])))
+        waiting = _divided(exact, plans)
     return _assembled(sorted(done, key=lambda one: one[0].start.t), len(sides[0]))
 
 
@@ -233,8 +232,7 @@ def _aligned(sides: tuple[Jets, Jets], tolerance: float, angular: float) -> _Exa
     first, second = ([_onto(jet, breaks) for jet in jets] for jets in sides)
     sizes = []
     for rail in (first[0], second[0]):
-        middle = (breaks[1:] + breaks[:-1]) / 2
-        points = rail(np.concatenate([breaks, middle]))
+        points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
         sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
     return _Exact((first, second), tolerance, angular, (sizes[0], sizes[1]))
 
@@ -326,14 +324,14 @@ def _samples(spans: int) -> int:
 
 
 def _fitted(exact: _Exact, stretches: list[_Stretch]) -> Iterable[tuple[_Stretch, Array, Array, Array]]:
-    """Fit stretches, which are in order: yield each with its coefficients (rows, 3, 6, spans), parameters and errors."""
+    """Fit stretches, in order: yield each with coefficients (rows, 3, 6, spans), and the errors at parameters."""
     taken = [stretch.samples(_samples(stretch.spans)) for stretch in stretches]
     checks = [_checks(exact, stretch) for stretch in stretches]
     t = np.concatenate(taken + checks)
     values = exact.values(t)
     used, checked = (np.cumsum([0] + [len(one) for one in part]) for part in (taken, checks))
     rows = np.concatenate([side[0] for side in values])
-    coefs = _coefficients(stretches, [rows[:, i:j] for i, j in zip(used, used[1:], strict=False)])
+    coefs = _coefficients(stretches, [rows[:, i:j] for i, j in pairwise(used)])
 
     starts, ends = (np.concatenate(part) for part in zip(*(stretch.spanned() for stretch in stretches), strict=True))
     fit = _evaluated(exact, np.concatenate(coefs, axis=-1), starts, ends, t[used[-1] :])
@@ -370,6 +368,7 @@ def _coefficients(stretches: list[_Stretch], values: list[Array]) -> list[Array]
         solved = _operator(spans, first, last) @ np.concatenate(data, axis=1)
         for (i, row), poles in zip(members, np.split(solved, len(members), axis=1), strict=True):
             coefs[i][row] = poles.reshape(spans, DEGREE + 1, 3).transpose(2, 1, 0)
+            coefs[i][row, :, -1, :-1] = coefs[i][row, :, 0, 1:]  # equal but for rounding
     return coefs
 
 
@@ -393,48 +392,52 @@ def _evaluated(exact: _Exact, coefs: Array, starts: Array, ends: Array, t: Array
     return values
 
 
-def _refined(
-    exact: _Exact, stretch: _Stretch, t: Array, errors: Array, kinks: Array, influence: Array
-) -> list[_Stretch]:
-    """Replace a stretch that errs: divided at the jumps that explain its errors, or with more spans.
+def _plan(stretch: _Stretch, t: Array, errors: Array, kinks: Array, influence: Array) -> tuple[Array, list[int]]:
+    """Decide what takes the place of a stretch that errs: where to divide it, and the spans of each part.
 
-    With more spans means either uniformly or, where that takes fewer, each half with its own number.
+    It is divided at those jumps that explain its errors and cost more as ever shorter spans than as joints. Else it
+    gets more spans, uniformly or, where that takes fewer, each half with its own number.
     """
     n, width = stretch.spans, stretch.length / stretch.spans
-    middle = (stretch.start.t + stretch.end.t) / 2
-    more = _more(n, errors.max())
-    halves = [_more(n / 2, errors[half].max()) for half in (t < middle, t >= middle)]
-    cost = (influence * width ** np.arange(len(influence))[:, None]).max(axis=0)
-    near = np.abs(t - kinks[:, None]) <= width
-    explained = (cost > 1) & (cost > EXPLAINS * np.where(near, errors, 0).max(axis=1))
-    if explained.any():
-        longest = _harmless(influence[:, explained])
-        order = np.argsort(longest)
-        counts = np.append(n * np.minimum(width / np.maximum(longest[order], stretch.length / FINEST), FINEST), n)
+    terms = influence * width ** np.arange(len(influence))[:, None]
+    cost, order = terms.max(axis=0), terms.argmax(axis=0)
+    found = np.where(np.abs(t - kinks[:, None]) <= width, errors, 0).max(axis=1)
+    explained = np.flatnonzero((cost > 1) & (found > 1) & (cost > EXPLAINS * found))
+    if len(explained):
+        shorter = np.minimum(cost, found)[explained] ** (1 / np.maximum(order[explained], 1 / FINEST))
+        worst = explained[np.argsort(-shorter)]
+        counts = n * np.append(-np.sort(-np.minimum(shorter, FINEST)), 1)
         chosen = np.argmin(counts + JOINT * np.arange(len(counts)))
         if chosen:
-            return _divided(exact, stretch, np.sort(kinks[explained][order[:chosen]]))
-        more = max(more, int(np.ceil(min(GROWTH * n, counts[0]))))
-        halves = [-(-more // 2)] * 2
+            cuts = np.sort(kinks[worst[:chosen]])
+            shares = np.diff([stretch.start.t, *cuts, stretch.end.t]) / stretch.length
+            return cuts, np.maximum(1, np.round(n * shares)).astype(int).tolist()
+    # an error falls with the fifth power of the number of spans, that of a slope; with less if it is due to jumps
+    power = 1 / (DEGREE - bool(len(explained)))
+    middle = (stretch.start.t + stretch.end.t) / 2
+    more = int(np.ceil(n * np.clip(errors.max() ** power, LEAST, GROWTH)))
+    halves = [
+        int(np.ceil(n / 2 * np.clip(errors[half].max() ** power, SHRINKAGE, GROWTH)))
+        for half in (t < middle, t >= middle)
+    ]
     if more > LONGEST or sum(halves) + JOINT < more:
-        return _divided(exact, stretch, np.array([middle]), halves)
-    return [_Stretch(stretch.start, stretch.end, more)]
+        return np.array([middle]), halves
+    return np.empty(0), [more]
 
 
-def _more(spans: float, error: float) -> int:
-    """Return how many spans bring an error to one: it falls with the fifth power of their number, that of a slope."""
-    return int(np.ceil(spans * np.clip(error ** (1 / DEGREE), SHRINKAGE if error < 1 else LEAST, GROWTH)))
-
-
-def _divided(exact: _Exact, stretch: _Stretch, t: Array, counts: Sequence[int] | None = None) -> list[_Stretch]:
-    """Divide a stretch at t, into parts with the given numbers of spans, or with spans as long as they are."""
-    near = exact.breaks[np.abs(exact.breaks - t[:, None]).argmin(axis=1)]
-    t = np.where(np.abs(near - t) < SNAP * stretch.length, near, t)
-    joints = [stretch.start, *_at(exact, t, np.full(len(t), stretch.length / stretch.spans))[0], stretch.end]
-    if counts is None:
-        shares = np.diff([joint.t for joint in joints]) / stretch.length
-        counts = np.maximum(1, np.round(shares * stretch.spans)).astype(int).tolist()
-    return [_Stretch(a, b, count) for (a, b), count in zip(pairwise(joints), counts, strict=True)]
+def _divided(exact: _Exact, plans: list[tuple[_Stretch, Array, list[int]]]) -> list[_Stretch]:
+    """Carry out plans: stretches, where to divide them, and the spans of each part."""
+    cuts = np.concatenate([np.empty(0), *(cut for _, cut, _ in plans)])
+    widths = np.repeat([stretch.length / stretch.spans for stretch, _, _ in plans], [len(cut) for _, cut, _ in plans])
+    after = np.searchsorted(exact.breaks, cuts)
+    for near in (exact.breaks[after - 1], exact.breaks[after]):
+        cuts = np.where(np.abs(near - cuts) < SNAP * widths, near, cuts)
+    joints = iter(_at(exact, cuts, widths)[0] if len(cuts) else [])
+    divided = []
+    for stretch, cut, counts in plans:
+        ends = [stretch.start, *islice(joints, len(cut)), stretch.end]
+        divided += [_Stretch(a, b, count) for (a, b), count in zip(pairwise(ends), counts, strict=True)]
+    return divided
 
 
 def _assembled(done: list[tuple[_Stretch, Array]], first: int) -> tuple[list[Curve], list[Curve]]:
