@@ -104,48 +104,53 @@ class _Exact:
         """Return the Euclidean rows with their derivatives by t, (rows, order + 1, n, 3)."""
         return np.concatenate([_derivatives(jets, t, order, side) for jets in self.sides])
 
-    def values(self, t: Array) -> list[tuple[Array, Array]]:
-        """Return for each side its Euclidean jets (orders, n, 3), and the velocity of its rail (n, 3)."""
-        values = []
-        for jets in self.sides:
-            point, velocity = jets[0].jet(t, 1)
-            homogeneous = np.stack([point, *(jet(t) for jet in jets[1:])]).swapaxes(1, 2)
-            rows = quotient(homogeneous[:, None])[:, 0].swapaxes(1, 2)
-            values.append((rows, (velocity[:, :3] - rows[0] * velocity[:, 3:]) / point[:, 3:]))
-        return values
+    def values(self, t: Array) -> list[Array]:
+        """Return for each side its Euclidean jets with the derivatives that count, (orders, 2 or 3, n, 3)."""
+        return [_derivatives(jets, t, _counted(jets), "right") for jets in self.sides]
 
-    def errors(self, fitted: list[tuple[Array, Array]], exact: list[tuple[Array, Array]]) -> Array:
+    def errors(self, fitted: list[Array], exact: list[Array]) -> Array:
         """Compare what :meth:`values` returns: (n,), the largest error of any sort as a share of its tolerance."""
         ratios = []
-        for (rows, rate), (true, velocity), size in zip(fitted, exact, self.sizes, strict=True):
-            ratios.append(_norm(rows[0] - true[0]) / self.tolerance)
-            if len(rows) == 1:
+        for fit, true, size in zip(fitted, exact, self.sizes, strict=True):
+            ratios.append(_norm(fit[0, 0] - true[0, 0]) / self.tolerance)
+            if len(fit) == 1:
                 continue
-            ratios.append(_norm(rows[1] - true[1]) / (_norm(true[1]) * self.angular))
-            n, wanted = cross(rate, rows[1]), cross(velocity, true[1])
+            ratios.append(_norm(fit[1, 0] - true[1, 0]) / (_norm(true[1, 0]) * self.angular))
+            n, wanted = (cross(x[0, 1], x[1, 0]) for x in (fit, true))
             ratios.append(np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1)) / self.angular)
-            n, wanted = n / _norm(n)[:, None], wanted / _norm(wanted)[:, None]
-            for k in range(2, len(rows)):
-                bend = (rows[k] * n).sum(-1) / _norm(rows[1]) ** k - (true[k] * wanted).sum(-1) / _norm(true[1]) ** k
-                ratios.append(np.abs(bend) * size ** (k - 1) / CURVATURE)
+            ratios += [
+                np.abs(bent - asked) * size**power / CURVATURE
+                for power, bent, asked in zip(_POWERS, _bends(fit), _bends(true), strict=False)
+            ]
         return np.asarray(np.max(ratios, axis=0) / MARGIN)
 
     def influence(self, jumps: Array, rows: Array) -> Array:
-        """Return what ignoring jumps (rows, 4, n) costs: a[r, m] h^m tolerances of row r, (rows, 4, n).
+        """Return what ignoring jumps (rows, 4, n, 3) costs: a[r, m] h^m tolerances of row r, (rows, 4, n).
 
-        ``rows`` are the Euclidean rows with their first derivatives, (rows, 2, n, 3). The error of a rail counts by its
-        slope as well, which has one derivative less.
+        ``rows`` are the Euclidean rows with their first derivatives, (rows, 2, n, 3). A jump counts by the slope and by
+        the curvature as well, which have one derivative and two less; for these, what lies in the tangent plane does no
+        harm.
         """
-        out, first = np.zeros_like(jumps), 0
+        out, first = np.zeros(jumps.shape[:-1]), 0
         for jets, size in zip(self.sides, self.sizes, strict=True):
-            speed, reach = (np.maximum(_norm(x), TINY) for x in (rows[first, 1], rows[first + len(jets[:2]) - 1, 0]))
-            allowed = [self.tolerance, self.angular * reach]
-            allowed += [CURVATURE * reach**k / size ** (k - 1) for k in range(2, len(jets))]
-            for k in range(len(jets)):
-                out[first + k] = KINK[:, None] * jumps[first + k] / allowed[k]
-            slope = KINK[:-1, None] * jumps[first, 1:] / (self.angular * speed)
-            out[first, :-1] = np.maximum(out[first, :-1], slope)
-            first += len(jets)
+            own, count = jumps[first : first + len(jets)], len(jets)
+            allowed = [np.full(jumps.shape[2], self.tolerance)]
+            if count > 1:
+                speed, reach = (np.maximum(_norm(x), TINY) for x in (rows[first, 1], rows[first + 1, 0]))
+                allowed += [self.angular * reach, *(CURVATURE * reach**k / size ** (k - 1) for k in range(2, count))]
+            costs = KINK[:, None] * _norm(own) / np.stack(allowed)[:, None]
+            if count > 1:
+                normal = cross(rows[first, 1], rows[first + 1, 0])
+                bent = np.abs((own[:2] * normal).sum(-1)) / np.maximum(_norm(normal), TINY)
+                finer = [(0, 1, self.angular * speed)]
+                if count > 2:
+                    bend = CURVATURE / size
+                    finer += [(0, 2, bend * speed**2), (1, 1, bend * speed * reach)]
+                for row, lost, limit in finer:
+                    left = len(KINK) - lost
+                    costs[row, :left] = np.maximum(costs[row, :left], KINK[:left, None] * bent[row, lost:] / limit)
+            out[first : first + count] = costs
+            first += count
         return out
 
 
@@ -244,8 +249,33 @@ def _onto(jet: Curve, breaks: Array) -> Curve:
 
 
 def _derivatives(jets: Jets, t: Array, order: int, side: Side) -> Array:
+    """Return the Euclidean jets with their derivatives by t, (orders, order + 1, n, 3)."""
     homogeneous = np.stack([jet.jet(t, order, side=side) for jet in jets])  # (orders, order + 1, n, 4)
     return quotient(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)
+
+
+def _counted(jets: Jets) -> int:
+    """Count the derivatives by t that errors are measured in: of second order where curvature is to agree."""
+    return 1 if len(jets) < 3 else 2
+
+
+def _bends(rows: Array) -> list[Array]:
+    """Return the normal curvatures along T and C', the mixed one, and the normal part of the third jet, (n,) each.
+
+    From Euclidean jets with their derivatives (orders, 3, n, 3); as many as there are jets for.
+    """
+    if len(rows) < 3:
+        return []
+    normal = cross(rows[0, 1], rows[1, 0])
+    normal = normal / _norm(normal)[:, None]
+    speed, reach = _norm(rows[0, 1]), _norm(rows[1, 0])
+    bends = [(rows[2, 0], reach**2), (rows[0, 2], speed**2), (rows[1, 1], speed * reach)]
+    bends += [(row[0], reach**3) for row in rows[3:]]
+    return [np.asarray((vector * normal).sum(-1) / length) for vector, length in bends]
+
+
+_POWERS = (1, 1, 1, 2)
+"""Powers of the size that make the numbers of :func:`_bends` free of units."""
 
 
 def _at(exact: _Exact, t: Array, spacing: Array) -> tuple[list[_Joint], Array]:
@@ -255,9 +285,9 @@ def _at(exact: _Exact, t: Array, spacing: Array) -> tuple[list[_Joint], Array]:
     """
     before, after = (exact.derivatives(t, len(KINK) - 1, side) for side in ("left", "right"))
     middle = (before + after) / 2
-    jumps, powers = _norm(after - before), spacing ** np.arange(len(KINK))[:, None]
+    jumps, powers = after - before, spacing ** np.arange(len(KINK))[:, None]
     influence = exact.influence(jumps, middle[:, :2])
-    single = np.eye(len(KINK))[:SHARED, None, :, None] * jumps  # one derivative at a time
+    single = np.eye(len(KINK))[:SHARED, None, :, None, None] * jumps  # one derivative at a time
     costs = [(exact.influence(one, middle[:, :2]) * powers).max(axis=1) for one in single]
     agreed = np.cumprod(np.stack(costs, axis=1) <= HARMLESS, axis=1).astype(bool)
     first, second = (np.where(agreed[..., None], middle[:, :SHARED], x[:, :SHARED]) for x in (before, after))
@@ -330,12 +360,12 @@ def _fitted(exact: _Exact, stretches: list[_Stretch]) -> Iterable[tuple[_Stretch
     t = np.concatenate(taken + checks)
     values = exact.values(t)
     used, checked = (np.cumsum([0] + [len(one) for one in part]) for part in (taken, checks))
-    rows = np.concatenate([side[0] for side in values])
+    rows = np.concatenate([side[:, 0] for side in values])
     coefs = _coefficients(stretches, [rows[:, i:j] for i, j in pairwise(used)])
 
     starts, ends = (np.concatenate(part) for part in zip(*(stretch.spanned() for stretch in stretches), strict=True))
     fit = _evaluated(exact, np.concatenate(coefs, axis=-1), starts, ends, t[used[-1] :])
-    errors = exact.errors(fit, [(side[:, used[-1] :], rate[used[-1] :]) for side, rate in values])
+    errors = exact.errors(fit, [side[:, :, used[-1] :] for side in values])
     for i, stretch in enumerate(stretches):
         yield stretch, coefs[i], checks[i], errors[checked[i] : checked[i + 1]]
 
@@ -377,19 +407,19 @@ def _taken(joint: _Joint) -> list[int]:
     return np.maximum(joint.agreed, 1).tolist()
 
 
-def _evaluated(exact: _Exact, coefs: Array, starts: Array, ends: Array, t: Array) -> list[tuple[Array, Array]]:
+def _evaluated(exact: _Exact, coefs: Array, starts: Array, ends: Array, t: Array) -> list[Array]:
     """Evaluate a fit (rows, 3, 6, spans), as :meth:`_Exact.values` does the exact jets."""
     span = np.searchsorted(starts, t, "right") - 1
     length = (ends - starts)[span]
     s, x = (ends[span] - t) / length, (t - starts[span]) / length
-    taken = np.moveaxis(coefs, 2, 0)[..., span]  # (6, rows, 3, n)
-    points = bernstein.evaluate(taken, bernstein.basis(DEGREE, s, x)).swapaxes(1, 2)
-    values, first = [], 0
-    for jets in exact.sides:
-        slope = bernstein.evaluate(bernstein.derivative(taken[:, first]), bernstein.basis(DEGREE - 1, s, x)) / length
-        values.append((points[first : first + len(jets)], slope.T))
-        first += len(jets)
-    return values
+    differences = np.moveaxis(coefs, 2, 0)[..., span]  # (6, rows, 3, n)
+    derivatives = []
+    for k in range(1 + max(map(_counted, exact.sides))):
+        derivatives.append(bernstein.evaluate(differences, bernstein.basis(DEGREE - k, s, x)) / length**k)
+        differences = bernstein.derivative(differences)
+    values = np.stack(derivatives, axis=1).swapaxes(2, 3)  # (rows, orders, n, 3)
+    first, second = exact.sides
+    return [values[: len(first), : _counted(first) + 1], values[len(first) :, : _counted(second) + 1]]
 
 
 def _plan(stretch: _Stretch, t: Array, errors: Array, kinks: Array, influence: Array) -> tuple[Array, list[int]]:
@@ -404,9 +434,10 @@ def _plan(stretch: _Stretch, t: Array, errors: Array, kinks: Array, influence: A
     found = np.where(np.abs(t - kinks[:, None]) <= width, errors, 0).max(axis=1)
     explained = np.flatnonzero((cost > 1) & (found > 1) & (cost > EXPLAINS * found))
     if len(explained):
-        shorter = np.minimum(cost, found)[explained] ** (1 / np.maximum(order[explained], 1 / FINEST))
+        least, power = np.minimum(cost, found)[explained], order[explained]
+        shorter = np.where(power > 0, least ** (1 / np.maximum(power, 1)), FINEST)
         worst = explained[np.argsort(-shorter)]
-        counts = n * np.append(-np.sort(-np.minimum(shorter, FINEST)), 1)
+        counts = n * np.append(-np.sort(-shorter), 1)
         chosen = np.argmin(counts + JOINT * np.arange(len(counts)))
         if chosen:
             cuts = np.sort(kinks[worst[:chosen]])

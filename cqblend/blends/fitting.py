@@ -319,12 +319,13 @@ def _pinned(ribbons: tuple[Ribbon, Ribbon], found: list[list[Pin]], breaks: Arra
 
 
 def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves]:
-    """Find knot-line crossings that nearly coincide with each other or with a break, and bring them together.
+    """Bring knot-line crossings together with those that nearly coincide, and breaks together with crossings.
 
     The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a
     sliver between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross
-    theirs in the plane of symmetry, apart by the tolerance of the edge. Returns the breaks, moved to such crossings,
-    and the native parameters through which a rail is to run there, so that it crosses just at the break.
+    theirs in the plane of symmetry, apart by the tolerance of the edge. A break gives way to a crossing as far as a
+    third of its span off. Returns the breaks, and the native parameters through which a rail is to run at some of them,
+    so that it crosses just there.
     """
     slack = SLIVER * (breaks[-1] - breaks[0])
     crossings = []
@@ -341,7 +342,9 @@ def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves
     moves: Moves = []
     for cluster in clusters:
         first = min(cluster.values())
-        near = np.abs(breaks - first) <= 2 * slack
+        spans = np.diff(breaks)
+        room = np.concatenate([[0.0], np.minimum(spans[1:], spans[:-1]) / 3, [0.0]])  # ends stay
+        near = np.abs(breaks - first) <= np.maximum(room, 2 * slack)
         if not near.any() and len(cluster) == 1:
             continue
         at = float(breaks[0] if near[0] else breaks[-1] if near[-1] else first)

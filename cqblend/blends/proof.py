@@ -60,6 +60,7 @@ import numpy as np
 
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
+from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.spline import union
 
@@ -68,7 +69,8 @@ if TYPE_CHECKING:
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 2.0**-46  # of the largest coordinate, 1.4e-14: a rail nearer than that to the exact one is the exact one
-COMPOSED = 16 * EPS  # error of P(c) and its like, relative to the largest coefficient of a piece
+COMPOSED = 8 * EPS  # error of P(c) and its like, relative to the largest coefficient of a piece; below 2 EPS measured
+EVEN = 256 * EPS  # weights that differ by less, relatively, count as one, and the difference as an error
 RATIO = 1.25  # how much larger than a value that is taken a bound may be; pieces are halved until it is
 HALVINGS = 12
 
@@ -141,6 +143,9 @@ def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int 
         If the surface and the ribbon have different domains.
     """
     order = ribbon.order if order is None else order
+    (a, b), (c, d) = surface.domain[0], ribbon.c.domain
+    if max(abs(a - c), abs(b - d)) > 8 * EPS * max(abs(a), abs(b)):
+        raise InputError(f"the surface runs over t = [{a:.9g}, {b:.9g}], its ribbon over [{c:.9g}, {d:.9g}]: clip one")
     side = _Side(surface, end, ribbon, 2 if order >= 2 else 1)
     gap = side.gap()
     sine = min(1.0, side.sine())
@@ -272,7 +277,8 @@ class _Side:
         self.same = numerator.norms()[1] <= ROUNDING * reach * weights.norms()[0]
 
         first, second = self.x.w * self.x.w, self.p.w * self.p.w
-        self.even = bool(np.all((first - second).size <= 64 * EPS * first.size))
+        apart = first - second
+        self.even = bool(np.all(apart.size + apart.error <= EVEN * first.norms()[0]))
         self.squares = first, second
         self.weight = first if self.even else first * second
         self.h = {"v": self._of_surface(1, 0)}
@@ -310,7 +316,7 @@ class _Side:
     def _of_ribbon(self, across: int, along: int) -> _Poly:
         derivative = self._jet(across, along).over(self.p)
         if self.even:
-            return _Poly(derivative.coefs, derivative.error + 64 * EPS * derivative.size)
+            return _Poly(derivative.coefs, derivative.error + EVEN * derivative.size)
         return derivative * self.squares[0]
 
     def _kept(self, poly: _Poly) -> _Poly:
