@@ -52,7 +52,7 @@ This module must not know how blends are made, and believes nothing of what they
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -296,18 +296,18 @@ class _Side:
         rounding = 2 * EPS * (curve.degree + 1) if len(cut.breaks) > len(curve.breaks) else 0.0
         return cut.coefs, known + rounding * _sizes(curve)[own]
 
-    def _row(self, curve: Curve, error: Array | None = None) -> _Row:
-        coefs, known = self._cut(curve, error)
-        w = coefs[:, 3:]
+    def _row(self, curve: Curve, errors: Sequence[Array | None] = (None, None)) -> _Row:
+        parts = (curve[:3], curve[3])
+        (xyz, error), (w, doubt) = (self._cut(part, known) for part, known in zip(parts, errors, strict=True))
         shift = self.origin * w
-        moved = known + 2 * EPS * np.abs(shift).max(axis=(0, 1))
-        return _Row(_Poly(coefs[:, :3] - shift, moved), _weight(w, known))
+        error = error + 2 * EPS * np.abs(shift).max(axis=(0, 1))
+        return _Row(_Poly(xyz - shift, error), _weight(w, doubt))
 
     def _jet(self, across: int, along: int) -> _Row:
         # differentiated before it is cut: a piece of rounding's length has no difference quotients
         jet = self.jets[across]
-        error = COMPOSED * _sizes(jet) * (2 * jet.degree / np.diff(jet.breaks)) ** along
-        return self._row(jet.derivative(along), error)
+        factor = COMPOSED * (2 * jet.degree / np.diff(jet.breaks)) ** along
+        return self._row(jet.derivative(along), [factor * _sizes(part) for part in (jet[:3], jet[3])])
 
     def _of_surface(self, across: int, along: int) -> _Poly:
         derivative = self._row(self.rows[across].derivative(along)).over(self.x)
