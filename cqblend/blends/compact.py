@@ -32,7 +32,7 @@ from cqblend.splines.knots import extract
 
 DEGREE = 5  # single knots of a higher one do not survive re-assembly, which keeps amplification of rounding below 50
 SHARED = 3  # values and derivatives taken over at a joint, at most: half the coefficients of a quintic
-CURVATURE = 1e-6  # tolerance in curvature, in units of 1 / size of the rail
+CURVATURE = 1e-5  # tolerance in curvature, in units of 1 / size of the rail
 MARGIN = 0.9  # share of the tolerances that may be used up where they are measured
 FINEST = 4096  # spans
 LONGEST = 48  # spans between two joints: longer stretches are halved, so that matrices stay small
@@ -62,7 +62,7 @@ class _Joint:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """What lies between two joints: its number of spans, and once it is fitted its coefficients and its errors."""
+    """What lies between two joints, on uniform spans."""
 
     start: _Joint
     end: _Joint
@@ -118,10 +118,7 @@ class _Exact:
             ratios.append(_norm(fit[1, 0] - true[1, 0]) / (_norm(true[1, 0]) * self.angular))
             n, wanted = (cross(x[0, 1], x[1, 0]) for x in (fit, true))
             ratios.append(np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1)) / self.angular)
-            ratios += [
-                np.abs(bent - asked) * size**power / CURVATURE
-                for power, bent, asked in zip(_POWERS, _bends(fit), _bends(true), strict=False)
-            ]
+            ratios += [np.abs(x - y) / CURVATURE for x, y in zip(_bends(fit, size), _bends(true, size), strict=True)]
         return np.asarray(np.max(ratios, axis=0) / MARGIN)
 
     def influence(self, jumps: Array, rows: Array) -> Array:
@@ -161,15 +158,19 @@ def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float
     :math:`\varepsilon`, :math:`\alpha` the two tolerances, the fit (f) has at equal t
 
     .. math::
-        |C_f - C| \le \varepsilon, \quad
-        \angle(n_f, n) \le \alpha, \quad
-        |T_f - T| \le \alpha |T|, \quad
-        \left|\frac{\langle X_{k,f}, n_f\rangle}{|T_f|^k} - \frac{\langle X_k, n\rangle}{|T|^k}\right|
-        \le \frac{10^{-6}}{\mathrm{size}^{k-1}}, \; k = 2, 3,
+        |C_f - C| \le \varepsilon, \qquad
+        \angle(n_f, n) \le \alpha, \qquad
+        |T_f - T| \le \alpha |T|
 
-    size being the diagonal of the box around the rail; k = 2 is the normal curvature along T. This is measured, with a
-    margin of a tenth, at ten points of each span of the fit and two of each piece of the exact jets; it is not proven
-    in between. At both ends the rows and their first two derivatives are the exact ones.
+    and, with :math:`\beta = 10^{-5}` / size, size being the diagonal of the box around the rail, of a ribbon with
+
+    - X_2: the normal curvatures along C' and T and the mixed one, :math:`\langle C'', n\rangle / |C'|^2`,
+      :math:`\langle X_2, n\rangle / |T|^2` and :math:`\langle T', n\rangle / (|C'| |T|)`, to :math:`\beta`;
+    - X_3: :math:`\langle X_3, n\rangle / |T|^3` to :math:`\beta` / size.
+
+    This is measured, with a margin of a tenth, at ten points of each span of the fit and two of each piece of the exact
+    jets; it is not proven in between, and narrow features where C' and T are nearly parallel may be missed. At both
+    ends the rows and their first two derivatives are the exact ones.
 
     Parameters
     ----------
@@ -259,23 +260,19 @@ def _counted(jets: Jets) -> int:
     return 1 if len(jets) < 3 else 2
 
 
-def _bends(rows: Array) -> list[Array]:
+def _bends(rows: Array, size: float) -> list[Array]:
     """Return the normal curvatures along T and C', the mixed one, and the normal part of the third jet, (n,) each.
 
-    From Euclidean jets with their derivatives (orders, 3, n, 3); as many as there are jets for.
+    In units of the size, from Euclidean jets with their derivatives (orders, 3, n, 3); as many as there are jets for.
     """
     if len(rows) < 3:
         return []
     normal = cross(rows[0, 1], rows[1, 0])
     normal = normal / _norm(normal)[:, None]
     speed, reach = _norm(rows[0, 1]), _norm(rows[1, 0])
-    bends = [(rows[2, 0], reach**2), (rows[0, 2], speed**2), (rows[1, 1], speed * reach)]
-    bends += [(row[0], reach**3) for row in rows[3:]]
-    return [np.asarray((vector * normal).sum(-1) / length) for vector, length in bends]
-
-
-_POWERS = (1, 1, 1, 2)
-"""Powers of the size that make the numbers of :func:`_bends` free of units."""
+    bends = [(rows[2, 0], size / reach**2), (rows[0, 2], size / speed**2), (rows[1, 1], size / (speed * reach))]
+    bends += [(row[0], size**2 / reach**3) for row in rows[3:]]
+    return [np.asarray((vector * normal).sum(-1) * factor) for vector, factor in bends]
 
 
 def _at(exact: _Exact, t: Array, spacing: Array) -> tuple[list[_Joint], Array]:
@@ -320,7 +317,7 @@ def _harmless(influence: Array) -> Array:
     return np.where(influence[0] > 1, 0.0, lengths.min(axis=0))
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _operator(spans: int, first: int, last: int) -> Array:
     """Return the matrix of the least-squares quintic on [0, 1] with uniform single knots.
 
@@ -461,8 +458,9 @@ def _divided(exact: _Exact, plans: list[tuple[_Stretch, Array, list[int]]]) -> l
     cuts = np.concatenate([np.empty(0), *(cut for _, cut, _ in plans)])
     widths = np.repeat([stretch.length / stretch.spans for stretch, _, _ in plans], [len(cut) for _, cut, _ in plans])
     after = np.searchsorted(exact.breaks, cuts)
-    for near in (exact.breaks[after - 1], exact.breaks[after]):
-        cuts = np.where(np.abs(near - cuts) < SNAP * widths, near, cuts)
+    low, high = exact.breaks[after - 1], exact.breaks[after]
+    nearest = np.where(cuts - low < high - cuts, low, high)
+    cuts = np.where(np.abs(nearest - cuts) < SNAP * widths, nearest, cuts)
     joints = iter(_at(exact, cuts, widths)[0] if len(cuts) else [])
     divided = []
     for stretch, cut, counts in plans:
