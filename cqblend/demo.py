@@ -25,11 +25,15 @@ def sharp() -> cadquery.Shape:
     return teapot.body().fuse(teapot.spout())
 
 
-def blended(pot: cadquery.Shape) -> BlendResult:
-    """Blend the edge along which spout and body meet."""
+def joint(pot: cadquery.Shape) -> cadquery.Edge:
+    """Return the edge along which spout and body meet."""
     between = [edge for edge in pot.Edges() if len(edge.ancestors(pot, "Face").Faces()) == 2]
-    joint = min(between, key=lambda edge: abs(edge.Center().x - 1.93) + abs(edge.Center().z - 1.05))
-    return blend_edges(pot, joint, width=WIDTH, form="exact")
+    return min(between, key=lambda edge: abs(edge.Center().x - 1.93) + abs(edge.Center().z - 1.05))
+
+
+def blended(pot: cadquery.Shape) -> BlendResult:
+    """Blend that edge."""
+    return blend_edges(pot, joint(pot), width=WIDTH, form="exact")
 
 
 def draw(pot: cadquery.Shape, result: BlendResult, path: Path) -> None:

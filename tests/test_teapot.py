@@ -19,6 +19,7 @@ from OCP.GProp import GProp_GProps
 
 import cqblend
 from cqblend import demo, teapot
+from cqblend.errors import GeometryError
 from cqblend.occ.step import read_step, write_step
 
 STATIONS = 1000
@@ -181,11 +182,10 @@ def test_gap_and_angle_at_a_thousand_equidistant_points_along_both_rails():
     assert blended().certificate.angle <= 1e-10
 
 
-def test_crease_at_the_bodys_curvature_jump_is_reported():
-    """Where the rail crosses the knot line, the blend has a crease; measured here from both sides of its own knots."""
-    (blend,) = blended().faces
-    surface = BRep_Tool.Surface_s(blend.wrapped)
-    worst, where = 0.0, None
+def crease(face) -> tuple[float, float]:
+    """The largest angle between the normals beside the blend's own knots, and the height of its section's end."""
+    surface = BRep_Tool.Surface_s(face.wrapped)
+    worst, height = 0.0, math.nan
     for k in range(surface.FirstUKnotIndex() + 1, surface.LastUKnotIndex()):
         u = surface.UKnot(k)
         for v in np.linspace(0.02, 0.98, 25).tolist():
@@ -195,12 +195,36 @@ def test_crease_at_the_bodys_curvature_jump_is_reported():
                 sides.append(n / np.linalg.norm(n))
             angle = math.atan2(np.linalg.norm(np.cross(*sides)), sides[0] @ sides[1])
             if angle > worst:
-                worst, where = angle, (u, v)
-    assert blended().certificate.inner_crease == pytest.approx(worst, rel=0.05)
+                worst = angle
+                height = min((surface.Value(u, end).Z() for end in (0.0, 1.0)), key=lambda z: abs(z - KNOT_LINE))
+    return worst, height
+
+
+def test_steering_leaves_no_crease_where_the_bodys_curvature_jumps():
+    """At z = .9, by 18 degrees; what is seen beside knots then is the step off them, times the blend's curvature."""
+    assert blended().certificate.inner_crease <= 1e-9
+    assert crease(blended().faces[0])[0] < 1e-6
+    assert 0.2 < blended().certificate.direction < math.radians(20)
+
+
+def test_without_steering_there_is_a_crease_and_it_is_reported():
+    sharp = pot()
+    straight = cqblend.blend_edges(sharp, demo.joint(sharp), width=demo.WIDTH, form="exact", steer=0)
+    worst, height = crease(straight.faces[0])
+    assert straight.certificate.inner_crease == pytest.approx(worst, rel=0.05)
     assert math.radians(0.01) < worst < math.radians(2)
-    ends = [surface.Value(surface.UKnot(k), v).Z() for k in range(2, surface.LastUKnotIndex()) for v in (0.0, 1.0)]
-    assert min(abs(z - KNOT_LINE) for z in ends) < 1e-6
-    assert where is not None
+    assert abs(height - KNOT_LINE) < 1e-6
+    assert straight.certificate.direction < 1e-3
+
+
+def test_curvature_is_continuous_if_asked_and_g3_is_refused_by_the_knot_line():
+    sharp = pot()
+    smooth = cqblend.blend_edges(sharp, demo.joint(sharp), width=demo.WIDTH, form="exact", continuity="G2")
+    assert valid(smooth.shape)
+    assert smooth.certificate.curvature_jump < 1e-8
+    assert smooth.certificate.inner_crease < 1e-9
+    with pytest.raises(GeometryError, match="G3 needs surfaces that are C3"):
+        cqblend.blend_edges(sharp, demo.joint(sharp), width=demo.WIDTH, continuity="G3")
 
 
 def test_verification_finds_nothing():

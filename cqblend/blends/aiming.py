@@ -21,7 +21,7 @@ from cqblend.splines import Curve, fit
 from cqblend.splines.evaluation import quotient
 
 FEWEST = 16  # spans of a cubic fit
-FINE = 1 / 256  # its shortest span for the sake of directions, as a share of the whole
+FINE = 1 / 128  # its shortest span for the sake of directions, as a share of the whole
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
 
 Maker = Callable[[Array], Curve]
@@ -147,7 +147,7 @@ class Aim:
         made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering)
         off = float((turned + np.abs(steering.angle(t))).max())
         bad = (turned > DIRECTION + steering.slack(t)) | (ratio > LENGTH + steering.slack(t))
-        fine = np.diff(nodes) < 2 * FINE * (nodes[-1] - nodes[0])
+        fine = np.diff(nodes) < 1.9 * FINE * (nodes[-1] - nodes[0])
         ribbon = Ribbon(self.primary, self.c, made, ends, self.order, off, float(ratio.max()))
         return ribbon, (bad[1::3] | bad[2::3]) & ~fine
 

@@ -256,7 +256,7 @@ class _Cubic:
                 for inner in (slice(1, None, 3), slice(2, None, 3)):
                     bad |= (errors.across[inner] > wanted.position) & (share > FINEST)
                     turned = (errors.direction[inner] > wanted.direction) | (errors.length[inner] > wanted.length)
-                    bad |= turned & (share > FINE)
+                    bad |= turned & (share > 1.9 * FINE)
             if not bad.any():
                 break
             breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
