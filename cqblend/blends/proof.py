@@ -42,6 +42,7 @@ cos(phi) the two forms differ by at most
 From these three, |a|, |b| and theta follows the largest difference on unit vectors, in all directions of the plane; the
 factor cos(phi), and projected unit vectors being shorter by up to that much, cost a share sin^2(phi) of the curvatures.
 The gauge of rational blends drops out: what it adds to H_ij is a combination of a and b.
+On a piece of length h, II(G_t, G_t) is known up to the rounding of P(c) times (2 p/h)^2, and the bound with it.
 
 The rounding of what is computed here is carried along as a bound on the error of the coefficients, product by product;
 P, its jets and N enter with ``COMPOSED`` of error. The blend's own coefficients count as exact. Positions are taken
