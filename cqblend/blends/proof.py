@@ -262,7 +262,6 @@ class _Side:
     """
 
     def __init__(self, surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int) -> None:
-        self.order = order
         self.rows = _rows(surface, end, order)
         self.jets = ribbon.primary.jets(ribbon.c, ribbon.directions, max(order, len(ribbon.directions)))
         normal = ribbon.primary.normal(ribbon.c)
