@@ -5,9 +5,14 @@ doors, the command line and the tests talk about exactness in the same words and
 anything, and nothing of OCP.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
+from operator import or_
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from cqblend.blends.proof import Proof
 
 Form = Literal["exact", "compact"]
 
@@ -22,7 +27,8 @@ class RailRecord:
         1 or 2; side 1 is the face given as ``first=``, else the one with the lower index.
     face, edge : int
         The neighbour and the blended edge: 1-based indices in the face map and the edge map of the *input* shape
-        (the order of ``TopExp::MapShapes``, which is that of ``shape.Faces()`` in CadQuery, from 1).
+        (the order of ``TopExp::MapShapes``, which is that of ``shape.Faces()`` in CadQuery, from 1); 0 where surfaces
+        were blended, not a shape.
     gap : float
         Largest distance between blend and neighbour, mm.
     angle : float
@@ -62,7 +68,7 @@ _COLUMNS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Certificate:
     """How exact a blend is: one record a rail, and what holds for the whole of it.
 
@@ -92,6 +98,8 @@ class Certificate:
         Smallest and largest straight distance from rail to rail, mm.
     stations : int
         Points at which each rail was measured, least over the rails.
+    proofs : tuple of callable
+        What computes the proof of each blend, when `proof` is asked for.
 
     Examples
     --------
@@ -114,6 +122,16 @@ class Certificate:
     valid: bool
     width: tuple[float, float]
     stations: int
+    proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
+
+    @cached_property
+    def proof(self) -> "Proof | None":
+        """Bounds on gap (mm), angle (rad) and curvature jump (1/mm) that hold at every point of the rails.
+
+        From the coefficients of the finished surfaces, as splines: nothing is sampled. It takes up to some tenths of a
+        second, when first asked for. None if nothing is known but measurements.
+        """
+        return reduce(or_, [prove() for prove in self.proofs]) if self.proofs else None
 
     @property
     def gap(self) -> float:
@@ -159,6 +177,7 @@ class Certificate:
             valid=all(one.valid for one in certificates),
             width=(min(one.width[0] for one in certificates), max(one.width[1] for one in certificates)),
             stations=min(one.stations for one in certificates),
+            proofs=tuple(prove for one in certificates for prove in one.proofs),
         )
 
     def __str__(self) -> str:

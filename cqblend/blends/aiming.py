@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.breaks import SAME, merged
 from cqblend.blends.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
 from cqblend.blends.rails import Rail
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import Steering, pins
 from cqblend.splines import Curve, fit
-from cqblend.splines.evaluation import quotient
 
 FEWEST = 16  # spans of a cubic fit
 FINE = 1 / 128  # its shortest span for the sake of directions, as a share of the whole
@@ -54,7 +54,7 @@ def aim(
     rs = steering.pinned(tangent_coordinates(jet, vectors), t)
     first = make(primary.push(uv, lifted, rs))
     directions = further(primary, c, [first], uv, t, order, make, steering)
-    fitted = derivatives(np.stack([curve(t) for curve in primary.jets(c, [first])]))[1]
+    fitted = in_space(np.stack([curve(t) for curve in primary.jets(c, [first])]))[1]
     angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
     return directions, angle, np.abs(ratio)
@@ -68,7 +68,7 @@ def further(
     jet, lifted = primary.jet(uv), c(t)
     for k in range(2, order + 1):
         jets = np.stack([curve(t) for curve in primary.jets(c, directions, k)])
-        space = derivatives(jets)
+        space = in_space(jets)
         target = np.zeros_like(space[1])
         if k == 3:
             target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
@@ -76,11 +76,6 @@ def further(
         gauge = -jets[k, :, 3:] / jets[0, :, 3:]
         directions.append(make(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers))
     return tuple(directions)
-
-
-def derivatives(jets: Array) -> Array:
-    """Return the derivatives (k, n, 3) by v in space of homogeneous ones (k, n, 4)."""
-    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
 
 
 @dataclass(frozen=True)
@@ -133,7 +128,7 @@ class Aim:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
         t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
         t[::3] = nodes
-        corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= _same(nodes))
+        corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
 
         def make(values: Array) -> Curve:
             return _through(nodes, values, corners, closed=self.closed)
@@ -174,17 +169,6 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
         steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, found, strict=True)]
         ribbons, _ = refined(nodes)
     return ribbons[0], ribbons[1]
-
-
-def merged(first: Array, second: Array) -> Array:
-    """Unite two sets of parameters; those equal to rounding count once, as in the first."""
-    new = second[np.abs(second[:, None] - first).min(axis=1) > _same(first)] if len(second) else second
-    return np.sort(np.concatenate([first, new]))
-
-
-def _same(t: Array) -> float:
-    """Return the difference up to which parameters are equal to rounding."""
-    return 1e-13 * float(t[-1] - t[0])
 
 
 def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:

@@ -24,6 +24,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
+from cqblend.blends.breaks import aligned
 from cqblend.blends.primaries import Array, cross
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
@@ -203,7 +204,7 @@ def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float
     >>> rail.degree, rail.dim, bool(abs(rail.dot(rail)(0.3) - 1).max() < 2e-7)
     (5, 3, True)
     """
-    exact = _aligned(sides, tolerance, angular_tolerance)
+    exact = _exact(sides, tolerance, angular_tolerance)
     joints, kinks, influence = _joints(exact)
     pieces = np.searchsorted(exact.breaks, [joint.t for joint in joints])
     waiting = [
@@ -232,21 +233,15 @@ def _norm(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors * vectors).sum(-1)))
 
 
-def _aligned(sides: tuple[Jets, Jets], tolerance: float, angular: float) -> _Exact:
-    breaks = np.unique(np.concatenate([jet.breaks for jets in sides for jet in jets]))
-    breaks = breaks[np.append(True, np.diff(breaks) > 1e-13 * (breaks[-1] - breaks[0]))]
-    first, second = ([_onto(jet, breaks) for jet in jets] for jets in sides)
+def _exact(sides: tuple[Jets, Jets], tolerance: float, angular: float) -> _Exact:
+    together = aligned([*sides[0], *sides[1]])
+    first, second = together[: len(sides[0])], together[len(sides[0]) :]
+    breaks = first[0].breaks
     sizes = []
     for rail in (first[0], second[0]):
         points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
         sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
     return _Exact((first, second), tolerance, angular, (sizes[0], sizes[1]))
-
-
-def _onto(jet: Curve, breaks: Array) -> Curve:
-    """Cut at the breaks, to which those of the curve move that equal them to rounding."""
-    own = breaks[np.abs(jet.breaks[:, None] - breaks).argmin(axis=1)]
-    return Curve(own, jet.coefs, continuity=jet.continuity).cut(breaks[1:-1])
 
 
 def _derivatives(jets: Jets, t: Array, order: int, side: Side) -> Array:

@@ -1,12 +1,13 @@
-"""The blend surface between two rails: cubic Hermite across, the rails' own splines along.
+"""The blend surface between two rails: a Hermite section across, the rails' own splines along.
 
-In homogeneous 4-space, with v running from rail 1 to rail 2 (Kim & Elber, section 2, with a gauge for the weight),
+In homogeneous 4-space, with v running from rail 1 to rail 2 (Kim & Elber, section 2, with a gauge for the weight), for
+G1 on both sides
 
     H(t, v) = C1 (2v^3 - 3v^2 + 1) + C2 (3v^2 - 2v^3) + T1 (v^3 - 2v^2 + v) - T2 (v^3 - v^2),
 
-whose four rows of poles across are C1, C1 + T1/3, C2 + T2/3, C2: both fields point into the blend. The *exact* form
-takes C = P(c) and T = DP(c) d as they are, of any degree. The *compact* form replaces them by quintics within a
-tolerance in position and angle.
+whose four rows of poles across are C1, C1 + T1/3, C2 + T2/3, C2: both fields point into the blend. Other orders of
+continuity, on either side, take as many jets more or less. The *exact* form takes C = P(c) and T = DP(c) d as they are,
+of any degree. The *compact* form replaces them by quintics within a tolerance (:mod:`cqblend.blends.compact`).
 """
 
 from __future__ import annotations
@@ -17,15 +18,17 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, cross
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.breaks import aligned
+from cqblend.blends.compact import compact
+from cqblend.blends.fields import GRAZING
+from cqblend.blends.primaries import cross, unit
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import DegreeError, GeometryError
-from cqblend.splines import Curve, Surface, fit
+from cqblend.splines import Curve, Surface
 
 Form = Literal["exact", "compact"]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
-FINEST = 4096  # pieces of a compact blend
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -39,35 +42,56 @@ class Blend:
 
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
-    """Return the homogeneous jets of both ribbons on common breaks, each of the lowest degree that it really has."""
-    sides = [[_lowest(jet, ribbon.c) for jet in ribbon.jets()[: ribbon.order + 1]] for ribbon in ribbons]
-    for jets in sides:
-        if len(jets) > 1:
-            _check_smooth(jets[0], jets[1])
-    breaks = merge(*(jet.breaks for jets in sides for jet in jets))
-    first, second = ([jet.cut(breaks[1:-1]) for jet in jets] for jets in sides)
-    return first, second
+    """Return the homogeneous jets of both ribbons, each of the lowest degree that it really has."""
+    sides = []
+    for ribbon in ribbons:
+        jets = [_lowest(jet, ribbon.c) for jet in ribbon.jets()[: ribbon.order + 1]]
+        _check_smooth(jets)
+        if ribbon.order:
+            _check_plane(ribbon, jets[0], jets[1])
+        sides.append(jets)
+    return sides[0], sides[1]
 
 
-def _check_smooth(rail: Curve, field: Curve) -> None:
-    """Raise GeometryError where the surface has a crease across the rail: there, the field jumps."""
-    t = rail.breaks[1:-1]
-    if not len(t):
-        return
-    before, after = (_values(rail, field, t, side)[1][0] for side in ("left", "right"))
-    jump = np.linalg.norm(after - before, axis=1)
-    if jump.max() > JUMP * np.abs(after).max():
+def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
+    """Raise GeometryError where rail and cross direction are parallel: there, the blend would turn over."""
+    t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
+    x, dx, y = rail(t), rail(t, 1), field(t)
+    point = x[:, :3] / x[:, 3:]
+    rate, vector = dx[:, :3] - point * dx[:, 3:], y[:, :3] - point * y[:, 3:]
+    sine = (cross(unit(rate), unit(vector)) * ribbon.primary.normals(ribbon.native(t))).sum(1)
+    sine *= np.sign(sine.sum())
+    if not np.all(sine > GRAZING):
         raise GeometryError(
-            f"a face has a crease across the blend at t = {t[jump.argmax()]:.4g}: the directions into it jump by "
-            f"{jump.max():.2g}; blend the smooth parts one by one"
+            f"the cross direction runs along the rail at t = {t[sine.argmin()]:.6g}: there, it spans no tangent plane "
+            "with it; choose other tangents, or a smaller steer"
         )
 
 
-def merge(*sets: Array) -> Array:
-    """Unite sets of breaks; those equal to rounding count once."""
-    breaks = np.unique(np.concatenate(sets))
-    tiny = 1e-13 * (breaks[-1] - breaks[0])
-    return breaks[np.append(True, np.diff(breaks) > tiny)]
+def _check_smooth(jets: list[Curve]) -> None:
+    """Raise GeometryError where a jet jumps along the rail: a blend with that jet would be torn.
+
+    The first one jumps at a crease of the surface, the second one where its curvature jumps, unless the first direction
+    is parallel to the knot line there.
+    """
+    t = jets[0].breaks[1:-1]
+    if not len(t):
+        return
+    before, after = (in_space(np.stack([jet(t, side=side) for jet in jets])) for side in ("left", "right"))
+    for k, (left, right) in enumerate(zip(before[1:], after[1:], strict=True), 1):
+        jump = np.linalg.norm(right - left, axis=1)
+        if jump.max() > JUMP * np.abs(right).max():
+            at = f"t = {t[jump.argmax()]:.6g}"
+            if k == 1:
+                raise GeometryError(
+                    f"a face has a crease across the blend at {at}: the directions into it jump by {jump.max():.2g}; "
+                    "blend the smooth parts one by one"
+                )
+            raise GeometryError(
+                f"the surface's derivatives of order {k} jump by {jump.max():.2g} where the rail crosses a knot line "
+                f"at {at}, at an angle to the direction of the blend that steering may not turn: allow more with "
+                f"steer=, or take G{k - 1}"
+            )
 
 
 def _lowest(curve: Curve, rail: Curve) -> Curve:
@@ -91,6 +115,8 @@ def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
         If a weight is not positive.
     """
     degree = len(sides[0]) + len(sides[1]) - 1
+    together = aligned([*sides[0], *sides[1]])
+    sides = together[: len(sides[0])], together[len(sides[0]) :]
     largest = max(jet.degree for jets in sides for jet in jets)
     rows = []
     for jets in sides:
@@ -130,67 +156,3 @@ def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular
             f"the exact blend has degree {degree} along the rail, OCCT holds {LARGEST_DEGREE}; take form='compact'"
         )
     return Blend(section(jets), ribbons, "exact")
-
-
-def _euclidean(rail: Array, field: Array) -> tuple[Array, Array]:
-    """Turn homogeneous jets (3, n, 4) of a rail and its field into Euclidean ones, (3, n, 3) each.
-
-    The rail is X / w, the field (T_xyz - X/w T_w) / w, with their first and second derivatives by the product rule.
-    """
-    w, wt, wtt = rail[..., 3:]
-    c0 = rail[0, :, :3] / w
-    c1 = (rail[1, :, :3] - c0 * wt) / w
-    c2 = (rail[2, :, :3] - 2 * c1 * wt - c0 * wtt) / w
-    g, gt, gtt = field[..., 3:]
-    f0 = (field[0, :, :3] - c0 * g) / w
-    f1 = (field[1, :, :3] - c1 * g - c0 * gt - f0 * wt) / w
-    f2 = (field[2, :, :3] - c2 * g - 2 * c1 * gt - c0 * gtt - 2 * f1 * wt - f0 * wtt) / w
-    return np.stack([c0, c1, c2]), np.stack([f0, f1, f2])
-
-
-def _values(rail: Curve, field: Curve, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array]:
-    return _euclidean(
-        np.stack([rail(t, k, side=side) for k in range(3)]), np.stack([field(t, k, side=side) for k in range(3)])
-    )
-
-
-def compact(
-    sides: tuple[list[Curve], list[Curve]], tolerance: float, angular_tolerance: float
-) -> tuple[list[Curve], list[Curve]]:
-    """Replace C1, T1, T2, C2 by quintics: local Hermite interpolation on their own breaks, halved where it errs.
-
-    The error in angle is that of the plane of C' and T against the exact one; it decides long before the position does.
-    """
-    pairs = sides
-    breaks = pairs[0][0].breaks
-    inner = (np.arange(1, 8) / 8)[:, None]
-    while True:
-        fitted, bad = [], np.zeros(len(breaks) - 1, bool)
-        for rail, field in pairs:
-            starts, ends = _values(rail, field, breaks[:-1], "right"), _values(rail, field, breaks[1:], "left")
-            c, f = (fit.hermite(breaks, np.stack([a, b], axis=2)) for a, b in zip(starts, ends, strict=True))
-            t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
-            (point, rate, _), (vector, _, _) = _values(rail, field, t, "right")
-            exact, fit_normal = cross(rate, vector), cross(c(t, 1), f(t))
-            angle = np.arctan2(np.linalg.norm(cross(exact, fit_normal), axis=1), (exact * fit_normal).sum(1))
-            gap = np.linalg.norm(c(t) - point, axis=1)
-            errors = (gap > tolerance / 2) | (angle > angular_tolerance / 2)
-            bad |= errors.reshape(len(inner), -1).any(axis=0)
-            fitted += [c, f]
-        if not bad.any():
-            break
-        if len(breaks) > FINEST:
-            raise GeometryError(
-                f"a compact blend of {FINEST} pieces does not reach {tolerance:g} mm and {angular_tolerance:g} rad"
-            )
-        breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
-    sources = [curve for pair in pairs for curve in pair]
-    made = [_known(curve, row) for curve, row in zip(fitted, sources, strict=True)]
-    return made[:2], made[2:]
-
-
-def _known(curve: Curve, source: Curve) -> Curve:
-    """Give a fitted curve the continuity of its source, 2 at most."""
-    known = dict(zip(source.breaks[1:-1].tolist(), source.continuity.tolist(), strict=True))
-    continuity = np.array([min(2, known.get(t, 2)) for t in curve.breaks[1:-1].tolist()], int)
-    return Curve(curve.breaks, curve.coefs, continuity=continuity)

@@ -37,6 +37,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cqblend.blends.breaks import aligned
 from cqblend.errors import GeometryError
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
@@ -169,16 +170,6 @@ def tangent_coordinates(jet: Array, vector: Array) -> Array:
     if not np.all(det > 0):
         raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
     return np.stack([(g * p - f * q) / det, (e * q - f * p) / det], -1)
-
-
-def aligned(curves: Sequence[Curve]) -> list[Curve]:
-    """Cut curves over one domain at each other's breaks."""
-    first = curves[0]
-    if all(np.array_equal(curve.breaks, first.breaks) for curve in curves[1:]):
-        return list(curves)
-    for curve in curves[1:]:
-        first = first.cut(curve.breaks[1:-1])
-    return [curve.cut(first.breaks[1:-1]) for curve in curves]
 
 
 def near_period(value: Array, near: Array, period: float) -> Array:

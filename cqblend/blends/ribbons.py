@@ -13,6 +13,7 @@ import numpy as np
 
 from cqblend.blends.primaries import Array, Primary
 from cqblend.splines import Curve
+from cqblend.splines.evaluation import quotient
 
 
 @dataclass(frozen=True)
@@ -40,3 +41,8 @@ class Ribbon:
     def jets(self) -> tuple[Curve, ...]:
         """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
         return self.primary.jets(self.c, self.directions)
+
+
+def in_space(jets: Array) -> Array:
+    """Return the derivatives by v in space, (k, n, 3), of homogeneous ones (k, n, 4)."""
+    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)

@@ -65,7 +65,7 @@ class Steering:
         return total
 
     def slack(self, t: Array) -> Array:
-        """Return how closely a fit need follow the turn (rad): loosely where it fades, which has no meaning of its own."""
+        """Return how far from the turn a fit may be (rad): how it fades has no meaning of its own."""
         largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
         return np.where(self.angle(t) == 0, 0.0, LOOSE * largest)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from OCP.BRep import BRep_Tool
 
 from cqblend.blends.hermite import Blend
+from cqblend.blends.proof import prove
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
 from cqblend.occ.convert import to_face
@@ -78,4 +80,5 @@ def _certificate(
         valid=True,
         width=(float(across.min()), float(across.max())),
         stations=stations,
+        proofs=(partial(prove, blend),),
     )

@@ -11,7 +11,8 @@ from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import Blend, hermite, merge
+from cqblend.blends.breaks import merged
+from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Frame, Plane
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import DegreeError, GeometryError
@@ -194,4 +195,4 @@ def test_compact_that_cannot_be_reached_says_so():
 
 
 def test_merged_breaks_drop_what_is_equal_to_rounding():
-    assert merge(np.array([0, 0.5, 1]), np.array([0, 0.5 + 1e-15, 0.7, 1])).tolist() == [0, 0.5, 0.7, 1]
+    assert merged(np.array([0, 0.5, 1]), np.array([0, 0.5 + 1e-15, 0.7, 1])).tolist() == [0, 0.5, 0.7, 1]
