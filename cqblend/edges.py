@@ -16,7 +16,7 @@ import numpy as np
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, intersect, rolling_ball, set_back
 from cqblend.blends.fitting import Solver, Wanted
-from cqblend.blends.hermite import Blend, hermite
+from cqblend.blends.hermite import CREASE, Blend, hermite
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
@@ -43,7 +43,6 @@ CROSSED = (
     "InvalidImbricationOfWires",
     "cuts through",
 )  # what is said of that
-CREASE = 0.5  # rad: more than that inside a blend is no crease of its neighbours, but a defect
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 

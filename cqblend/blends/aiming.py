@@ -21,7 +21,7 @@ from cqblend.blends.steering import Steering, pins
 from cqblend.splines import Curve, fit
 
 FEWEST = 16  # spans of a cubic fit
-FINE = 1 / 128  # its shortest span for the sake of directions, as a share of the whole
+FINE = 1 / 512  # its shortest span for the sake of directions, as a share of the whole
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
 
 Maker = Callable[[Array], Curve]

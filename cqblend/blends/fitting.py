@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.blends.aiming import FEWEST, FINE, Maker, aim, euclidean
+from cqblend.blends.aiming import FEWEST, Maker, aim, euclidean
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
@@ -26,7 +26,7 @@ from cqblend.splines import Curve, fit
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
-FINEST = 1 / 4096  # shortest span of a cubic rail, as a share of it, for the sake of its position
+FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
 Domain = tuple[float, float]
 Solver = Callable[[Array], Contacts]
@@ -205,7 +205,7 @@ def cubic(
 ) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
 
-    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/256
+    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/128
     of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
     stands in the certificate; the tangent planes are exact all the same.
 

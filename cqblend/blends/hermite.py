@@ -29,6 +29,7 @@ from cqblend.splines import Curve, Surface
 Form = Literal["exact", "compact"]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
+CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -78,9 +79,10 @@ def _check_smooth(jets: list[Curve]) -> None:
     if not len(t):
         return
     before, after = (in_space(np.stack([jet(t, side=side) for jet in jets])) for side in ("left", "right"))
+    scale = np.abs(after[1:]).max(initial=0.0)
     for k, (left, right) in enumerate(zip(before[1:], after[1:], strict=True), 1):
         jump = np.linalg.norm(right - left, axis=1)
-        if jump.max() > JUMP * np.abs(right).max():
+        if jump.max() > JUMP * scale:
             at = f"t = {t[jump.argmax()]:.6g}"
             if k == 1:
                 raise GeometryError(
@@ -156,3 +158,18 @@ def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular
             f"the exact blend has degree {degree} along the rail, OCCT holds {LARGEST_DEGREE}; take form='compact'"
         )
     return Blend(section(jets), ribbons, "exact")
+
+
+def check_folds(surface: Surface) -> None:
+    """Raise GeometryError where the normal of a blend jumps from one piece to the next by more than half a radian."""
+    t, v = np.meshgrid(surface.breaks[0][1:-1], (np.arange(9) + 0.5) / 9, indexing="ij")
+    sides: list[Literal["left", "right"]] = ["left", "right"]
+    before, after = (
+        unit(cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side))).reshape(-1, 3) for side in sides
+    )
+    angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(1))
+    if len(angle) and angle.max() > CREASE:
+        raise GeometryError(
+            f"the blend folds inside: its normal turns by {angle.max():.2g} rad at t = {t.ravel()[angle.argmax()]:.6g}, "
+            "where a rail crosses a knot line; take a smaller length, less continuity, or a larger steer"
+        )
