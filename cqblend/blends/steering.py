@@ -65,9 +65,11 @@ class Steering:
         return total
 
     def slack(self, t: Array) -> Array:
-        """Return how far from the turn a fit may be (rad): how it fades has no meaning of its own."""
+        """Return how far from the turn a fit may be (rad): how it fades, and rings on, means nothing of its own."""
         largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
-        return np.where(self.angle(t) == 0, 0.0, LOOSE * largest)
+        reach = 2 * FADE * (self.domain[1] - self.domain[0])
+        near = [np.abs(self._apart(t, pin)) < reach for pin in self.pins]
+        return np.where(np.any(near, axis=0), LOOSE * largest, np.zeros_like(t))
 
     def turned(self, vectors: Array, normals: Array, t: Array) -> Array:
         """Turn tangent vectors (n, 3) about the normals."""
