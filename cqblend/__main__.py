@@ -71,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     size = blend.add_mutually_exclusive_group(required=True)
     size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
     size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
+    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), default="G1", help="default: %(default)s")
     blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help="default: %(default)s")
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
@@ -131,7 +132,9 @@ def _blend(options: argparse.Namespace) -> None:
     from cqblend.occ.step import read_step, write_step
     from cqblend.request import BlendRequest
 
-    request = BlendRequest.checked(options.radius, width=options.width, form=options.form)
+    request = BlendRequest.checked(
+        options.radius, width=options.width, continuity=options.continuity, form=options.form
+    )
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _step("looking for the edges"):
@@ -169,6 +172,7 @@ def _demo(options: argparse.Namespace) -> None:
         pot = demo.sharp()
         result = demo.blended(pot)
     print(result.certificate)
+    print(result.certificate.proof)
     with _step(f"writing {step}"):
         write_step(result.shape.wrapped, step)
     print(f"written to {step}", flush=True)

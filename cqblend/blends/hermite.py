@@ -170,6 +170,6 @@ def check_folds(surface: Surface) -> None:
     angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(1))
     if len(angle) and angle.max() > CREASE:
         raise GeometryError(
-            f"the blend folds inside: its normal turns by {angle.max():.2g} rad at t = {t.ravel()[angle.argmax()]:.6g}, "
+            f"the blend folds inside: its normal turns by {angle.max():.2g} rad at t = {t.flat[angle.argmax()]:.6g}, "
             "where a rail crosses a knot line; take a smaller length, less continuity, or a larger steer"
         )
