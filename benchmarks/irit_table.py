@@ -21,6 +21,7 @@ from math import comb, isqrt
 
 import numpy as np
 
+from cqblend import Rail, hermite_blend
 from cqblend.splines import Curve, Surface, normalise
 
 IRIT = {  # row: median CPU ms, relative error, coefficients
@@ -164,7 +165,7 @@ def rows():
     yield (
         "whole blend, T1 x .3",
         (wavy, rail, moved, mirrored),
-        lambda s1, c1, s2, c2: Surface.from_rows([*side(s1, c1), *side(s2, c2)[::-1]]),
+        blend,
         lambda t, v: true_blend((wavy, rail), (moved, mirrored), t, v),
     )
 
@@ -191,12 +192,10 @@ def direction(field, t):
 SHIFT = np.array([0.3, 0.2, 1.0])
 
 
-def side(s: Surface, c: Curve) -> tuple[Curve, Curve]:
-    """Rail S(c) and the second row of poles: it, and a third of .3 (v' Su - u' Sv) (Kim & Elber's T1), both exact."""
-    rate = c.derivative()
-    field = s.derivative(1, 0).compose(c) * rate[1] - s.derivative(0, 1).compose(c) * rate[0]
-    rail = s.compose(c)
-    return rail, rail + field * 0.1
+def blend(s1: Surface, c1: Curve, s2: Surface, c2: Curve) -> Surface:
+    """Blend along T1 = v' Su - u' Sv, times .3: rails are checked as for any caller."""
+    rails = Rail(s1, c1, "right"), Rail(s2, c2, "right")
+    return hermite_blend(*rails, tangents="parametric", length="field", bulge=0.3, form="exact").surface
 
 
 def true_blend(one, two, t, v):
