@@ -274,7 +274,14 @@ class _Side:
         return vectors * (size * _at(self.bulge, t))[:, None]
 
     def check(self) -> None:
-        """Check the field at stations of the rail, before it is divided by its length."""
+        """Check what is given along the rail, and the field at stations, before it is divided by its length."""
+        for name, curve in (("length", self.length), ("bulge", self.bulge)):
+            if isinstance(curve, Curve) and curve.domain != self.rail.domain:
+                (a, b), (c, d) = self.rail.domain, curve.domain
+                raise InputError(
+                    f"the {name} of rail {self.number + 1} runs over [{c:.9g}, {d:.9g}], its rail over [{a:.9g}, "
+                    f"{b:.9g}]; use .reparametrized({a:.9g}, {b:.9g})"
+                )
         t = stations(self.rail.curve3d().breaks)
         self.rail.check_direction(self.coordinates(t), t)
         size = np.linalg.norm(self.vectors(t), axis=1)
@@ -283,6 +290,20 @@ class _Side:
                 f"the cross derivative at t = {t[size.argmin()]:.9g} of rail {self.number + 1} has no length: do the "
                 "rails meet there? give a length"
             )
+        self._check_jumps()
+
+    def _check_jumps(self) -> None:
+        """Raise InputError where a curve that the field is made of jumps."""
+        if not isinstance(self.tangents, Guide | Combination):
+            return
+        for curve in self.tangents.operands(self.number):
+            t = curve.breaks[1:-1]
+            jump = np.linalg.norm(curve(t) - curve(t, side="left"), axis=1)
+            if len(t) and jump.max() > 1e-9 * np.abs(curve(t)).max():
+                raise InputError(
+                    f"the {type(self.tangents).__name__} of rail {self.number + 1} jumps at t = "
+                    f"{t[jump.argmax()]:.6g}: a cross direction must be continuous"
+                )
 
     def returns(self) -> bool:
         """Whether the cross derivative ends as it starts."""
@@ -291,17 +312,26 @@ class _Side:
 
     @property
     def exact(self) -> Curve | None:
-        """The direction (r, s) as a curve, if it is the field's own, scaled by a number, and of low degree."""
+        """The direction (r, s) as a curve, if it is the field's own, scaled by a number, of low degree, and C1.
+
+        One that is less than C1, such as T1 of a rail that is no more than C1, would leave a crease in the blend: it is
+        fitted.
+        """
         if self.length != "field" or not isinstance(self.bulge, float) or self.rail.curve.rational:
             return None
         rs = self.rail.symbolic_coordinates(self._name, *self._operands)
-        return None if rs is None or rs.rational else rs * self.bulge
+        return None if rs is None or rs.rational or (rs.continuity < 1).any() else rs * self.bulge
 
 
 def _at(amount: Amount, t: Array) -> Array:
     """Return what may vary along the rail at t (n,), above zero."""
-    given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64)
-    values = np.broadcast_to(given.T, (1, *t.shape))[0]
+    given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64).squeeze()
+    if given.shape not in ((), t.shape):
+        raise InputError(
+            f"a length or bulge that is a function takes an array of parameters, here {len(t)}, and returns as many "
+            f"numbers, or one, not an array of shape {given.shape}"
+        )
+    values = np.broadcast_to(given, t.shape)
     if not np.all(values > 0) or not np.all(np.isfinite(values)):
         worst = int(np.argmin(np.where(np.isfinite(values), values, -np.inf)))
         raise InputError(f"a length or bulge is {values[worst]:.4g} at t = {t[worst]:.6g}: it must be above 0")
