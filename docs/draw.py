@@ -1,11 +1,14 @@
 """Draw the pictures of the documentation, from the demo and the examples: ``python docs/draw.py``."""
 
 import runpy
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cadquery as cq
 import numpy as np
 
+import cqblend
 from cqblend import demo, picture
 from cqblend.picture import Dots, Part, Strokes, View
 
@@ -25,6 +28,16 @@ GALLERY = (
         ("bracket", False, (1, -1.4, 0.9), (0, 0, 13), 56),
     ),
 )
+
+# Of examples that blend surfaces, each blend side by side: direction of view, what is in the middle, height of the
+# view in mm, and size of the picture in pixels.
+FIGURES = {
+    "perpendicular_or_not": ((-0.55, 0.9, 0.75), (12, 4, 4), 27, (900, 380)),
+    "varying_length": ((0.5, -1, 0.5), (1, 0, 6), 40, (700, 420)),
+    "warped": ((0.7, -1, 1), (12, 0.5, 4), 24, (900, 400)),
+    "two_magnitudes": ((0.5, -1, 0.45), (0, 0, 0), 29, (900, 300)),
+}
+SECTIONS = 25  # drawn across a blend
 
 
 def parts(example: str, *, zebra: bool) -> list[Part]:
@@ -76,8 +89,72 @@ def circle_speeds() -> None:
     picture.draw(views, PICTURES / "circle_speeds.png", size=(900, 480))
 
 
+def lines(blend: Any, eye: tuple[float, float, float], height: float) -> list[Strokes]:
+    """Return the rails of a blend of surfaces, and sections across, a little in front of what is seen from there."""
+    lift = 0.004 * height * np.array(eye)
+    t, v = np.linspace(*blend.surface.domain[0], 16 * (SECTIONS - 1) + 1), np.linspace(0, 1, 65)
+    points = blend.surface.grid(t, v) + lift
+    return [Strokes([points[:, 0], points[:, -1]], width=2.5), Strokes(list(points[::16]), width=1)]
+
+
+def figure(example: str) -> None:
+    """Draw the blends of surfaces that an example makes, side by side."""
+    made, (eye, focus, height, size) = runpy.run_path(str(EXAMPLES / f"{example}.py")), FIGURES[example]
+    primaries = Part([cq.Face(cqblend.to_face(one)) for one in made["primaries"]], demo.PORCELAIN)
+    views, count = [], len(made["blends"])
+    for i, blend in enumerate(made["blends"].values()):
+        drawn = [primaries, Part([cq.Face(blend.face())], demo.COPPER), *lines(blend, eye, height)]
+        views.append(View(drawn, eye, focus, height, (i / count, 0, (i + 1) / count, 1)))
+    picture.draw(views, PICTURES / f"{example}.png", size=size)
+
+
+def beside(shapes: Sequence[cq.Shape], name: str, eye: Any, focus: Any, height: float) -> None:
+    """Draw the zebras of shapes, side by side."""
+    views = [
+        View([Part(shape.Faces(), None)], eye, focus, height, (i / len(shapes), 0, (i + 1) / len(shapes), 1))
+        for i, shape in enumerate(shapes)
+    ]
+    picture.draw(views, PICTURES / f"{name}.png", size=(900, 420))
+
+
+def spout() -> None:
+    """Draw the teapot before, after and enlarged."""
+    made = runpy.run_path(str(EXAMPLES / "teapot.py"))
+    before, result = made["pot"], made["result"]
+    blends = {face.hashCode() for face in result.faces}
+    others = Part([face for face in result.shape.Faces() if face.hashCode() not in blends], demo.PORCELAIN)
+    after = [others, Part(result.faces, demo.COPPER)]
+    side, low = (0.35, -1.0, 0.45), (0.55, -1.0, 0.35)
+    views = [
+        View([Part(before.Faces(), demo.PORCELAIN)], side, (0.62, 0, 1.2), 4.6, (0, 0, 0.36, 1)),
+        View(after, side, (0.62, 0, 1.2), 4.6, (0.36, 0, 0.72, 1)),
+        View(after, low, (1.95, 0, 1.1), 1.6, (0.72, 0, 1, 1)),
+    ]
+    picture.draw(views, PICTURES / "spout.png", size=(900, 330))
+
+
+def steering() -> None:
+    """Draw the joint of the teapot where the curvature of the body jumps: without steering and with it."""
+    made = runpy.run_path(str(EXAMPLES / "teapot.py"))
+    pot, edge = made["pot"], made["edge"]
+    straight = cqblend.blend_edges(pot, edge, width=0.15, form="exact", steer=0)
+    beside([straight.shape, made["result"].shape], "steering", (0.4, -1, 0.1), (1.87, -0.42, 0.93), 0.35)
+
+
+def g1_g2() -> None:
+    """Draw a blend whose normals agree with its neighbours', and one whose curvatures do as well."""
+    made = runpy.run_path(str(EXAMPLES / "boss_on_dome.py"))
+    smooth = cqblend.blend_edges(made["body"], made["ring"], radius=1.5, continuity="G2")
+    beside([made["result"].shape, smooth.shape], "g1_g2", (0.9, -1, 0.8), (1, -1, 3), 12)
+
+
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
     teapot()
     gallery()
     circle_speeds()
+    for name in FIGURES:
+        figure(name)
+    spout()
+    steering()
+    g1_g2()

@@ -275,8 +275,13 @@ def compose_series(patch: Array, alpha: Series, beta: Series, gamma: Series, del
     """
     p, q = patch.shape[0] - 1, patch.shape[1] - 1
     scaled = [[f * _weights(f) for f in series] for series in (alpha, beta, gamma, delta)]
-    columns = _basis_products(p, scaled[0], scaled[1])
-    rows = [np.einsum("jln,ijdn->ildn", basis, patch) for basis in _basis_products(q, scaled[2], scaled[3])]
+    if p == q and [f.shape for f in alpha] == [f.shape for f in gamma]:  # both directions at once
+        x, y = ([np.concatenate(both, axis=-1) for both in zip(*scaled[i::2], strict=True)] for i in (0, 1))
+        halves = [np.split(basis, 2, axis=-1) for basis in _basis_products(p, x, y)]
+        columns, others = [half[0] for half in halves], [half[1] for half in halves]
+    else:
+        columns, others = _basis_products(p, *scaled[:2]), _basis_products(q, *scaled[2:])
+    rows = [np.einsum("jln,ijdn->ildn", basis, patch) for basis in others]
     out = []
     for k in range(len(columns)):
         total = _summed([_contracted(columns[k - j], rows[j]) for j in range(k + 1)])
