@@ -21,7 +21,11 @@ from cqblend.blends.steering import Steering, pins
 from cqblend.splines import Curve, fit
 
 FEWEST = 16  # spans of a cubic fit
-FINE = 1 / 512  # its shortest span for the sake of directions, as a share of the whole
+FINE = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
+"""Its shortest span for the sake of directions, as a share of the whole, by order of continuity.
+
+The rounding of a blend's poles shows in its derivatives of order k divided by spans to the power of k.
+"""
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
 
 Maker = Callable[[Array], Curve]
@@ -142,20 +146,20 @@ class Aim:
         made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering)
         off = float((turned + np.abs(steering.angle(t))).max())
         bad = (turned > DIRECTION + steering.slack(t)) | (ratio > LENGTH + steering.slack(t))
-        fine = np.diff(nodes) < 1.9 * FINE * (nodes[-1] - nodes[0])
         ribbon = Ribbon(self.primary, self.c, made, ends, self.order, off, float(ratio.max()))
-        return ribbon, (bad[1::3] | bad[2::3]) & ~fine
+        return ribbon, bad[1::3] | bad[2::3]
 
 
 def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
     """Make ribbons on two given rails, on common nodes, with directions turned by ``steer`` (rad) at most."""
     domain = aims[0].c.domain
     steering = [Steering((), domain, aim.closed) for aim in aims]
+    finest = max(FINE[aim.order] for aim in aims) * (domain[1] - domain[0])
 
     def refined(nodes: Array) -> tuple[list[Ribbon], Array]:
         while True:
             (first, bad), (second, worse) = (aim.ribbon(nodes, s) for aim, s in zip(aims, steering, strict=True))
-            bad |= worse
+            bad = (bad | worse) & (np.diff(nodes) > 1.9 * finest)
             if not bad.any():
                 return [first, second], nodes
             nodes = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:])[bad] / 2]))
