@@ -75,7 +75,8 @@ def blend_edges(
         of curvature. None is G1. A pair is for side 1 and side 2.
     tangents : {"perpendicular", "parametric", "chord"} or pair of them
         Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
-        the parameters of the face, or towards the other rail (Kim and Elber's T2, T1, T3).
+        the parameters of the face (on a sphere, about the rail's own axis), or towards the other rail (Kim and Elber's
+        T2, T1, T3).
     bulge : float or pair of float
         Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller.
     steer : float

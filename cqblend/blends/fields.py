@@ -15,7 +15,7 @@ import numpy as np
 from cqblend.blends.primaries import Array, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError
 
-GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
+GRAZING = 1e-6  # share of a vector that is tangent, below which it has no tangent direction
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def directions(field: Field, at: Along) -> Array:
     Raises
     ------
     GeometryError
-        If the field vanishes, stands on the surface, or runs along the rail somewhere.
+        If the field vanishes or stands on the surface somewhere.
     """
     n = unit(cross(at.jet[1], at.jet[2]))
     vectors = field(at)
@@ -74,13 +74,4 @@ def directions(field: Field, at: Along) -> Array:
             f"the cross direction at t = {at.t[length.argmin()]:.6g} is zero or normal to the surface: it has no "
             "tangent part; choose other tangents"
         )
-    flat /= length[:, None]
-    sine = (cross(unit(at.rate), flat) * n).sum(1)
-    if not (np.all(sine > GRAZING) or np.all(sine < -GRAZING)):
-        where = np.flatnonzero(np.sign(sine) != np.sign(sine[0]))
-        worst = where[0] if len(where) else np.abs(sine).argmin()
-        raise GeometryError(
-            f"the cross direction runs along the rail at t = {at.t[worst]:.6g}: there, it spans no tangent plane with "
-            "it; choose other tangents"
-        )
-    return flat
+    return flat / length[:, None]

@@ -20,7 +20,6 @@ import numpy as np
 
 from cqblend.blends.breaks import aligned
 from cqblend.blends.compact import compact
-from cqblend.blends.fields import GRAZING
 from cqblend.blends.primaries import cross, unit
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import DegreeError, GeometryError
@@ -30,6 +29,7 @@ Form = Literal["exact", "compact"]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
+GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
