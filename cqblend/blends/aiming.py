@@ -133,9 +133,12 @@ class Aim:
         t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
         t[::3] = nodes
         corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
+        weight = self.c[0] + self.c[1]  # that of a rational rail may have kinks, lifted directions divided by it have none
 
         def make(values: Array) -> Curve:
-            return _through(nodes, values, corners, closed=self.closed)
+            if not self.rail.curve.rational:
+                return _through(nodes, values, corners, closed=self.closed)
+            return _through(nodes, values / weight(t), corners, closed=self.closed) * weight
 
         uv, ends = self.rail.curve(t), self.rail.curve(self.c.breaks)
         if self.exact is not None and not steering.pins:
