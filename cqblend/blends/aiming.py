@@ -133,7 +133,7 @@ class Aim:
         t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
         t[::3] = nodes
         corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
-        weight = self.c[0] + self.c[1]  # that of a rational rail may have kinks, lifted directions divided by it have none
+        weight = self.c[0] + self.c[1]  # of a rational rail: it may have kinks, which directions per weight have not
 
         def make(values: Array) -> Curve:
             if not self.rail.curve.rational:
