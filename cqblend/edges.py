@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend.blends import fields, fitting
-from cqblend.blends.contact import Contacts, intersect, rolling_ball, set_back
-from cqblend.blends.fitting import Solver, Wanted
+from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
+from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, hermite
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
@@ -98,8 +98,8 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
         return set_back(joint.sides, stations, request.width)
 
     if joint.spine.closed:
-        return fitting.around(solve, joint.primaries)
-    return fitting.along(solve, joint.primaries)
+        return fitting.around(remembering(solve), joint.primaries)
+    return fitting.along(remembering(solve), joint.primaries)
 
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:

@@ -38,6 +38,13 @@ def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
 
 
+def thirds(nodes: Array) -> Array:
+    """Return the nodes, and two parameters between neighbouring ones; those of a span depend on its ends alone."""
+    steps = np.diff(nodes)
+    inside = np.stack([nodes[:-1], nodes[:-1] + steps / 3, nodes[:-1] + 2 * steps / 3], axis=1)
+    return np.append(inside.ravel(), nodes[-1])
+
+
 def aim(
     primary: Primary, c: Curve, uv: Array, t: Array, vectors: Array, order: int, make: Maker, steering: Steering
 ) -> tuple[tuple[Curve, ...], Array, Array]:
@@ -130,8 +137,7 @@ class Aim:
 
     def ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
-        t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
-        t[::3] = nodes
+        t = thirds(nodes)
         corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
         weight = self.c[0] + self.c[1]  # of a rational rail: it may have kinks, which directions per weight have not
 

@@ -55,6 +55,36 @@ class Contacts:
         """Return some of the contacts."""
         return Contacts(self.t[index], self.point[index], (self.uv[0][index], self.uv[1][index]), self.reach[:, index])
 
+    def with_others(self, others: Contacts) -> Contacts:
+        """Return these contacts and others, in the order of t."""
+        order = np.argsort(np.concatenate([self.t, others.t]))
+        both = Contacts(
+            np.concatenate([self.t, others.t]),
+            np.concatenate([self.point, others.point]),
+            (np.concatenate([self.uv[0], others.uv[0]]), np.concatenate([self.uv[1], others.uv[1]])),
+            np.concatenate([self.reach, others.reach], axis=1),
+        )
+        return both.pick(order)
+
+
+Solver = Callable[[Array], Contacts]
+"""What finds the contacts at parameters t (n,), any number of them."""
+
+
+def remembering(solve: Solver) -> Solver:
+    """Return a solver that solves no station twice: rails are refined by adding stations to those that there are."""
+    known: list[Contacts] = []
+
+    def solve_new(t: Array) -> Contacts:
+        wanted = np.unique(t)
+        missing = wanted if not known else np.setdiff1d(wanted, known[0].t, assume_unique=True)
+        if len(missing):
+            found = solve(missing)
+            known[:] = [known[0].with_others(found) if known else found]
+        return known[0].pick(np.searchsorted(known[0].t, t))
+
+    return solve_new
+
 
 def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
     """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""

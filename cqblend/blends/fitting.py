@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.blends.aiming import FEWEST, Maker, aim, euclidean
-from cqblend.blends.contact import Contacts
+from cqblend.blends.aiming import FEWEST, Maker, aim, euclidean, thirds
+from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon
@@ -29,7 +29,6 @@ EXACT = 2e-13  # residual, relative to the size, up to which a lighter form coun
 FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
 Domain = tuple[float, float]
-Solver = Callable[[Array], Contacts]
 Scale = Callable[[Array], Array]
 Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
 
@@ -276,8 +275,7 @@ class _Cubic:
         Half-way would flatter: there, and at the breaks, the slope of a spline is nearly that of what it interpolates.
         """
         nodes = _overlapped(breaks) if self.closed else breaks
-        t = np.interp(np.arange(3 * len(nodes) - 2) / 3, np.arange(len(nodes)), nodes)
-        t[::3] = nodes
+        t = thirds(nodes)
         solved = self.solve(t)
         for side, at, target in moves:
             apart = t - at
