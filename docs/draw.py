@@ -4,12 +4,13 @@ import runpy
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import cadquery as cq
 import numpy as np
 
 import cqblend
-from cqblend import demo, picture
+from cqblend import demo, picture, teapot
 from cqblend.picture import Dots, Part, Strokes, View
 
 DOCS = Path(__file__).resolve().parent
@@ -63,7 +64,7 @@ def gallery() -> None:
     picture.draw(views, PICTURES / "gallery.png", size=(900, 560))
 
 
-def teapot() -> None:
+def whole_teapot() -> None:
     """Draw what ``cqblend demo`` draws."""
     pot = demo.sharp()
     demo.draw(pot, demo.blended(pot), PICTURES / "teapot.png")
@@ -108,15 +109,6 @@ def figure(example: str) -> None:
     picture.draw(views, PICTURES / f"{example}.png", size=size)
 
 
-def beside(shapes: Sequence[cq.Shape], name: str, eye: Any, focus: Any, height: float) -> None:
-    """Draw the zebras of shapes, side by side."""
-    views = [
-        View([Part(shape.Faces(), None)], eye, focus, height, (i / len(shapes), 0, (i + 1) / len(shapes), 1))
-        for i, shape in enumerate(shapes)
-    ]
-    picture.draw(views, PICTURES / f"{name}.png", size=(900, 420))
-
-
 def spout() -> None:
     """Draw the teapot before, after and enlarged."""
     made = runpy.run_path(str(EXAMPLES / "teapot.py"))
@@ -126,31 +118,50 @@ def spout() -> None:
     after = [others, Part(result.faces, demo.COPPER)]
     side, low = (0.35, -1.0, 0.45), (0.55, -1.0, 0.35)
     views = [
-        View([Part(before.Faces(), demo.PORCELAIN)], side, (0.62, 0, 1.2), 4.6, (0, 0, 0.36, 1)),
-        View(after, side, (0.62, 0, 1.2), 4.6, (0.36, 0, 0.72, 1)),
-        View(after, low, (1.95, 0, 1.1), 1.6, (0.72, 0, 1, 1)),
+        View([Part(before.Faces(), demo.PORCELAIN)], side, (0.6, 0, 1.2), 4.9, (0, 0, 0.38, 1)),
+        View(after, side, (0.6, 0, 1.2), 4.9, (0.38, 0, 0.76, 1)),
+        View(after, low, (1.95, 0, 1.1), 1.75, (0.76, 0, 1, 1)),
     ]
-    picture.draw(views, PICTURES / "spout.png", size=(900, 330))
+    picture.draw(views, PICTURES / "spout.png", size=(900, 300))
+
+
+def zebras(sides: Sequence[Sequence[cq.Face]], name: str, eye: Any, focus: Any, height: float) -> None:
+    """Draw the zebras of two groups of faces, side by side, meshed so finely that stripes bend where the faces do."""
+    views = [
+        View([Part(faces, None)], eye, focus, height, (0.505 * i, 0, 0.495 + 0.505 * i, 1))
+        for i, faces in enumerate(sides)
+    ]
+    with mock.patch.multiple(picture, DEVIATION=1e-5, ANGLE=0.03):
+        picture.draw(views, PICTURES / f"{name}.png", size=(900, 400))
 
 
 def steering() -> None:
-    """Draw the joint of the teapot where the curvature of the body jumps: without steering and with it."""
-    made = runpy.run_path(str(EXAMPLES / "teapot.py"))
-    pot, edge = made["pot"], made["edge"]
-    straight = cqblend.blend_edges(pot, edge, width=0.15, form="exact", steer=0)
-    beside([straight.shape, made["result"].shape], "steering", (0.4, -1, 0.1), (1.87, -0.42, 0.93), 0.35)
+    """Draw where the rail on the teapot crosses the jump of the body's curvature: without steering and with it."""
+    pot = demo.sharp()
+    body = cq.Face(cqblend.to_face(teapot.surface(teapot.BODY).clip(u=(1.5, 2.5))))
+    sides = []
+    for options in ({"steer": 0}, {}):
+        result = cqblend.blend_edges(pot, demo.joint(pot), width=demo.WIDTH, form="exact", **options)
+        blend = cqblend.to_surface(result.faces[0])
+        t = np.linspace(*blend.domain[0], 2001)
+        _, y, z = blend.grid(t, [0])[:, 0].T
+        t = t[(y < 0) & (abs(z - 0.9) < 0.085)]
+        sides.append([body, cq.Face(cqblend.to_face(blend.clip(u=(t.min(), t.max()))))])
+    zebras(sides, "steering", (0.3, -1, -0.4), (1.955, -0.545, 0.915), 0.13)
 
 
 def g1_g2() -> None:
-    """Draw a blend whose normals agree with its neighbours', and one whose curvatures do as well."""
-    made = runpy.run_path(str(EXAMPLES / "boss_on_dome.py"))
-    smooth = cqblend.blend_edges(made["body"], made["ring"], radius=1.5, continuity="G2")
-    beside([made["result"].shape, smooth.shape], "g1_g2", (0.9, -1, 0.8), (1, -1, 3), 12)
+    """Draw a boss on a ball whose blend has the normals of its neighbours, and one that has their curvatures too."""
+    boss = cq.Solid.makeCylinder(4.5, 20, cq.Vector(0, 0, 0), cq.Vector(1, -0.15, 0.1))
+    body = cq.Workplane().sphere(10).union(cq.Workplane(boss))
+    ring = body.edges(cq.NearestToPointSelector((9, -4, 0)))
+    sides = [cqblend.blend_edges(body, ring, 5, continuity=order).shape.Faces() for order in ("G1", "G2")]
+    zebras(sides, "g1_g2", (0.6, -1, 0.3), (8.5, -5.5, 0.3), 7.5)
 
 
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
-    teapot()
+    whole_teapot()
     gallery()
     circle_speeds()
     for name in FIGURES:

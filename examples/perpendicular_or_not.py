@@ -28,7 +28,8 @@ blends = {
 }
 for name, blend in blends.items():
     x = blend.surface.grid(np.linspace(0, 1, 101), np.linspace(0, 1, 101))[..., 0]
-    print(f"{name}: from x = {x.min():.2f} to {x.max():.2f}, the sheets from 0 to 24\n{blend.certificate}")
+    beyond = max(0, -x.min(), x.max() - 24)
+    print(f"{name}: {beyond:.2f} mm beyond the ends of the sheets\n{blend.certificate}")
 
 if "show_object" in globals():
     faces = [cqblend.to_face(surface) for surface in (*primaries, blends["combination"].surface)]
