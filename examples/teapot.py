@@ -1,4 +1,4 @@
-"""The spout of the Utah teapot blended onto its body (Kim and Elber, figure 9), exact, and compact for a smaller file."""
+"""The spout of the Utah teapot blended onto its body (Kim and Elber, figure 9): compact for a small file, and exact."""
 
 import cadquery as cq
 

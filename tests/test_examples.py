@@ -66,7 +66,10 @@ def test_the_certificate_in_the_readme_is_the_demo_s():
     (printed,) = blocks(ROOT / "README.md", "text")
     expected = printed.splitlines()
     actual = str(demo.blended(demo.sharp()).certificate).splitlines()
-    assert actual[:4] == expected[:4]
+    rounding = re.compile(r"\d\.\de-1\d")
+    assert [rounding.sub("rounding", line) for line in actual[:4]] == [
+        rounding.sub("rounding", line) for line in expected[:4]
+    ]
     assert [line.split()[:3] for line in actual[4:]] == [line.split()[:3] for line in expected[4:]]
 
 

@@ -21,6 +21,12 @@ BLENDS = [
 ]
 
 
+def test_no_example_is_forgotten():
+    """Those that make one solid, ``result``, are tested with the documentation."""
+    others = [path for path in EXAMPLES.glob("*.py") if "\nblends = " in path.read_text(encoding="utf-8")]
+    assert {path.stem for path in others} == set(dict(BLENDS))
+
+
 @cache
 def run(example):
     """Run it as in CQ-editor, and return its variables, what it has shown and what it has printed."""
