@@ -27,6 +27,7 @@ FINE = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
 The rounding of a blend's poles shows in its derivatives of order k divided by spans to the power of k.
 """
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
+ALIKE = 1e-6  # relative: fits that differ by less are the same
 
 Maker = Callable[[Array], Curve]
 
@@ -65,10 +66,15 @@ def aim(
     rs = steering.pinned(tangent_coordinates(jet, vectors), t)
     first = make(primary.push(uv, lifted, rs))
     directions = further(primary, c, [first], uv, t, order, make, steering)
-    fitted = in_space(np.stack([curve(t) for curve in primary.jets(c, [first])]))[1]
+    return directions, *_deviations(primary.jets(c, [first]), t, vectors)
+
+
+def _deviations(jets: Sequence[Curve], t: Array, vectors: Array) -> tuple[Array, Array]:
+    """Return how far the first derivatives of a ribbon are from vectors (n, 3) at t: rad, and relative."""
+    fitted = in_space(np.stack([curve(t) for curve in jets]))[1]
     angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
     ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
-    return directions, angle, np.abs(ratio)
+    return angle, np.abs(ratio)
 
 
 def further(
@@ -153,10 +159,15 @@ class Aim:
             made = further(self.primary, self.c, [first], uv, t, self.order, make, steering)
             return Ribbon(self.primary, self.c, made, ends, self.order), np.zeros(len(nodes) - 1, bool)
         made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering)
-        off = float((turned + np.abs(steering.angle(t))).max())
         bad = (turned > DIRECTION + steering.slack(t)) | (ratio > LENGTH + steering.slack(t))
-        ribbon = Ribbon(self.primary, self.c, made, ends, self.order, off, float(ratio.max()))
-        return ribbon, bad[1::3] | bad[2::3]
+        return Ribbon(self.primary, self.c, made, ends, self.order), bad[1::3] | bad[2::3]
+
+    def measured(self, ribbon: Ribbon) -> Ribbon:
+        """Return a ribbon that says how far its direction is from the wanted one, at eight points of every span."""
+        breaks = ribbon.directions[0].breaks
+        t = np.append((breaks[:-1] + np.arange(8)[:, None] / 8 * np.diff(breaks)).ravel(), breaks[-1])
+        turned, ratio = _deviations(self.primary.jets(self.c, ribbon.directions[:1]), t, self.vectors(t))
+        return replace(ribbon, direction=float(turned.max()), length=float(ratio.max()))
 
 
 def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
@@ -181,7 +192,7 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
     if any(found):
         steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, found, strict=True)]
         ribbons, _ = refined(nodes)
-    return ribbons[0], ribbons[1]
+    return aims[0].measured(ribbons[0]), aims[1].measured(ribbons[1])
 
 
 def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
@@ -205,4 +216,4 @@ def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Cu
         piece = fit.interpolate(nodes[i : j + 1], values[3 * i : 3 * j + 1 : 3], derivatives=slopes[[i, j]])
         whole = piece if whole is None else whole.join(piece, continuity=1)
     assert whole is not None
-    return whole
+    return whole.reduce(tolerance=1e-13)
