@@ -156,7 +156,7 @@ def _exact_pair(
             return None
         if pins(ribbon, wanted.steer):
             return None
-        ribbons.append(ribbon)
+        ribbons.append(replace(ribbon, light=True))
     return ribbons[0], ribbons[1]
 
 

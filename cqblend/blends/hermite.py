@@ -30,6 +30,7 @@ LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
+ROUNDING = 1e-13  # of a weight that is one
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -43,10 +44,10 @@ class Blend:
 
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
-    """Return the homogeneous jets of both ribbons, each of the lowest degree that it really has."""
+    """Return the homogeneous jets of both ribbons; those of light ones of the lowest degree that they really have."""
     sides = []
     for ribbon in ribbons:
-        jets = [_lowest(jet, ribbon.c) for jet in ribbon.jets()[: ribbon.order + 1]]
+        jets = [jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.jets()[: ribbon.order + 1]]
         _check_smooth(jets)
         if ribbon.order:
             _check_plane(ribbon, jets[0], jets[1])
@@ -96,11 +97,6 @@ def _check_smooth(jets: list[Curve]) -> None:
             )
 
 
-def _lowest(curve: Curve, rail: Curve) -> Curve:
-    """Reduce the degree where a light rail, of degree 1 or 2, lets terms cancel; short cubic pieces only seem to."""
-    return curve.reduce(tolerance=1e-13) if rail.degree < 3 else curve
-
-
 def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
     """Assemble the Hermite surface H(t, v) of the jets of two ribbons, of degree k1 + k2 + 1 across.
 
@@ -131,7 +127,7 @@ def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
         weight = poles[:, :, 3]
         if not np.all(weight > 0):
             raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
-        rational = bool(np.abs(weight - 1).max() > 1e-14)
+        rational = bool(np.abs(weight - 1).max() > ROUNDING)
         poles = poles if rational else poles[:, :, :3]
     breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))
     return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))

@@ -744,10 +744,16 @@ class Tensor(Primary):
         return c, self.patches[..., index[0], index[1]], spans, left + order
 
     def _local(self, c: Curve, spans: list[tuple[Array, Array] | None]) -> tuple[Array, Array, Array, Array]:
-        """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n)."""
+        """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n).
+
+        Pairs that are constant on all pieces have degree 0, which keeps isoparametric rails at the degree they have.
+        """
         pairs = []
         for axis, span in enumerate(spans):
-            x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
+            pair = c.coefs[:, 2 * axis : 2 * axis + 2]
+            if np.ptp(pair, axis=0).max() <= 16 * np.finfo(float).eps * np.abs(pair).max():
+                pair = pair.mean(axis=0, keepdims=True)
+            x, y = pair[:, 0], pair[:, 1]
             if span is None:
                 pairs += [x, y]
             else:

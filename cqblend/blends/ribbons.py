@@ -22,7 +22,8 @@ class Ribbon:
 
     ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``order`` is that of the continuity
     between blend and surface (there is a d even if it is 0), ``direction`` (rad) and ``length`` (relative) the largest
-    deviations of the fitted d from the wanted one.
+    deviations of the fitted d from the wanted one. In a ``light`` one, a straight or circular rail on few and long
+    pieces, terms cancel, and its jets have lower degrees than they come with.
     """
 
     primary: Primary
@@ -32,6 +33,7 @@ class Ribbon:
     order: int = 1
     direction: float = 0.0
     length: float = 0.0
+    light: bool = False
 
     def native(self, t: Array) -> Array:
         """Return the native parameters (n, 2) at t, continuous along the rail."""
