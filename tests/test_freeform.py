@@ -131,7 +131,7 @@ def resolution(blend, at, speed):
     return degree * np.spacing(np.abs(poles).max()) / (piece * speed), degree / (piece * speed)
 
 
-def examine(blend, surfaces, curves, orders, *, size=SIZE, kind="occt", stations=500):
+def examine(blend, surfaces, curves, orders, *, size=SIZE, kind="occt", stations=300):
     """Check at stations of both rails that the blend meets its surfaces, each with its order of continuity."""
     t = np.linspace(*blend.surface.domain[0], stations)
     arrays, made = blend.surface.to_bspline(), BRep_Tool.Surface_s(blend.face())
@@ -157,7 +157,7 @@ def examine(blend, surfaces, curves, orders, *, size=SIZE, kind="occt", stations
 def creases(blend):
     """Return the angle between the normals on both sides of every inner knot of a blend, and the knots."""
     arrays = blend.surface.to_bspline()
-    knots, v = np.unique(arrays[1][0])[1:-1], np.linspace(0, 1, 13)
+    knots, v = np.unique(arrays[1][0])[1:-1], np.linspace(0, 1, 7)
     if not len(knots):
         return np.zeros(1), knots
     uv = np.stack([np.repeat(knots, len(v)), np.tile(v, len(knots))], -1)
@@ -168,8 +168,7 @@ def creases(blend):
 # Must hold.
 
 
-@pytest.mark.parametrize("rational", [False, True])
-@pytest.mark.parametrize("name", ["cubic", "rational"])
+@pytest.mark.parametrize(("name", "rational"), [("cubic", False), ("cubic", True), ("rational", True)])
 @pytest.mark.parametrize("tangents", TANGENTS)
 def test_exact_forms_of_all_five_types_meet_their_surfaces(tangents, name, rational):
     surfaces, curves = pair(rational=rational), RAILS[name]
@@ -178,8 +177,7 @@ def test_exact_forms_of_all_five_types_meet_their_surfaces(tangents, name, ratio
     assert creases(blend)[0].max() <= 1e-7
 
 
-@pytest.mark.parametrize("rational", [False, True])
-@pytest.mark.parametrize("continuity", ["G1", "G2"])
+@pytest.mark.parametrize(("continuity", "rational"), [("G1", False), ("G2", False), ("G2", True)])
 @pytest.mark.parametrize("name", RAILS)
 def test_exact_forms_on_all_kinds_of_rails(name, continuity, rational):
     surfaces, curves = pair(rational=rational), RAILS[name]
@@ -218,7 +216,7 @@ def test_each_side_has_its_own_order(orders):
 @pytest.mark.parametrize(
     ("degrees", "inner"), [((3, 3), ((), ())), ((4, 4), ((0.5,), (0.3, 0.6))), ((5, 5), ((), (0.5,)))]
 )
-@pytest.mark.parametrize("orders", [(3, 3), (3, 1), (0, 3)])
+@pytest.mark.parametrize("orders", [(3, 3), (0, 3)])
 def test_third_order(orders, degrees, inner, rational):
     """In long doubles: those of OCCT leave few digits of third derivatives."""
     surfaces, curves = pair(degrees=degrees, inner=inner, rational=rational), RAILS["straight"]
@@ -370,7 +368,7 @@ def test_steered_blends_have_no_crease(multiplicity, continuity, rational):
     assert straight.certificate.inner_crease == pytest.approx(found, rel=0.1)
 
 
-@pytest.mark.parametrize("steer", [0.1, 0.35, 0.5])
+@pytest.mark.parametrize("steer", [0.1, 0.35])
 def test_steering_goes_as_far_as_it_may_and_what_is_left_is_reported(steer):
     """Section by section: no crease where the turn is allowed, and it is not the turn that makes one elsewhere."""
     surfaces, curves = pair(inner=tuple(np.repeat(lines, 2) for lines in INNER)), RAILS["rational"]
