@@ -93,7 +93,7 @@ class Certificate:
     method : str
         How the blend came into the solid: ``"wire substitution"``, or the fallback by its name.
     valid : bool
-        Whether the result passed verification.
+        Whether the result passed verification; of a blend of surfaces, whether it does not fold.
     width : tuple of float
         Smallest and largest straight distance from rail to rail, mm.
     stations : int

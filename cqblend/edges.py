@@ -16,7 +16,7 @@ import numpy as np
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import CREASE, Blend, hermite
+from cqblend.blends.hermite import CREASE, Blend, folded, hermite
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
@@ -144,7 +144,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
 
 
 def _check_sections(blend: Blend) -> None:
-    """Raise GeometryError where a section runs against its chord: the cross derivatives are too long, and it loops."""
+    """Raise GeometryError where a section loops, its cross derivatives being too long, or the blend folds."""
     surface = blend.surface
     t, v = np.meshgrid(np.linspace(*surface.domain[0], 33), np.linspace(0, 1, 9), indexing="ij")
     chord = surface(t, np.ones_like(v)) - surface(t, np.zeros_like(v))
@@ -153,6 +153,11 @@ def _check_sections(blend: Blend) -> None:
         raise GeometryError(
             f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: it leaves its rails too "
             "fast; take a smaller bulge"
+        )
+    fold = folded(surface)
+    if fold is not None:
+        raise GeometryError(
+            f"the blend folds at t = {fold:.4g}: its sections cross; take another size, smaller bulge or other tangents"
         )
 
 

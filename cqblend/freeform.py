@@ -145,9 +145,14 @@ def hermite_blend(
         An argument is of the wrong type, out of range or unknown.
     GeometryError
         A cross direction vanishes or runs along its rail, G3 is asked of a surface that is not C3 or G2 of one whose
-        curvature jumps, or the blend folds; messages name the parameter t.
+        curvature jumps, or the blend has a sharp crease inside; messages name the parameter t.
     DegreeError
         The exact form would need a degree above 25.
+
+    Notes
+    -----
+    Rails, directions and lengths are the caller's, and may make a surface that folds over itself:
+    ``blend.certificate.valid`` tells.
 
     Examples
     --------
@@ -182,7 +187,7 @@ def hermite_blend(
         side.check()
         aims.append(Aim(rails[i], side.vectors, int(orders[i][1]), closed and side.returns(), side.exact))
     made = hermite.hermite(on_rails((aims[0], aims[1]), steer), form, tolerance, angular_tolerance)
-    hermite.check_folds(made.surface)
+    hermite.check_creases(made.surface)
     return Blend(made.surface, made.ribbons, made.form, rails)
 
 

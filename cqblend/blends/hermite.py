@@ -30,7 +30,8 @@ LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
-ROUNDING = 1e-13  # of a weight that is one
+PLACES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])  # in a piece, where folds are looked for
+ROUNDING = 1e-12  # of a weight that is one
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -128,7 +129,7 @@ def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
         if not np.all(weight > 0):
             raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
         rational = bool(np.abs(weight - 1).max() > ROUNDING)
-        poles = poles if rational else poles[:, :, :3]
+        poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
     breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))
     return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))
 
@@ -156,16 +157,33 @@ def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular
     return Blend(section(jets), ribbons, "exact")
 
 
-def check_folds(surface: Surface) -> None:
-    """Raise GeometryError where the normal of a blend jumps from one piece to the next by more than half a radian."""
-    t, v = np.meshgrid(surface.breaks[0][1:-1], (np.arange(9) + 0.5) / 9, indexing="ij")
+def folded(surface: Surface) -> float | None:
+    """Return a t at which the normal of a blend turns over between neighbours of a grid; None if it does not.
+
+    The grid has six points a piece, some next to its ends, and 97 across.
+    """
+    breaks = surface.breaks[0]
+    t = (breaks[:-1] + np.multiply.outer(PLACES, np.diff(breaks))).T.ravel()
+    v = (np.arange(97) + 0.5) / 97
+    normals = cross(surface.grid(t, v, 1, 0), surface.grid(t, v, 0, 1))
+    along, across = (normals[1:] * normals[:-1]).sum(axis=-1), (normals[:, 1:] * normals[:, :-1]).sum(axis=-1)
+    for cosine in (along, across):
+        over = np.argwhere(cosine <= 0)
+        if len(over):
+            return float(t[over[0][0]])
+    return None
+
+
+def check_creases(surface: Surface) -> None:
+    """Raise GeometryError where the normal of a blend jumps by more than half a radian from one piece to the next."""
+    t, v = np.meshgrid(surface.breaks[0][1:-1], (np.arange(33) + 0.5) / 33, indexing="ij")
     sides: list[Literal["left", "right"]] = ["left", "right"]
     before, after = (
-        unit(cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side))).reshape(-1, 3) for side in sides
+        cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side)).reshape(-1, 3) for side in sides
     )
-    angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(1))
+    angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(axis=1))
     if len(angle) and angle.max() > CREASE:
         raise GeometryError(
-            f"the blend folds inside: its normal turns by {angle.max():.2g} rad at t = {t.flat[angle.argmax()]:.6g}, "
-            "where a rail crosses a knot line; take a smaller length, less continuity, or a larger steer"
+            f"the blend has a crease of {angle.max():.2g} rad inside, at t = {t.flat[angle.argmax()]:.6g}, where the "
+            "directions into it have a kink; take a smaller length, less continuity, or a larger steer"
         )

@@ -46,7 +46,9 @@ On a piece of length h, II(G_t, G_t) is known up to the rounding of P(c) times (
 
 The rounding of what is computed here is carried along as a bound on the error of the coefficients, product by product;
 P, its jets and N enter with ``COMPOSED`` of error. The blend's own coefficients count as exact. Positions are taken
-from a point of each piece (x - x_0 w), so that products do not lose what coordinates far from the origin would.
+from a point of each piece (x - x_0 w), so that products do not lose what coordinates far from the origin would. Knots
+of blend and surface that lie within 1e-9 of the rail of each other count as one (:mod:`cqblend.blends.breaks`): between
+them, pieces go on as polynomials.
 
 This module must not know how blends are made, and believes nothing of what they were meant to be.
 """
@@ -59,11 +61,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from cqblend.blends.breaks import merged, onto
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.spline import union
 
 if TYPE_CHECKING:
     from cqblend.blends.hermite import Blend
@@ -265,7 +267,7 @@ class _Side:
         self.rows = _rows(surface, end, order)
         self.jets = ribbon.primary.jets(ribbon.c, ribbon.directions, max(order, len(ribbon.directions)))
         normal = ribbon.primary.normal(ribbon.c)
-        self.breaks = union(union(self.rows[0].breaks, self.jets[0].breaks), normal.breaks)
+        self.breaks = merged(self.rows[0].breaks, self.jets[0].breaks, normal.breaks)
         boundary, _ = self._cut(self.rows[0])
         self.origin = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
 
@@ -290,7 +292,7 @@ class _Side:
 
     def _cut(self, curve: Curve, error: Array | None = None) -> tuple[Array, Array]:
         """Cut a curve on the common breaks; the coefficients of its own pieces may be off by ``error``."""
-        cut = curve.cut(self.breaks)
+        cut = onto(curve, self.breaks)
         own = np.searchsorted(curve.breaks, (cut.breaks[:-1] + cut.breaks[1:]) / 2) - 1
         known = 0.0 if error is None else error[own]
         rounding = 2 * EPS * (curve.degree + 1) if len(cut.breaks) > len(curve.breaks) else 0.0

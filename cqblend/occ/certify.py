@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from OCP.BRep import BRep_Tool
 
-from cqblend.blends.hermite import Blend
+from cqblend.blends.hermite import Blend, folded
 from cqblend.blends.proof import prove
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
@@ -59,11 +59,18 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
         two = (bulk.surface_from_arrays(*surface.to_bspline()), curve(t))
         gap, angle, jump = contact(one, two)
         records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0))
-    return _certificate(blend, records, inner_crease=inner_crease(face).angle, method="surfaces", stations=STATIONS)
+    return _certificate(
+        blend,
+        records,
+        inner_crease=inner_crease(face).angle,
+        method="surfaces",
+        stations=STATIONS,
+        valid=folded(blend.surface) is None,
+    )
 
 
 def _certificate(
-    blend: Blend, records: Sequence[RailRecord], *, inner_crease: float, method: str, stations: int
+    blend: Blend, records: Sequence[RailRecord], *, inner_crease: float, method: str, stations: int, valid: bool = True
 ) -> Certificate:
     surface = blend.surface
     t = np.linspace(*surface.domain[0], 65)
@@ -77,7 +84,7 @@ def _certificate(
         rational=weights is not None,
         inner_crease=inner_crease,
         method=method,
-        valid=True,
+        valid=valid,
         width=(float(across.min()), float(across.max())),
         stations=stations,
         proofs=(partial(prove, blend),),
