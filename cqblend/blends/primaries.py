@@ -629,7 +629,7 @@ class Tensor(Primary):
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         order = len(directions) if order is None else order
         c, *rest = aligned([c, *directions])
-        c, patches, spans, crossed = self._follow(c, order)
+        c, patches, spans, crossed = self._follow(c)
         phi = [c, *(d.cut(c.breaks[1:-1]) for d in rest)]
         pairs = [self._local(x, spans) for x in phi]
         none = [np.zeros((1, len(c.breaks) - 1))] * (order + 1 - len(phi))
@@ -641,7 +641,7 @@ class Tensor(Primary):
         return _levelled(jets) if self.levelled else tuple(jets)
 
     def normal(self, c: Curve) -> Curve:
-        c, patches, spans, _ = self._follow(c, 1)
+        c, patches, spans, _ = self._follow(c)
         centre = patches[:, :, :3].mean(axis=(0, 1)) / patches[:, :, 3].mean(axis=(0, 1))
         patches = np.concatenate([patches[:, :, :3] - centre * patches[:, :, 3:], patches[:, :, 3:]], axis=2)
         pairs = self._local(c, spans)
@@ -720,8 +720,8 @@ class Tensor(Primary):
         order = (k, 0) if axis == 0 else (0, k)
         return self.surface(uv[:, 0], uv[:, 1], *order, side=side)
 
-    def _follow(self, c: Curve, order: int) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
-        """Cut the rail at knot lines, for jets up to an order.
+    def _follow(self, c: Curve) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
+        """Cut the rail at knot lines.
 
         Returns the rail; the patch under each piece, (p+1, q+1, 4, n); per direction the interval that each piece lies
         in, None if angular; and the surface's continuity where the rail crosses from one patch to another.
@@ -734,14 +734,14 @@ class Tensor(Primary):
         weight = c.coefs[:, 2 * axes[0] : 2 * axes[0] + 2].sum(1)
         plain = np.stack([*(c.coefs[:, 2 * axis + 1] for axis in axes), weight], 1)
         bare = Curve(c.breaks, plain, rational=True, continuity=np.full(len(c.breaks) - 2, SMOOTH))
-        cut, found, left = follow(bare, lines, [np.minimum(known, SMOOTH) - order for known in orders])
+        cut, found, crossed = follow(bare, lines, orders)
         c = c.cut(cut.breaks[1:-1])
         index = [np.zeros(len(c.breaks) - 1, int), np.zeros(len(c.breaks) - 1, int)]
         spans: list[tuple[Array, Array] | None] = [None, None]
         for axis, line, at in zip(axes, lines, found, strict=True):
             spans[axis] = line[at], line[at + 1]
             index[axis] = at % (len(self.breaks[axis]) - 1)
-        return c, self.patches[..., index[0], index[1]], spans, left + order
+        return c, self.patches[..., index[0], index[1]], spans, crossed
 
     def _local(self, c: Curve, spans: list[tuple[Array, Array] | None]) -> tuple[Array, Array, Array, Array]:
         """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n).

@@ -69,14 +69,10 @@ def projected(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Curve:
     feet = _Feet(surface, curve, tolerance)
     t = np.union1d(np.linspace(*curve.domain, 5), curve.breaks)
     for _ in range(_REFINEMENTS):
-        values = feet(t)
-        if feet.closed:
-            values[-1] = values[0]
-        found = interpolate(t, values, periodic=feet.closed)
-        between = t[:-1] + _INNER * np.diff(t)
-        error = feet.distance(found, between.ravel()).reshape(between.shape).max(axis=0)
+        found, error, between = feet.through(t, feet(t))
         if error.max() <= tolerance:
-            return found.reduce()
+            crossing, error, _ = feet.through(*_at_crossings(surface, found, t, feet(t)))
+            return (crossing if error.max() <= tolerance else found).reduce()
         if len(t) > _MOST:
             break
         # with a margin, since refining a span moves the spline in its neighbours
@@ -86,6 +82,26 @@ def projected(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Curve:
         f"stations, at t = {found.breaks[error.argmax()]:.9g}, where they have a kink: the curve has one, or is "
         f"off the surface where that is only C1; split the curve there, or allow more than {tolerance:g}"
     )
+
+
+def _at_crossings(surface: Surface, found: Curve, t: Array, values: Array) -> tuple[Array, Array]:
+    """Let stations be where the curve crosses knot lines, instead of next to there.
+
+    Its composition with the surface has a break at every crossing: two breaks nearly at one place would leave a piece
+    between them whose derivatives are rounding.
+    """
+    for axis in (0, 1):
+        lines = surface.breaks[axis]
+        for at in surface.crossings(found, axis).tolist():
+            foot = found(at)
+            foot[axis] = lines[np.abs(lines - foot[axis]).argmin()]
+            i = int(np.abs(t - at).argmin())
+            if 0 < i < len(t) - 1 and abs(t[i] - at) < np.diff(t)[i - 1 : i + 1].min() / 3:
+                t, values = np.delete(t, i), np.delete(values, i, axis=0)
+            i = int(np.searchsorted(t, at))
+            if 0 < i < len(t) and min(at - t[i - 1], t[i] - at) > 1e-9 * (t[-1] - t[0]):
+                t, values = np.insert(t, i, at), np.insert(values, i, foot, axis=0)
+    return t, values
 
 
 class _Feet:
@@ -108,6 +124,14 @@ class _Feet:
         points = self._curve(t)
         start = np.stack([np.interp(t, self._t, column) for column in self._uv.T], axis=-1)
         return self._checked(t, points, self._solve(points, start))
+
+    def through(self, t: Array, values: Array) -> tuple[Curve, Array, Array]:
+        """Interpolate foot points; also return the largest error in each span, and where it was looked for, (3, n)."""
+        if self.closed:
+            values[-1] = values[0]
+        found = interpolate(t, values, periodic=self.closed)
+        between = t[:-1] + _INNER * np.diff(t)
+        return found, self.distance(found, between.ravel()).reshape(between.shape).max(axis=0), between
 
     def distance(self, c: Curve, t: Array) -> Array:
         """Return how far S(c(t)) is from the foot points, (n,)."""
