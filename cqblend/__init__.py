@@ -19,7 +19,7 @@ from cqblend.errors import CqblendError
 if TYPE_CHECKING:
     from cqblend.blends.rails import Rail
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
-    from cqblend.front import BlendResult, blend_edges, continuity, to_face, to_surface, verify
+    from cqblend.front import BlendResult, blend_edges, continuity, to_curve, to_edge, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.splines.curve import Curve
@@ -53,6 +53,8 @@ __all__ = [
     "normalise",
     "projected",
     "reparameterise",
+    "to_curve",
+    "to_edge",
     "to_face",
     "to_surface",
     "verify",
@@ -78,6 +80,8 @@ _HOME = {
     "normalise": "splines.unit_length",
     "projected": "freeform",
     "reparameterise": "splines.retiming",
+    "to_curve": "front",
+    "to_edge": "front",
     "to_face": "front",
     "to_surface": "front",
     "verify": "front",

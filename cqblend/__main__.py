@@ -94,14 +94,14 @@ def _command(
 
 
 def _add_near(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
-    """Add ``--near``; seams, degenerate and smooth edges are never meant."""
+    """Add ``--near``; seams and degenerate edges are never meant, and smooth ones not where edges are to be blended."""
     parser.add_argument(
         "--near",
         type=_point,
         metavar="X,Y,Z",
         required=True,
         action="append" if repeatable else "store",
-        help="the sharp edge nearest to this point, mm" + ("; may be repeated" if repeatable else ""),
+        help=f"the {'sharp ' * repeatable}edge nearest to this point, mm" + ("; may be repeated" if repeatable else ""),
     )
 
 
@@ -128,7 +128,7 @@ def _attached(arguments: Sequence[str]) -> list[str]:
 
 def _blend(options: argparse.Namespace) -> None:
     from cqblend.edges import blend_shape
-    from cqblend.occ.picking import nearest_sharp_edge
+    from cqblend.occ.picking import nearest_edge
     from cqblend.occ.step import read_step, write_step
     from cqblend.request import BlendRequest
 
@@ -138,7 +138,7 @@ def _blend(options: argparse.Namespace) -> None:
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _step("looking for the edges"):
-        picked = [nearest_sharp_edge(shape, point) for point in options.near]
+        picked = [nearest_edge(shape, point, sharp=True) for point in options.near]
     for one in picked:
         print(f"edge {one.index}, {one.distance:.3g} mm from the point")
     with _step("blending"):
@@ -150,13 +150,13 @@ def _blend(options: argparse.Namespace) -> None:
 
 def _continuity(options: argparse.Namespace) -> None:
     from cqblend.occ.measure import continuity
-    from cqblend.occ.picking import nearest_sharp_edge
+    from cqblend.occ.picking import nearest_edge
     from cqblend.occ.step import read_step
 
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _step("measuring"):
-        picked = nearest_sharp_edge(shape, options.near)
+        picked = nearest_edge(shape, options.near, sharp=False)
         measured = continuity(shape, picked.edge)
     print(f"edge {picked.index}, {picked.distance:.3g} mm from the point")
     print(measured)

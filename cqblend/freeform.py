@@ -20,7 +20,7 @@ from cqblend.blends.rails import FIELDS, FieldName, Rail
 from cqblend.blends.regularity import stations
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.request import CONTINUITY, FORM, STEER, choice, pair, positive
+from cqblend.request import CONTINUITY, FORM, STEER, choice, pair, positive, turn
 from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:
@@ -169,6 +169,7 @@ def hermite_blend(
             raise InputError(f"hermite_blend takes two cqblend.Rail, not {shown(rail)}")
     if rail2.domain != rail1.domain:
         rail2 = rail2.reparametrized(*rail1.domain)
+    _check_senses(rail1, rail2)
     rails = (
         rail1 if rail1.side is not None else rail1.towards(rail2),
         rail2 if rail2.side is not None else rail2.towards(rail1),
@@ -179,7 +180,7 @@ def hermite_blend(
     lengths = pair("length", length, _length)
     form = choice("form", form, FORM)
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
-    steer = positive("steer", steer, zero=True)
+    steer = turn("steer", steer)
     closed = rail1.closed and rail2.closed
     aims = []
     for i in (0, 1):
@@ -328,9 +329,24 @@ class _Side:
         return None if rs is None or rs.rational or (rs.continuity < 1).any() else rs * self.bulge
 
 
+def _check_senses(rail1: Rail, rail2: Rail) -> None:
+    """Raise GeometryError if two rails run in opposite senses, so that all sections would cross."""
+    t = np.linspace(*rail1.domain, 65)
+    one, two = rail1.curve3d()(t), rail2.curve3d()(t)
+    if (np.diff(one, axis=0) * np.diff(two, axis=0)).sum() < 0:
+        distances = [np.linalg.norm(one - other, axis=1).sum() for other in (two, two[::-1])]
+        if distances[1] < distances[0]:
+            raise GeometryError("the rails run in opposite senses, and the sections between them cross: .reverse() one")
+
+
 def _at(amount: Amount, t: Array) -> Array:
     """Return what may vary along the rail at t (n,), above zero."""
-    given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64).squeeze()
+    try:
+        given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64).squeeze()
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"a length or bulge that is a function takes an array of parameters and returns as many numbers: {error}"
+        ) from error
     if given.shape not in ((), t.shape):
         raise InputError(
             f"a length or bulge that is a function takes an array of parameters, here {len(t)}, and returns as many "
@@ -359,6 +375,8 @@ def _amount(name: str, value: object) -> Amount:
 
 
 def _length(name: str, value: object) -> Length:
-    if isinstance(value, str) and value == "field":
+    if isinstance(value, str):
+        if value != "field":
+            raise InputError(f"{name} must be 'field', None, a number, a Curve or a function of t, not {shown(value)}")
         return "field"
     return None if value is None else _amount(name, value)

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 from cqblend.certificate import Certificate
 from cqblend.edges import blend_shape
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
-from cqblend.occ import convert, measure, verification
+from cqblend.occ import convert, measure, pcurves, verification
 from cqblend.request import STEER, BlendRequest
 
 if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
+    from cqblend.splines.curve import Curve
     from cqblend.splines.surface import Surface
 
 
@@ -231,3 +232,34 @@ def to_face(surface: "Surface") -> "TopoDS_Face":
     Wrap it with ``cadquery.Face(...)`` or ``build123d.Face(...)``.
     """
     return convert.to_face(surface)
+
+
+def to_curve(edge: Any) -> "Curve":
+    """Return an edge as a symbolic spline in space, over the edge's own parameters and in its sense; conics as arcs.
+
+    Parameters
+    ----------
+    edge : cadquery.Edge, build123d.Edge or TopoDS_Edge
+
+    Raises
+    ------
+    InputError
+        It is not an edge.
+    SelectionError
+        It is degenerate: a point.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> cqblend.to_curve(cadquery.Edge.makeCircle(2))(0.0)
+    array([2., 0., 0.])
+    """
+    return pcurves.curve_of(edge_of(edge))
+
+
+def to_edge(curve: "Curve") -> "TopoDS_Edge":
+    """Return the edge that covers the whole of a symbolic spline curve, as a TopoDS edge.
+
+    Wrap it with ``cadquery.Edge(...)`` or ``build123d.Edge(...)``.
+    """
+    return pcurves.edge_of(curve)

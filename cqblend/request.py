@@ -131,7 +131,7 @@ class BlendRequest:
             ),
             tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
             bulge=pair("bulge", bulge, positive),
-            steer=positive("steer", steer, zero=True),
+            steer=turn("steer", steer),
             section=choice("section", section, _SECTION, _SECTION_LATER),
             form=choice("form", form, FORM),
             tolerance=positive("tolerance", tolerance),
@@ -174,6 +174,14 @@ def pair(name: str, value: object, check: Callable[[str, object], Checked]) -> t
     if len(value) != 2:
         raise InputError(f"{name} must be one value or a pair, one for each side, not {len(value)} values")
     return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
+
+
+def turn(name: str, value: object) -> float:
+    """Return an angle between 0 and a quarter turn, rad."""
+    angle = positive(name, value, zero=True)
+    if angle > math.pi / 2:
+        raise InputError(f"{name} is an angle in radians, at most pi/2, not {angle:g}; math.radians converts degrees")
+    return angle
 
 
 def positive(name: str, value: object, *, zero: bool = False) -> float:

@@ -84,15 +84,18 @@ def test_near_may_be_repeated_and_negative(capsys, tmp_path):
     assert len(cq.importers.importStep(str(output)).val().Faces()) == 8
 
 
-def test_near_finds_the_sharp_edge(capsys, tmp_path):
+def test_near_finds_the_sharp_edge_to_blend_and_any_to_look_at(capsys, tmp_path):
     """On a filleted cylinder, seam and smooth edges of the fillet are nearer to the point than the sharp one."""
     part = cq.Workplane().cylinder(20, 10).faces(">Z").edges().fillet(3)
     path = tmp_path / "part.step"
     cq.exporters.export(part, str(path))
-    code, out, _ = run(capsys, "continuity", path, "--near", "10,0,7")
+    code, out, _ = run(capsys, "blend", path, tmp_path / "out.step", "--near", "10,0,7", "--radius", "1")
     assert code == 0
     assert "17 mm from the point" in out
-    assert "convex" in out
+    code, out, _ = run(capsys, "continuity", path, "--near", "10,0,7")
+    assert code == 0
+    assert "0 mm from the point" in out
+    assert "smooth" in out
 
 
 def test_continuity(capsys, box):
@@ -175,12 +178,15 @@ def test_failed_blend_leaves_the_output_alone(capsys, box, tmp_path):
     assert list(tmp_path.iterdir()) in ([box, output], [output, box])
 
 
-def test_nothing_sharp(capsys, tmp_path):
+def test_nothing_to_look_at(capsys, tmp_path):
     path = tmp_path / "sphere.step"
     cq.exporters.export(cq.Workplane().sphere(5), str(path))
     code, _, err = run(capsys, "continuity", path, "--near", "0,0,0")
     assert code == 1
-    assert "none is sharp" in one_line(err)
+    assert "none is between two faces" in one_line(err)
+    code, _, err = run(capsys, "blend", path, tmp_path / "out.step", "--near", "0,0,0", "--radius", "1")
+    assert code == 1
+    assert "none is sharp between two faces" in one_line(err)
 
 
 def test_output_that_cannot_be_written(capsys, box, tmp_path):

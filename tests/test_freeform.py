@@ -527,11 +527,11 @@ REFUSED = [
     ({"bulge": Curve.bezier([[1], [-2]])}, InputError, "-2 at t = 1"),
     ({"length": (1, Curve.bezier([[1], [2]]).reparametrized(0, 0.5))}, InputError, r"rail 2 runs over \[0, 0\.5\]"),
     ({"length": math.inf}, InputError, "length must be finite"),
-    ({"length": "fields"}, InputError, "length must be a number"),
+    ({"length": "fields"}, InputError, "length must be 'field', None, a number"),
     ({"continuity": "G4"}, InputError, "continuity must be"),
     ({"continuity": ("G1",)}, InputError, "one value or a pair"),
     ({"tangents": "guide"}, InputError, "a Guide or a Combination"),
-    ({"tangents": Guide(Curve.bezier([[1, 1], [2, 1]]))}, InputError, "curves of dim 3"),
+    ({"tangents": Guide(Curve.bezier([[1, 1], [2, 1]]))}, InputError, "a Curve of dim 3, not one of dim 2"),
     (
         {"tangents": Guide(Curve.bezier([[1, 1, 0], [2, 1, 0]]).reparametrized(0, 2))},
         InputError,
@@ -561,8 +561,44 @@ def test_rails_that_make_no_sense():
         hermite_blend(Rail(surface, up), Rail(surface, along))
     with pytest.raises(GeometryError, match="at t = 0 of rail 1 has no length: do the rails meet"):
         hermite_blend(Rail(surface, up, "right"), Rail(surface, along, "left"))
+    crossing = Curve.bezier([[0.1, 0.3], [0.9, 0.5]])
     with pytest.raises(GeometryError, match=r"side of the rail cannot be told: at t = 0\.5"):
-        hermite_blend(Rail(surface, up), Rail(surface, Curve.bezier([[0.1, 0.9], [0.5, 0.1]])))
+        hermite_blend(Rail(surface, along), Rail(surface, Curve.bezier([[0.1, 0.3], [0.9, -0.1 + 0.2]])))
+    with pytest.raises(GeometryError, match=r"run in opposite senses.*\.reverse\(\)"):
+        hermite_blend(Rail(surface, along), Rail(surface, crossing.reverse()))
     beside = [Rail(surface, Curve.bezier([[a, 0.1], [b, 0.1]]), "left") for a, b in ((0.1, 0.5), (0.6, 0.9))]
     with pytest.raises(GeometryError, match=r"parallel to the rail at t = 0\.43"):
         hermite_blend(*beside, tangents="chord")
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-12, 1e-10])
+def test_crossings_of_both_rails_that_nearly_coincide_are_one(apart):
+    def wave(line):
+        knots = [0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 0, 0, line, 1, 1, 1, 1]
+        u, v = np.meshgrid(
+            *(np.array([np.mean(k[i + 1 : i + 4]) for i in range(len(k) - 4)]) for k in knots), indexing="ij"
+        )
+        return Surface.from_bspline((3, 3), knots, 10 * np.stack([u, v, 0.1 * np.sin(3 * u) * np.cos(4 * v)], -1))
+
+    first = Rail(wave(0.2), Curve.bezier([(0.9, 0.0), (0.9, 1.0)]))
+    second = Rail(wave(0.2 + apart) + np.array([12, 0, 5]), Curve.bezier([(0.1, 0.0), (0.1, 1.0)]))
+    blend = hermite_blend(first, second, continuity="G2", form="exact")
+    assert np.diff(blend.surface.breaks[0]).min() > 1e-3
+    assert blend.certificate.inner_crease < 1e-10
+    assert blend.certificate.proof.angle < 1e-12
+    assert blend.certificate.proof.curvature_jump < 1e-11
+
+
+def test_functions_that_fail_are_named():
+    for bulge in (lambda t: 1 if t < 0.5 else 2, lambda t: "much", lambda t: float(t)):
+        with pytest.raises(InputError, match="takes an array of parameters"):
+            hermite_blend(*rails(pair(), RAILS["straight"]), bulge=bulge)
+
+
+def test_a_surface_that_folds_says_so():
+    """Sections much longer than the rails are apart, on rails that are bent: they cross."""
+    plane = Surface.from_bspline((1, 1), ([0, 0, 9, 9],) * 2, [[[0, 0, 0], [0, 9, 0]], [[9, 0, 0], [9, 9, 0]]])
+    bent = Curve.bezier([(1, 4), (4.5, 8), (8, 4)])
+    made = [hermite_blend(Rail(plane, bent), Rail(plane + np.array([0, 3, 2]), bent), length=size) for size in (3, 60)]
+    assert [blend.certificate.valid for blend in made] == [True, False]
+    assert "INVALID" in str(made[1].certificate)

@@ -279,3 +279,16 @@ def test_examples_of_the_readme_run(capsys):
     for block in blocks:
         exec(compile(block, "README.md", "exec"), namespace)
     assert "valid blend, exact" in capsys.readouterr().out
+
+
+def test_edges_as_curves_and_back():
+    for edge in (cq.Edge.makeCircle(3), cq.Edge.makeLine(cq.Vector(1, 2, 3), cq.Vector(4, 5, 6))):
+        curve = cqblend.to_curve(edge)
+        again = cq.Edge(cqblend.to_edge(curve))
+        assert again.isValid()
+        assert again.Length() == pytest.approx(edge.Length(), rel=1e-9)
+        assert (again.startPoint() - edge.startPoint()).Length < 1e-12
+    with pytest.raises(InputError):
+        cqblend.to_curve(cq.Solid.makeBox(1, 1, 1))
+    with pytest.raises(InputError, match="a curve in space"):
+        cqblend.to_edge(cqblend.Curve.bezier([[0, 0], [1, 1]]))

@@ -93,8 +93,8 @@ def _check_smooth(jets: list[Curve]) -> None:
                 )
             raise GeometryError(
                 f"the surface's derivatives of order {k} jump by {jump.max():.2g} where the rail crosses a knot line "
-                f"at {at}, at an angle to the direction of the blend that steering may not turn: allow more with "
-                f"steer=, or take G{k - 1}"
+                f"at {at} (circles as NURBS have such knots too), at an angle to the direction of the blend that "
+                f"steering may not turn: take other tangents, allow more with steer=, or take G{k - 1}"
             )
 
 

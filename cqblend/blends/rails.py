@@ -76,7 +76,8 @@ class Rail:
         if not isinstance(self.surface, Surface) or self.surface.dim != 3:
             raise InputError(f"a rail needs a Surface of dim 3, not {shown(self.surface)}; see cqblend.to_surface")
         if not isinstance(self.curve, Curve) or self.curve.dim != 2:
-            raise InputError(f"a rail is a Curve of dim 2 in the surface's parameter plane, not {shown(self.curve)}")
+            given = f"one of dim {self.curve.dim}" if isinstance(self.curve, Curve) else shown(self.curve)
+            raise InputError(f"a rail is a Curve of dim 2 in the surface's parameter plane, not {given}")
         if self.side not in ("left", "right", None):
             raise InputError(f'the side of a rail is "left", "right" or None, not {shown(self.side)}')
         regularity.check(self.surface, self.curve, self._position)
@@ -240,7 +241,8 @@ class Rail:
 
     def _operand(self, name: str, operand: object, dim: int) -> Curve:
         if not isinstance(operand, Curve) or operand.dim != dim:
-            raise InputError(f'the field "{name}" takes curves of dim {dim}, not {shown(operand)}')
+            given = f"one of dim {operand.dim}" if isinstance(operand, Curve) else shown(operand)
+            raise InputError(f'the field "{name}" takes a Curve of dim {dim}, not {given}')
         (a, b), (c, d) = self.domain, operand.domain
         if max(abs(a - c), abs(b - d)) > 1e-14 * max(abs(a), abs(b)):
             raise InputError(
@@ -267,7 +269,10 @@ class Rail:
             t = np.union1d(t, regularity.stations(np.clip(other.breaks, *self.domain)))
             there = other(t)
         else:
-            there = np.asarray(target, dtype=np.float64)
+            try:
+                there = np.asarray(target, dtype=np.float64)
+            except (TypeError, ValueError):
+                there = np.empty(0)
             if there.shape != (3,) or not np.isfinite(there).all():
                 raise InputError(f"a rail turns towards another Rail or a point of three numbers, not {shown(target)}")
         jet, rate = self._jet(t)

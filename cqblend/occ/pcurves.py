@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge
 from OCP.Geom import Geom_TrimmedCurve
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Curve, Geom2d_OffsetCurve, Geom2d_TrimmedCurve
 from OCP.Geom2dConvert import Geom2dConvert
@@ -18,7 +19,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends import projection
 from cqblend.blends.primaries import Array
-from cqblend.errors import GeometryError, SelectionError, UnsupportedError
+from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.occ import bulk
 from cqblend.occ.convert import Arcs, ParameterMap, with_parameters
 from cqblend.occ.topology import explore
@@ -81,6 +82,24 @@ def curve_of(edge: TopoDS_Edge) -> Curve:
     spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, *BRep_Tool.Range_s(edge)))
     result = Curve.from_bspline(*bulk.curve_to_arrays(spline))
     return result.reverse() if edge.Orientation() == TopAbs_REVERSED else result
+
+
+def edge_of(curve: Curve) -> TopoDS_Edge:
+    """Return the edge that covers the whole of a curve of dim 3.
+
+    Raises
+    ------
+    InputError
+        If the curve is not in space.
+    GeometryError
+        If OCCT cannot make an edge of it.
+    """
+    if curve.dim != 3:
+        raise InputError(f"an edge needs a curve in space; this one has dimension {curve.dim}")
+    maker = BRepBuilderAPI_MakeEdge(bulk.curve_from_arrays(*curve.to_bspline()))
+    if not maker.IsDone():
+        raise GeometryError(f"OCCT cannot make an edge of the curve ({maker.Error().name}): has it no length?")
+    return maker.Edge()
 
 
 def projected(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1e-7) -> Curve:

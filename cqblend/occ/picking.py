@@ -33,16 +33,16 @@ class PickedEdge:
     distance: float
 
 
-def nearest_sharp_edge(shape: TopoDS_Shape, point: Point) -> PickedEdge:
-    """Return the sharp edge nearest to a point.
+def nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
+    """Return the edge nearest to a point that has two different faces on its two sides.
 
-    An edge is sharp if it has two different faces on its two sides that meet at an angle somewhere. Seams, degenerate,
-    free and smooth edges are passed over.
+    Seams, degenerate and free edges are passed over; if it is to be ``sharp``, those at which the faces meet smoothly
+    everywhere, too.
 
     Raises
     ------
     SelectionError
-        The shape has no sharp edge.
+        The shape has no such edge.
     """
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
     index = TopTools_IndexedMapOfShape()
@@ -54,14 +54,16 @@ def nearest_sharp_edge(shape: TopoDS_Shape, point: Point) -> PickedEdge:
         if not BRep_Tool.Degenerated_s(edge)
     ]
     for candidate in sorted(picked, key=lambda one: one.distance):
-        if _is_sharp(shape, candidate.edge):
+        if _is_joint(shape, candidate.edge, sharp=sharp):
             return candidate
-    raise SelectionError(f"the shape has {len(edges)} edges, but none is sharp between two faces")
+    raise SelectionError(f"the shape has {len(edges)} edges, but none is {'sharp ' * sharp}between two faces")
 
 
-def _is_sharp(shape: TopoDS_Shape, edge: TopoDS_Edge) -> bool:
+def _is_joint(shape: TopoDS_Shape, edge: TopoDS_Edge, *, sharp: bool) -> bool:
     try:
         sides = edge_sides(shape, edge)
-        return not sides[0][0].IsSame(sides[1][0]) and continuity_between(sides, _SAMPLES).kind != "smooth"
+        if sides[0][0].IsSame(sides[1][0]):
+            return False
+        return not sharp or continuity_between(sides, _SAMPLES).kind != "smooth"
     except CqblendError:
         return False

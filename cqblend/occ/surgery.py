@@ -19,7 +19,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
-from OCP.GeomAbs import GeomAbs_G1
+from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
@@ -57,6 +57,7 @@ from cqblend.splines import Curve
 from cqblend.splines.roots import sign_changes
 
 SNAP = 1e-9  # relative: a rail end this near to a seam lies on it
+FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)  # of an edge, by the order of continuity
 
 
 @dataclass
@@ -316,9 +317,9 @@ class Surgery:
         for number, face in made.items():
             face.Orientation(self.faces[number].Orientation())
         sides = (made[self.faces.of(self.originals[0].face)], made[self.faces.of(self.originals[1].face)])
-        for side, rail in zip(sides, rails, strict=True):
+        for side, rail, ribbon in zip(sides, rails, self.blend.ribbons, strict=True):
             for edge in rail:
-                BUILDER.Continuity(edge, side, blend, GeomAbs_G1)
+                BUILDER.Continuity(edge, side, blend, FLAGS[min(ribbon.order, 2)])
         return Proposal(with_faces(self.solid, made, self.faces, [blend, *caps]), blend, sides, rails, len(caps))
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:

@@ -12,7 +12,7 @@ from math import isfinite
 
 import numpy as np
 
-from cqblend.errors import GeometryError, InputError
+from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines.bernstein import Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import dip
@@ -57,6 +57,9 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
            [1.5 , 0.75],
            [4.  , 2.  ]])
     """
+    for name, value in (("curve", curve), ("change of parameter", change)):
+        if not isinstance(value, Curve):
+            raise InputError(f"a {name} is a Curve, not {shown(value)}")
     if change.dim != 1:
         raise InputError(f"a change of parameter has dim 1, not {change.dim}")
     jump = change.continuity < 0

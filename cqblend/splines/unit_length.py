@@ -130,6 +130,8 @@ def normalise(
 
 
 def _check(field: Curve, tolerance: float, method: str, knots: int | None) -> None:
+    if not isinstance(field, Curve):
+        raise InputError(f"a vector field is a Curve, not {shown(field)}")
     if not np.isfinite(field.coefs).all():
         raise InputError("the field has a coefficient that is not a finite number")
     if not tolerance > 0:

@@ -9,9 +9,9 @@ import pytest
 from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends import fitting
+from cqblend.blends.breaks import merged
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.breaks import merged
 from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Frame, Plane
 from cqblend.blends.ribbons import Ribbon
