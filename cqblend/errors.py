@@ -52,4 +52,9 @@ class InstallationError(CqblendError, ImportError):
 def shown(value: object) -> str:
     """Return a value as a message names it: in full if that is short, else by its type."""
     text = repr(value)
-    return text if len(text) <= 40 else f"a {type(value).__name__}"
+    return text if len(text) <= 40 else with_article(type(value).__name__)
+
+
+def with_article(noun: str) -> str:
+    """Return a noun with "a" or "an" before it."""
+    return f"{'an' if noun[0] in 'aeiouAEIOU' else 'a'} {noun}"

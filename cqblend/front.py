@@ -57,7 +57,7 @@ def blend_edges(
     angular_tolerance: float = 1e-5,
     first: Any = None,
 ) -> BlendResult:
-    """Replace sharp edges of a solid by blend faces that meet their neighbours with exact tangent continuity.
+    """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
 
     The result is verified before it is returned. The input is left as it was.
 
@@ -84,7 +84,7 @@ def blend_edges(
         Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
         the blend has no crease inside, rad. 0 turns nothing.
     section : {"hermite"}
-        How the interior is filled: cubic Hermite across.
+        How the interior is filled: Hermite across, cubic for G1, quintic for G2.
     form : {"auto", "exact", "compact"}
         ``"exact"``: exact rails and tangent planes; ``"compact"``: the spline of least degree within the tolerances;
         ``"auto"``: exact where that has degree 7 at most, else compact.

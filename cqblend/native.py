@@ -8,7 +8,7 @@ away are still understood. Must not know what is done with the shapes.
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from cqblend.errors import InputError, shown
+from cqblend.errors import InputError, shown, with_article
 from cqblend.occ.kinds import children, downcast, is_topods, kind
 
 if TYPE_CHECKING:
@@ -145,5 +145,5 @@ def _shown(thing: Any) -> str:
     """Return a thing as an error message names it."""
     topods = _topods(thing)
     if topods is not None:
-        return f"a {kind(topods)}"
+        return with_article(kind(topods))
     return shown(thing)

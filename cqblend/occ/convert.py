@@ -51,7 +51,7 @@ from OCP.gp import gp_Dir, gp_Pnt, gp_Trsf
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
-from cqblend.errors import GeometryError, InputError, UnsupportedError
+from cqblend.errors import GeometryError, InputError, UnsupportedError, with_article
 from cqblend.occ import bulk
 from cqblend.splines.surface import Surface
 
@@ -221,7 +221,7 @@ def to_surface(face: TopoDS_Face) -> Surface:
 def with_parameters(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:
     """Return :func:`to_surface` of a face, and the map between the face's own parameters and the spline's."""
     if not isinstance(face, TopoDS_Face) or face.IsNull():
-        raise InputError(f"a {type(face).__name__} is not a face")
+        raise InputError(f"{with_article(type(face).__name__)} is not a face")
     location = TopLoc_Location()
     surface = BRep_Tool.Surface_s(face, location)
     if surface is None:
