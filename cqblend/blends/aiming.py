@@ -144,7 +144,8 @@ class Aim:
     def ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
         t = thirds(nodes)
-        corners = np.flatnonzero(np.abs(nodes[:, None] - self.corners).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
+        kinks = merged(self.corners, np.array([pin.t for pin in steering.pins]))
+        corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
         weight = self.c[0] + self.c[1]  # of a rational rail: it may have kinks, which directions per weight have not
 
         def make(values: Array) -> Curve:
@@ -191,8 +192,19 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
     found = [pins(ribbon, steer) for ribbon in ribbons]
     if any(found):
         steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, found, strict=True)]
-        ribbons, _ = refined(nodes)
+        ribbons, _ = refined(merged(nodes, np.array([pin.t for some in found for pin in some])))
+    elif any(aim.exact is None for aim in aims):
+        lighter = [aim.ribbon(corners, s)[0] for aim, s in zip(aims, steering, strict=True)]
+        if all(map(_alike, lighter, ribbons)):
+            ribbons = lighter
     return aims[0].measured(ribbons[0]), aims[1].measured(ribbons[1])
+
+
+def _alike(one: Ribbon, other: Ribbon) -> bool:
+    """Whether two fits of a ribbon have the same directions, well within what these may miss."""
+    t = np.linspace(*other.c.domain, 8 * FEWEST + 1)
+    pairs = zip(one.directions, other.directions, strict=True)
+    return all(np.abs(a(t) - b(t)).max() <= ALIKE * np.abs(b(t)).max() for a, b in pairs)
 
 
 def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
