@@ -197,7 +197,11 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
         lighter = [aim.ribbon(corners, s)[0] for aim, s in zip(aims, steering, strict=True)]
         if all(map(_alike, lighter, ribbons)):
             ribbons = lighter
-    return aims[0].measured(ribbons[0]), aims[1].measured(ribbons[1])
+    first, second = (
+        ribbon if aim.exact is not None and not one.pins else aim.measured(ribbon)
+        for aim, ribbon, one in zip(aims, ribbons, steering, strict=True)
+    )
+    return first, second
 
 
 def _alike(one: Ribbon, other: Ribbon) -> bool:

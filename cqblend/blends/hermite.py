@@ -176,7 +176,8 @@ def folded(surface: Surface) -> float | None:
 
 def check_creases(surface: Surface) -> None:
     """Raise GeometryError where the normal of a blend jumps by more than half a radian from one piece to the next."""
-    t, v = np.meshgrid(surface.breaks[0][1:-1], (np.arange(33) + 0.5) / 33, indexing="ij")
+    kinks = surface.breaks[0][1:-1][surface.continuity[0] < 1]
+    t, v = np.meshgrid(kinks, (np.arange(33) + 0.5) / 33, indexing="ij")
     sides: list[Literal["left", "right"]] = ["left", "right"]
     before, after = (
         cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side)).reshape(-1, 3) for side in sides
