@@ -9,7 +9,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.errors import InputError, SelectionError, UnsupportedError
 from cqblend.occ.joint import Joint, find_joint
-from cqblend.occ.topology import Ancestors, Index
+from cqblend.occ.topology import Ancestors, Index, ends
 
 
 class Picks:
@@ -34,6 +34,7 @@ class Picks:
         if 0 in numbers:
             raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
         self._waiting = list(dict.fromkeys(numbers))
+        self._picked = tuple(self._waiting)
         self._faces = {n: sorted(faces.of(face) for face in faces_at(self._edges[n])) for n in self._waiting}
         self._first = 0 if first is None else faces.of(first)
         if first is not None and not any(self._first in pair for pair in self._faces.values()):
@@ -52,19 +53,29 @@ class Picks:
         Raises
         ------
         UnsupportedError
-            The edge shares a vertex with one that is blended already.
+            The joint shares a vertex with another picked edge.
         SelectionError
             It is not a joint of two faces; see :func:`cqblend.occ.joint.find_joint`.
         """
         number = self._waiting[0]
         picked = [self._edges[n] for n in self._waiting]
-        if not Index(shape, TopAbs_EDGE).of(picked[0]):
-            raise UnsupportedError(
-                f"edge {number} shares a vertex with one blended before it: chains over several faces are not built yet"
-            )
         joint = self._find(shape, picked, number)
+        if not joint.spine.closed:
+            self._refuse_chains(joint, number)
         self._waiting = [n for n in self._waiting if not any(self._edges[n].IsSame(edge) for edge in joint.spine.edges)]
         return joint
+
+    def _refuse_chains(self, joint: Joint, number: int) -> None:
+        """Raise UnsupportedError if another picked edge starts where a joint ends: the blends would meet in a notch."""
+        for other in self._picked:
+            edge = self._edges[other]
+            if any(edge.IsSame(one) for one in joint.spine.edges):
+                continue
+            if any(mine.IsSame(theirs) for mine in joint.spine.vertices for theirs in ends(edge)):
+                raise UnsupportedError(
+                    f"edge {number} shares a vertex with edge {other}, and corners and chains over several faces are "
+                    "not built yet; pick edges without common vertices"
+                )
 
     def _find(self, shape: TopoDS_Shape, picked: list[TopoDS_Edge], number: int) -> Joint:
         low, high = min(self._faces[number], default=0), max(self._faces[number], default=0)
