@@ -128,7 +128,10 @@ def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
         weight = poles[:, :, 3]
         if not np.all(weight > 0):
             raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
-        rational = bool(np.abs(weight - 1).max() > ROUNDING)
+        longest = max(
+            np.abs(jet.coefs[:, :3]).max() for jets in sides for jet in jets
+        )  # a weight's rounding grows with it
+        rational = bool(np.abs(weight - 1).max() > ROUNDING * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max()))
         poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
     breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))
     return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))
