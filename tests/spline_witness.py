@@ -11,6 +11,7 @@ from fractions import Fraction
 from math import comb
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.Geom import Geom_BSplineSurface, Geom_Surface
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TColgp import TColgp_Array2OfPnt
@@ -190,3 +191,16 @@ def meeting(one: Jet, other: Jet) -> tuple[Array, Array, Array, Array]:
     (bend, rate), (bend_, rate_) = (sections(jet, along, across, TURNS) for jet in (one, other))
     turned = np.minimum(angle(normal(one), up), angle(-normal(one), up))
     return norm(one[0, 0] - other[0, 0]), turned, np.abs(bend - bend_).max(axis=0), np.abs(rate - rate_).max(axis=0)
+
+
+def along_edge(face, edge, parameters) -> tuple[Array, Array]:
+    """Return OCCT's points and unit normals (n, 3) of a face at parameters of one of its edges, through its pcurve."""
+    curve = BRep_Tool.CurveOnSurface_s(edge.wrapped, face.wrapped, 0.0, 0.0)
+    surface = BRep_Tool.Surface_s(face.wrapped)
+    points, normals = [], []
+    for t in parameters:
+        u, v = curve.Value(t).Coord()
+        n = np.cross(surface.DN(u, v, 1, 0).Coord(), surface.DN(u, v, 0, 1).Coord())
+        points.append(surface.Value(u, v).Coord())
+        normals.append(n / np.linalg.norm(n))
+    return np.array(points), np.array(normals)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
+from spline_witness import along_edge
 
 import cqblend
 from cqblend.errors import CqblendError
@@ -46,19 +47,6 @@ def is_convex(body, edge) -> bool:
     return not body.isInside(point + step, 1e-7) and not body.isInside(point - step, 1e-7)
 
 
-def normals(face, edge, parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Return OCCT's points and normals of a face at parameters of one of its edges."""
-    curve = BRep_Tool.CurveOnSurface_s(edge.wrapped, face.wrapped, 0.0, 0.0)
-    surface = BRep_Tool.Surface_s(face.wrapped)
-    points, found = [], []
-    for t in parameters:
-        u, v = curve.Value(t).Coord()
-        n = np.cross(surface.DN(u, v, 1, 0).Coord(), surface.DN(u, v, 0, 1).Coord())
-        points.append(surface.Value(u, v).Coord())
-        found.append(n / np.linalg.norm(n))
-    return np.array(points), np.array(found)
-
-
 def measured(result) -> tuple[float, float, float]:
     """Measure gap, angle and edge tolerance of the blend against its two neighbours along the rails."""
     (blend,) = (f for f in result.shape.Faces() if any(f.isSame(b) for b in result.faces))
@@ -74,7 +62,7 @@ def measured(result) -> tuple[float, float, float]:
         smooth += 1
         first, last = BRep_Tool.Range_s(edge.wrapped)
         parameters = (first + (last - first) * (np.arange(60) + 0.37) / 60).tolist()
-        (p, n), (q, m) = (normals(face, edge, parameters) for face in (blend, others[0]))
+        (p, n), (q, m) = (along_edge(face, edge, parameters) for face in (blend, others[0]))
         gap = max(gap, float(np.linalg.norm(p - q, axis=1).max()))
         turn = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1)))
         angle = max(angle, float(turn.max()))

@@ -16,6 +16,7 @@ from OCP.GCPnts import GCPnts_UniformAbscissa
 from OCP.GeomAbs import GeomAbs_C1
 from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 from OCP.GProp import GProp_GProps
+from spline_witness import along_edge
 
 import cqblend
 from cqblend import demo, teapot
@@ -71,24 +72,11 @@ def along(edge, count: int) -> list[float]:
     return [points.Parameter(i) for i in range(1, points.NbPoints() + 1)]
 
 
-def meet(face, edge, parameters):
-    """Return OCCT's points and normals of a face at parameters of one of its edges, through the edge's pcurve."""
-    curve = BRep_Tool.CurveOnSurface_s(edge.wrapped, face.wrapped, 0.0, 0.0)
-    surface = BRep_Tool.Surface_s(face.wrapped)
-    points, normals = [], []
-    for t in parameters:
-        u, v = curve.Value(t).Coord()
-        n = np.cross(surface.DN(u, v, 1, 0).Coord(), surface.DN(u, v, 0, 1).Coord())
-        points.append(surface.Value(u, v).Coord())
-        normals.append(n / np.linalg.norm(n))
-    return np.array(points), np.array(normals)
-
-
 def gap_and_angle(shape, blend) -> tuple[float, float]:
     gap = angle = 0.0
     for edge, other in rails(shape, blend):
         parameters = along(edge, STATIONS)
-        (p, n), (q, m) = (meet(face, edge, parameters) for face in (blend, other))
+        (p, n), (q, m) = (along_edge(face, edge, parameters) for face in (blend, other))
         gap = max(gap, float(np.linalg.norm(p - q, axis=1).max()))
         turn = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), np.abs((n * m).sum(1)))
         angle = max(angle, float(turn.max()))

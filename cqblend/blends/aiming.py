@@ -32,13 +32,6 @@ ALIKE = 1e-6  # relative: fits that differ by less are the same
 Maker = Callable[[Array], Curve]
 
 
-def euclidean(curve: Curve, t: Array) -> tuple[Array, Array]:
-    """Return points and velocities (n, 3) of a homogeneous curve (dim 4)."""
-    x, dx = curve.jet(t, 1)
-    point = x[:, :3] / x[:, 3:]
-    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
-
-
 def thirds(nodes: Array) -> Array:
     """Return the nodes, and two parameters between neighbouring ones; those of a span depend on its ends alone."""
     steps = np.diff(nodes)

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.blends.aiming import FEWEST, Maker, aim, euclidean, thirds
+from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
@@ -43,8 +43,8 @@ class Wanted:
     """
 
     position: float = 1e-7
-    direction: float = 1e-5
-    length: float = 1e-3
+    direction: float = DIRECTION
+    length: float = LENGTH
     fields: tuple[Field, Field] = (perpendicular, perpendicular)
     bulges: tuple[Scale, Scale] = (np.ones_like, np.ones_like)
     orders: tuple[int, int] = (1, 1)
@@ -117,7 +117,7 @@ def _build(
     primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
     c = make(primary.scale(primary.lift(uv), weight))
-    point, rate = euclidean(primary.position(c), t)
+    point, rate = in_space(primary.position(c).jet(t, 1))
     other = primaries[1 - side].jet(solved.uv[1 - side])[0]
     asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
     length = (wanted.bulges[side](t) * solved.reach[side])[:, None]

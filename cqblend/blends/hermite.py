@@ -59,9 +59,7 @@ def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
 def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
     """Raise GeometryError where rail and cross direction are parallel: there, the blend would turn over."""
     t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
-    x, dx, y = rail(t), rail(t, 1), field(t)
-    point = x[:, :3] / x[:, 3:]
-    rate, vector = dx[:, :3] - point * dx[:, 3:], y[:, :3] - point * y[:, 3:]
+    rate, vector = in_space(rail.jet(t, 1))[1], in_space(np.stack([rail(t), field(t)]))[1]
     sine = (cross(unit(rate), unit(vector)) * ribbon.primary.normals(ribbon.native(t))).sum(1)
     sine *= np.sign(sine.sum())
     if not np.all(sine > GRAZING):
@@ -128,9 +126,8 @@ def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
         weight = poles[:, :, 3]
         if not np.all(weight > 0):
             raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
-        longest = max(
-            np.abs(jet.coefs[:, :3]).max() for jets in sides for jet in jets
-        )  # a weight's rounding grows with it
+        # the rounding of a weight grows with the longest jet
+        longest = max(np.abs(jet.coefs[:, :3]).max() for jets in sides for jet in jets)
         rational = bool(np.abs(weight - 1).max() > ROUNDING * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max()))
         poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
     breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))

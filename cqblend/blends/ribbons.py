@@ -46,5 +46,5 @@ class Ribbon:
 
 
 def in_space(jets: Array) -> Array:
-    """Return the derivatives by v in space, (k, n, 3), of homogeneous ones (k, n, 4)."""
+    """Return derivatives in space, (k, n, 3), of homogeneous ones by any one parameter, (k, n, 4)."""
     return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.primaries import Array, cross, unit
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError
 
 SLIVER = 2e-5  # of the rail: breaks nearer to each other than that are one
@@ -132,8 +132,7 @@ def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
     uv = ribbon.native(t)
     uv[np.arange(len(t)), axis] = [one.value for one in crossings]
     jet = ribbon.primary.jet(uv)
-    x, dx = (curve(t) for curve in ribbon.jets()[:2])
-    field = dx[:, :3] - x[:, :3] / x[:, 3:] * dx[:, 3:]
+    field = in_space(np.stack([curve(t) for curve in ribbon.jets()[:2]]))[1]
     normal = unit(cross(jet[1], jet[2]))
     line = np.where((axis == 0)[:, None], jet[2], jet[1])
     sine, cosine = (cross(field, line) * normal).sum(1), (field * line).sum(1)

@@ -56,7 +56,7 @@ from cqblend.blends.primaries import (
     tangent_coordinates,
     unwrapped,
 )
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError
 from cqblend.occ import bulk
 from cqblend.occ.convert import ParameterMap, with_parameters
@@ -367,11 +367,7 @@ def _native_pcurve(native: Primary, c: Curve) -> Curve:
 
 def _parameter_jets(native: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]) -> Array:
     """Return parameters and their first two derivatives (3, n, 2) along a rail whose homogeneous spline is given."""
-    x, dx, ddx = position.jet(t, 2, side=side)
-    w = x[:, 3:]
-    point = x[:, :3] / w
-    rate = (dx[:, :3] - point * dx[:, 3:]) / w
-    second = (ddx[:, :3] - 2 * rate * dx[:, 3:] - point * ddx[:, 3:]) / w
+    _, rate, second = in_space(position.jet(t, 2, side=side))
     jet = native.jet(uv)
     du = tangent_coordinates(jet, rate)
     a, b = du[:, :1], du[:, 1:]

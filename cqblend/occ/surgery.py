@@ -27,7 +27,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 
 from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk, endings
 from cqblend.occ.adapt import FaceSide, pcurve
@@ -347,10 +347,8 @@ def _like(piece: TopoDS_Edge, use: TopoDS_Edge) -> TopoDS_Edge:
 
 def _rail_frame(rail: Ribbon, t: Array) -> tuple[Array, Array]:
     """Return points and directions into the blend (n, 3) along a rail."""
-    position, field = rail.jets()[:2]
-    x, dx = position(t), field(t)
-    point = x[:, :3] / x[:, 3:]
-    return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
+    point, direction = in_space(np.stack([jet(t) for jet in rail.jets()[:2]]))
+    return point, direction
 
 
 def traced(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]]:
