@@ -49,6 +49,7 @@ def test_layers(module):
     allowed = {
         "splines": {"splines", "errors"},
         "blends": {"blends", "splines", "errors"},
-        "occ": {"occ", "blends", "splines", "errors", "installation", "certificate"},
+        "developables": {"developables", "splines", "errors"},
+        "occ": {"occ", "blends", "developables", "splines", "errors", "installation", "certificate"},
     }
     assert inside(module) <= allowed[module.partition("/")[0]]

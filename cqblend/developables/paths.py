@@ -1,0 +1,156 @@
+"""Plane curves of straight segments and circular arcs: what pieces are bounded by, and what a cutter runs along.
+
+Exists because arcs of given length are what seams are made of (two sides of a seam have the same length to rounding),
+and because a cut file knows lines and arcs only. An arc is told by its bulge, as in DXF: the tangent of a quarter of
+its angle, positive if it turns counterclockwise. Must not know what the curves bound.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from cqblend.errors import InputError
+from cqblend.splines.bernstein import Array
+
+
+def sinc(x: Array) -> Array:
+    """Return sin(x) / x, 1 at 0."""
+    return np.sinc(np.asarray(x) / np.pi)
+
+
+def bulges(chords: Array, lengths: Array) -> Array:
+    """Return the bulges, none negative, of arcs with given chords and lengths.
+
+    Half the angle of the arc, h, solves chord / length = sin(h) / h. A length that is not above its chord gives a
+    straight segment; the arc is at most a full turn.
+
+    Examples
+    --------
+    >>> bulges([2.0, 1.0], [np.pi, 1.0]).round(12)  # a half circle, a straight segment
+    array([1., 0.])
+    """
+    chords, lengths = np.broadcast_arrays(np.asarray(chords, dtype=np.float64), np.asarray(lengths, dtype=np.float64))
+    lack = np.clip(np.divide(lengths - chords, lengths, out=np.zeros(lengths.shape), where=lengths > 0), 0.0, 1.0)
+    half = np.minimum(np.sqrt(6 * lack) * (1 + 0.15 * lack), np.pi)  # 1 - sin(h) / h = h^2 / 6 - h^4 / 120 + ..
+    for _ in range(6):
+        small = half < 0.05
+        h = np.where(small, 1.0, half)
+        square = half * half
+        value = np.where(
+            small, square / 6 * (1 - square / 20 * (1 - square / 42 * (1 - square / 72))), 1 - np.sin(h) / h
+        )
+        slope = np.where(
+            small,
+            half / 3 * (1 - square / 10 * (1 - square / 28 * (1 - square / 54))),
+            np.sin(h) / h**2 - np.cos(h) / h,
+        )
+        step = np.divide(value - lack, slope, out=np.zeros(half.shape), where=slope > 0)
+        half = np.clip(half - step, 0.0, np.pi)
+    return np.tan(half / 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """A chain of segments and arcs in the plane, directed, open or closed.
+
+    Attributes
+    ----------
+    points
+        (n + 1, 2), mm. Closed if the last is the first.
+    bulges
+        (n,), tangent of a quarter of each arc's angle; 0 is straight, positive turns to the left.
+
+    Examples
+    --------
+    >>> disc = Path(np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]]), np.array([1.0, 1.0]))
+    >>> disc.length / np.pi, disc.area / np.pi
+    (2.0, 1.0)
+    """
+
+    points: Array
+    bulges: Array
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 2 or self.points.shape[1] != 2 or self.bulges.shape != (len(self.points) - 1,):
+            raise InputError(f"{len(self.points)} points of a path need one bulge less, not {self.bulges.shape}")
+
+    @classmethod
+    def straight(cls, points: Array) -> Self:
+        """Return the polygon through points (n + 1, 2)."""
+        return cls(np.asarray(points, dtype=np.float64), np.zeros(len(points) - 1))
+
+    @classmethod
+    def joined(cls, paths: Sequence["Path"]) -> Self:
+        """Return paths one after another; each starts where the one before ends."""
+        points = [path.points[:-1] for path in paths] + [paths[-1].points[-1:]]
+        return cls(np.concatenate(points), np.concatenate([path.bulges for path in paths]))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the last point is the first, exactly."""
+        return bool((self.points[0] == self.points[-1]).all())
+
+    @property
+    def chords(self) -> Array:
+        """Lengths of the chords, (n,)."""
+        return np.linalg.norm(np.diff(self.points, axis=0), axis=1)
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the segments and arcs, (n,)."""
+        return np.asarray(self.chords / sinc(2 * np.arctan(self.bulges)))
+
+    @property
+    def length(self) -> float:
+        """Length of the whole."""
+        return float(self.lengths.sum())
+
+    @property
+    def area(self) -> float:
+        """Area to the left of a closed path, by the shoelace and the segments of its arcs."""
+        base = self.points - self.points[0]
+        x, y = base[:-1].T
+        dx, dy = np.diff(base, axis=0).T
+        angle = 4 * np.arctan(self.bulges)
+        square = self.chords**2
+        # r^2 / 2 (a - sin a) with r = chord / (2 sin(a / 2)), from its series where the arc is flat
+        flat = np.abs(angle) < 1e-2
+        sine = np.where(flat, 1.0, np.sin(angle / 2))
+        cap = np.where(flat, angle / 12 * (1 + angle**2 / 30), (angle - np.sin(angle)) / (8 * sine**2))
+        return float((x * dy - y * dx).sum() / 2 + (square * cap).sum())
+
+    def reversed(self) -> "Path":
+        """Return the path run backwards."""
+        return Path(self.points[::-1], -self.bulges[::-1])
+
+    def moved(self, turn: float, shift: Array) -> "Path":
+        """Return the path turned about the origin by an angle (rad), then shifted."""
+        cos, sin = np.cos(turn), np.sin(turn)
+        return Path(self.points @ np.array([[cos, sin], [-sin, cos]]) + shift, self.bulges)
+
+    def mirrored(self) -> "Path":
+        """Return the mirror image in the y axis."""
+        return Path(self.points * [-1.0, 1.0], -self.bulges)
+
+    def sampled(self, tolerance: float) -> Array:
+        """Return points (m, 2) of a polygon that is nowhere further from the path than a tolerance; ends included."""
+        angle = 4 * np.arctan(self.bulges)
+        radius = np.divide(self.chords, 2 * np.abs(np.sin(angle / 2)), out=np.zeros(len(angle)), where=angle != 0)
+        step = 2 * np.arccos(np.clip(1 - tolerance / np.maximum(radius, tolerance), 0.0, 1.0))
+        counts = np.maximum(np.ceil(np.abs(angle) / np.maximum(step, 1e-9)), 1).astype(int)
+        which = np.repeat(np.arange(len(counts)), counts)
+        part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
+        return np.concatenate([self.at(which, part), self.points[-1:]])
+
+    def at(self, segment: Array, part: Array) -> Array:
+        """Return the points at given parts (0 to 1, by length) of given segments, (m, 2)."""
+        chord = np.diff(self.points, axis=0)[segment]
+        half = 2 * np.arctan(self.bulges[segment])
+        # from the start, the chord to the part is turned by -half (1 - part), and shrunk by sin(part half) / sin(half)
+        turn = -half * (1 - part)
+        shrink = part * sinc(part * half) / sinc(half)
+        cos, sin = np.cos(turn) * shrink, np.sin(turn) * shrink
+        x, y = chord.T
+        return np.asarray(self.points[:-1][segment] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1))
