@@ -1,0 +1,196 @@
+"""Trimmed faces as unrolling sees them: surfaces, loops in their parameter planes, and the edges that patches share.
+
+Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.occ.unrolling` fills these
+objects from OCCT, and everything after works on splines and arrays. Must not know OCCT, nor how patches are cut into
+strips.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
+
+Kind = Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "freeform"]
+"""What a face is; of those before ``"sphere"``, and of extrusions, the surface is linear in v."""
+
+Mapping = Callable[[Array], Array]
+"""Vectorised: parameters (n,) to points (n, dim), or to other parameters (n,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """A plane in space with two perpendicular unit vectors.
+
+    Attributes
+    ----------
+    origin, x, y
+        (3,) each.
+
+    Examples
+    --------
+    >>> ground = Frame(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    >>> ground.normal
+    array([1., 0., 0.])
+    >>> ground.flat(np.array([[1.0, 2.0, 3.0]]))
+    array([[2., 3.]])
+    """
+
+    origin: Array
+    x: Array
+    y: Array
+
+    @property
+    def normal(self) -> Array:
+        """The unit vector x cross y, (3,)."""
+        return np.cross(self.x, self.y)
+
+    def flat(self, points: Array) -> Array:
+        """Return the coordinates (..., 2) of the projections of points (..., 3)."""
+        return np.asarray((points - self.origin) @ np.stack([self.x, self.y], axis=-1))
+
+    def space(self, xy: Array) -> Array:
+        """Return the points (..., 3) that have given coordinates (..., 2)."""
+        return np.asarray(self.origin + xy @ np.stack([self.x, self.y]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeUse:
+    """One use of an edge by a loop.
+
+    Attributes
+    ----------
+    edge
+        Number of the edge, a key of :attr:`Skin.edges`.
+    forward
+        Whether the loop runs along increasing t of the edge.
+    pcurve
+        t (n,) to (u, v) (n, 2) on the patch's surface, over the edge's range of t.
+    breaks
+        (k,) t at which the pcurve's polynomial or rational pieces meet, the ends of the edge's range included.
+    degenerate
+        Whether the edge is a point in space: a pole, an apex.
+    """
+
+    edge: int
+    forward: bool
+    pcurve: Mapping
+    breaks: Array
+    degenerate: bool = False
+
+    @property
+    def ends(self) -> Array:
+        """The (u, v) at which the loop enters and leaves the edge, (2, 2)."""
+        ends = self.pcurve(self.breaks[[0, -1]])
+        return ends if self.forward else ends[::-1]
+
+
+Loop = tuple[EdgeUse, ...]
+"""Uses in order; each starts where the one before ends, the first where the last ends."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patch:
+    """A trimmed face, or several faces of one plane.
+
+    Attributes
+    ----------
+    faces
+        Numbers of the faces, from 1, in the face map of the shape; several only if they lie in one plane.
+    kind
+        What it is.
+    surface
+        In space, over the face's own window of parameters. Rulings run in v where the face is ruled by nature.
+    outward
+        Whether Su x Sv points to the outer side. Always so on planes.
+    loops
+        The outer loop first, counterclockwise in the parameter plane (u to the right, v up), then holes, clockwise:
+        material is on the left.
+    frame
+        Of a plane, whose (u, v) are its coordinates: the surface is ``origin + u x + v y``. Else None.
+    """
+
+    faces: tuple[int, ...]
+    kind: Kind
+    surface: Surface
+    outward: bool
+    loops: tuple[Loop, ...]
+    frame: Frame | None = None
+
+    @property
+    def index(self) -> int:
+        """The number of its first face, which names it."""
+        return self.faces[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """An edge of the shape; its parameter t is shared by all its uses.
+
+    Attributes
+    ----------
+    index
+        Its number, from 1, in the edge map of the shape.
+    points
+        t (n,) to points (n, 3).
+    breaks
+        (k,) t at which the curve's pieces meet, the ends of its range included.
+    curve
+        The symbolic curve in space, with ``curve(parameter(t)) = points(t)``. None if the edge is a point, or has
+        curves on faces only.
+    parameter
+        t (n,) to the parameter of the symbolic curve, increasing; the same number except along conics.
+    vertices
+        Numbers of the vertices at the first and the last t; the same one if the edge is closed.
+    faces
+        Number of the face of every use; one face twice if its surface meets itself there.
+    angle
+        By how much the outer normal turns across the middle of the edge (rad), positive if it is convex; nan unless two
+        faces, oriented alike, have normals there.
+    gap
+        Largest distance found between the curve and the pcurves of its uses, laid on their surfaces (mm).
+    degenerate
+        Whether it is a point in space.
+    """
+
+    index: int
+    points: Mapping
+    breaks: Array
+    curve: Curve | None
+    parameter: Mapping
+    vertices: tuple[int, int]
+    faces: tuple[int, ...]
+    angle: float
+    gap: float
+    degenerate: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skin:
+    """All that is to be unrolled of a shape: patches, and the edges that join them.
+
+    Attributes
+    ----------
+    patches
+        In the order of their first faces.
+    edges
+        By number: those that a loop uses, and no others.
+    vertices
+        By number: the points (3,) of the vertices of the edges.
+    """
+
+    patches: tuple[Patch, ...]
+    edges: dict[int, Edge]
+    vertices: dict[int, Array]
+
+    def uses(self) -> dict[int, tuple[tuple[int, int, int], ...]]:
+        """Return, for every edge, where it is used: (patch, loop, place in the loop), counted from 0; twice at most."""
+        found: dict[int, tuple[tuple[int, int, int], ...]] = {number: () for number in self.edges}
+        for i, patch in enumerate(self.patches):
+            for j, loop in enumerate(patch.loops):
+                for k, use in enumerate(loop):
+                    found[use.edge] += ((i, j, k),)
+        return found
