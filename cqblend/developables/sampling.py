@@ -1,0 +1,183 @@
+"""Vertices along shared edges: one set for both neighbours of each.
+
+Exists so that the pieces on both sides of an edge have their vertices at the same places in space. There is a vertex
+wherever the edge passes from one strip to another, on either side, and enough of them in between for circular arcs to
+follow the edge. Must not know how strips are laid flat.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.developables.patches import Edge, EdgeUse, Mapping
+from cqblend.errors import GeometryError
+from cqblend.splines.bernstein import Array
+
+SNAP = 1e-9
+"""A parameter closer to a line than this part of the lines' extent is on it."""
+
+_MOST = 20_000
+_STEEPEST = 0.13
+"""Sagitta to chord of a circular arc of 60 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Parameter lines that the loops of a patch are cut at: values in u and in v, and the extent of both."""
+
+    values: tuple[Array, Array]
+    extent: tuple[float, float]
+
+    def snapped(self, uv: Array) -> Array:
+        """Return points (n, 2) of which those next to a line are put on it exactly."""
+        result = uv.copy()
+        for axis, (values, extent) in enumerate(zip(self.values, self.extent, strict=True)):
+            if len(values):
+                nearest = values[np.abs(uv[:, axis, None] - values).argmin(axis=1)]
+                result[:, axis] = np.where(np.abs(nearest - uv[:, axis]) <= SNAP * extent, nearest, uv[:, axis])
+        return result
+
+
+def crossings(use: EdgeUse, lines: Lines, t: Array) -> tuple[Array, Array, Array]:
+    """Find where an edge crosses lines of a patch.
+
+    Parameters
+    ----------
+    t
+        (n,) increasing samples between which an edge crosses a line once at most.
+
+    Returns
+    -------
+    t, axis, value
+        (k,) each, unsorted: parameters of the edge, and the lines.
+    """
+    uv = lines.snapped(use.pcurve(t))
+    found = [(np.empty(0), np.empty(0, dtype=int), np.empty(0))]
+    for axis, values in enumerate(lines.values):
+        off = np.sign(uv[:, axis, None] - values)
+        place, line = np.nonzero((off == 0) & ~(off == 0).all(axis=0))
+        found.append((t[place], np.full(len(place), axis), values[line]))
+        place, line = np.nonzero(off[:-1] * off[1:] < 0)
+        low, high, side, value = t[place], t[place + 1], off[place, line], values[line]
+        for _ in range(60 if len(place) else 0):
+            middle = (low + high) / 2
+            before = (use.pcurve(middle)[:, axis] - value) * side > 0
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        found.append(((low + high) / 2, np.full(len(place), axis), value))
+    at, axes, on = zip(*found, strict=True)
+    return np.concatenate(at), np.concatenate(axes), np.concatenate(on)
+
+
+def merged(t: Array, window: float, fixed: Array) -> Array:
+    """Return sorted parameters of which those within a window of their predecessor, or of a fixed one, are left out."""
+    result = list(fixed)
+    for value in np.sort(t):
+        if min(abs(value - other) for other in result) > window:
+            result.append(value)
+    return np.sort(result)
+
+
+def refined(points: Mapping, t: Array, tolerance: float, sagitta: float) -> Array:
+    """Insert parameters until arcs of circles between neighbours follow a curve.
+
+    Parameters
+    ----------
+    points
+        Of the curve in space.
+    t
+        (n,) parameters that are kept.
+    tolerance
+        For the distance of the curve from an arc, mm.
+    sagitta
+        For the distance of the curve from its chord, mm.
+
+    Raises
+    ------
+    GeometryError
+        More than 20,000 parameters would be needed.
+    """
+    done = np.zeros(len(t) - 1, dtype=bool)
+    while not done.all():
+        if len(t) > _MOST:
+            raise GeometryError(
+                f"the edge needs more than {_MOST} vertices for {tolerance:.3g} mm; loosen the tolerance"
+            )
+        open_ = np.flatnonzero(~done)
+        start, width = t[open_], np.diff(t)[open_]
+        five = points((start[:, None] + width[:, None] * np.arange(5) / 4).ravel()).reshape(len(open_), 5, 3)
+        done[open_] = _round(five, tolerance, sagitta) | (width <= 1e-9 * (t[-1] - t[0]))
+        split = np.flatnonzero(~done)
+        middle = (t[split] + t[split + 1]) / 2
+        # the halves of what is split are open again
+        t, done = np.insert(t, split + 1, middle), np.insert(done, split + 1, False)
+    return t
+
+
+def _round(five: Array, tolerance: float, sagitta: float) -> Array:
+    """Whether curves through five points each (n, 5, 3) keep to a circular arc, and to their chord."""
+    chord = five[:, 4] - five[:, 0]
+    square = np.maximum((chord**2).sum(axis=-1), 1e-300)
+    arm = five[:, 1:4] - five[:, :1]
+    along = np.einsum("nki,ni->nk", arm, chord) / square[:, None]
+    off = arm - along[..., None] * chord[:, None]
+    height = 4 * along * (1 - along)
+    middle = off[:, 1] / np.maximum(height[:, 1], 0.1)[:, None]
+    wrong = np.linalg.norm(off[:, [0, 2]] - height[:, [0, 2], None] * middle[:, None], axis=-1).max(axis=-1)
+    bow = np.linalg.norm(off, axis=-1).max(axis=-1)
+    inside = ((along > 0) & (along < 1)).all(axis=-1)
+    return (wrong <= tolerance) & (bow <= np.minimum(sagitta, _STEEPEST * np.sqrt(square))) & inside
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """The vertices along an edge.
+
+    Attributes
+    ----------
+    t
+        (n,) parameters of the edge, increasing, its ends included.
+    stops
+        Indices of those at which a strip begins or ends on either side, the ends included.
+    uv
+        For every use, its points (n, 2) in the parameter plane, those on lines exactly so.
+    """
+
+    t: Array
+    stops: Array
+    uv: tuple[Array, ...]
+
+
+def sample(edge: Edge, uses: Sequence[tuple[EdgeUse, Lines]], tolerance: float, sagitta: float) -> Samples:
+    """Choose the vertices along an edge.
+
+    Parameters
+    ----------
+    uses
+        Each with the lines of its patch.
+    tolerance, sagitta
+        See :func:`refined`. Crossings of the two neighbours that are closer together than a thousandth of the tolerance
+        are made one.
+    """
+    ends = edge.breaks[[0, -1]]
+    first, last = float(ends[0]), float(ends[1])
+    if edge.degenerate:
+        t = np.linspace(first, last, 257)
+        window = SNAP * (last - first)
+    else:
+        t = refined(edge.points, edge.breaks, tolerance, sagitta)
+        length = float(np.linalg.norm(np.diff(edge.points(t), axis=0), axis=1).sum())
+        window = max(SNAP, 1e-3 * tolerance / max(length, 1e-300)) * (last - first)
+    met = [crossings(use, lines, t) for use, lines in uses]
+    stops = merged(np.concatenate([at for at, _, _ in met]), window, ends)
+    if edge.degenerate:
+        t = stops
+    else:
+        between = t[(np.abs(t[:, None] - stops) > window).all(axis=1)]
+        t = refined(edge.points, np.sort(np.concatenate([stops, between])), tolerance, sagitta)
+    uv = []
+    for (use, lines), (at, axis, value) in zip(uses, met, strict=True):
+        points = lines.snapped(use.pcurve(t))
+        points[np.abs(t[:, None] - at).argmin(axis=0), axis] = value
+        uv.append(points)
+    return Samples(t, np.searchsorted(t, stops), tuple(uv))
