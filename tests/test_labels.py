@@ -1,0 +1,170 @@
+"""Labels stay inside their piece and apart; the font is single strokes; what does not fit is told."""
+
+import string
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from pieces_cases import box, cone, cylinder, frustum, gores, lattice, tower
+
+from cqblend.developables.labels import GLYPHS, labels, text_strokes, text_width
+from cqblend.developables.paths import Path
+from cqblend.developables.pieces import Piece, Pieces, Run
+from cqblend.errors import InputError
+
+MODELS = [box, cylinder, tower, frustum, cone, gores]
+
+
+def polygon(piece: Piece) -> shapely.Polygon:
+    shell, *holes = (path.sampled(1e-4) for path in piece.outlines)
+    return shapely.make_valid(shapely.Polygon(shell, holes))
+
+
+def hull(label) -> shapely.Geometry:
+    return shapely.MultiPoint(np.concatenate([path.points for path in label.strokes])).convex_hull
+
+
+def all_labels(pieces: Pieces, **options):
+    return [labels(piece, pieces.seams, **options) for piece in pieces.pieces]
+
+
+def test_every_character_is_open_strokes_on_its_grid():
+    assert set(string.digits + string.ascii_uppercase + ".-/+ ") <= set(GLYPHS)
+    drawn = set()
+    for letter, glyph in GLYPHS.items():
+        paths = text_strokes(letter, 6.0)
+        assert len(paths) == len(glyph.split())
+        for path in paths:
+            assert not path.bulges.any()
+            assert path.chords.min() > 0
+            assert path.points.min() >= 0
+            assert path.points[:, 0].max() <= 4
+            assert path.points[:, 1].max() <= 6
+        drawn.add(glyph)
+    assert len(drawn) == len(GLYPHS)
+    for letter in string.digits + string.ascii_uppercase:
+        points = np.concatenate([path.points for path in text_strokes(letter, 6.0)])
+        assert points[:, 1].min() == 0
+        assert points[:, 1].max() == 6
+        assert points[:, 0].min() == 0
+
+
+def test_text_runs_to_the_right_and_scales():
+    small, large = text_strokes("S12.4-B/7+A", 1.5), text_strokes("S12.4-B/7+A", 3.0)
+    for a, b in zip(small, large, strict=True):
+        np.testing.assert_allclose(2 * a.points, b.points)
+    width = max(path.points[:, 0].max() for path in large)
+    assert width == pytest.approx(text_width("S12.4-B/7+A", 3.0))
+    assert [p.points.tolist() for p in text_strokes("ab", 2.0)] == [p.points.tolist() for p in text_strokes("AB", 2.0)]
+    with pytest.raises(InputError, match=r"'É' in the label 'né'"):
+        text_strokes("né", 2.0)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_labels_are_inside_apart_and_complete(model):
+    pieces = model()
+    for piece, found in zip(pieces.pieces, all_labels(pieces, height=3.0), strict=True):
+        assert found[0].text == piece.name
+        assert found[0].seam is None
+        wanted = [run.seam for *_, run in piece.runs() if run.seam is not None]
+        assert [label.seam for label in found[1:]] == wanted
+        assert [label.text for label in found[1:]] == [pieces.seams[k].label for k in wanted]
+        assert all(label.engraved for label in found)
+        hulls = [hull(label) for label in found]
+        room = polygon(piece)
+        assert all(room.contains(shape) for shape in hulls)
+        for i, shape in enumerate(hulls):
+            assert all(shape.disjoint(other) for other in hulls[:i])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_seam_label_stands_on_its_run(model):
+    pieces = model()
+    for piece, found in zip(pieces.pieces, all_labels(pieces, height=2.0), strict=True):
+        runs = [run for *_, run in piece.runs() if run.seam is not None]
+        for run, label in zip(runs, found[1:], strict=True):
+            line = shapely.LineString(run.path.sampled(1e-4))
+            ahead = np.array([np.cos(label.angle), np.sin(label.angle)])
+            foot = label.place + ahead * text_width(label.text, label.height) / 2
+            along = line.project(shapely.Point(foot))
+            tangent = np.subtract(line.interpolate(along + 0.01).coords[0], line.interpolate(along - 0.01).coords[0])
+            assert tangent @ ahead / np.linalg.norm(tangent) > 0.98  # reads along the run
+            above = foot + label.height * np.array([-ahead[1], ahead[0]])
+            assert line.distance(shapely.Point(above)) > line.distance(shapely.Point(foot))
+            assert line.distance(shapely.Point(foot)) < 2.6 * label.height
+            assert 0.05 * line.length < along < 0.95 * line.length
+
+
+def strip(length: float, width: float) -> Pieces:
+    points = [[0, 0], [length, 0], [length, width], [0, width], [0, 0]]
+    below = Run(Path.straight(points[:2]), np.zeros((2, 3)), "rail", 0)
+    right = Run(Path.straight(points[1:3]), np.zeros((2, 3)), "end", 1)
+    above = Run(Path.straight(points[2:4]), np.zeros((2, 3)), "rail", 2)
+    left = Run(Path.straight(points[3:]), np.zeros((2, 3)), "end", 3)
+    return replace(box(), pieces=(Piece("7.3", ((below, right, above, left),)),))
+
+
+def test_small_pieces_have_small_labels_then_none():
+    heights = []
+    for width in (60.0, 12.0, 6.0, 3.0, 0.5):
+        pieces = strip(200.0, width)
+        found = labels(pieces.pieces[0], pieces.seams, height=4.0)
+        assert len(found) == 5
+        assert {label.text for label in found} == {"7.3", "1", "2", "3", "4"}
+        heights.append([label.height for label in found])
+        for label in found:
+            assert label.engraved == bool(label.strokes)
+            assert label.height == 0 or label.height >= 1.0 - 1e-12
+            if label.strokes:
+                assert polygon(pieces.pieces[0]).contains(hull(label))
+            else:
+                assert np.isfinite(label.place).all()
+    assert heights[0] == [6.0, 4.0, 4.0, 4.0, 4.0]
+    assert all(np.array(a).sum() >= np.array(b).sum() for a, b in pairwise(heights))
+    assert not any(heights[-1])
+
+
+def test_labels_move_with_their_piece():
+    pieces = cylinder()
+    turn, shift = 0.0, np.array([30.0, -12.0])
+    for piece in pieces.pieces:
+        there = labels(piece.moved(turn, shift), pieces.seams, height=3.0)
+        for a, b in zip(labels(piece, pieces.seams, height=3.0), there, strict=True):
+            np.testing.assert_allclose(a.moved(turn, shift).place, b.place, atol=1e-9)
+    label = labels(pieces.pieces[0], pieces.seams)[1]
+    there = label.moved(0.7, shift)
+    for path, other in zip(there.strokes, text_strokes(label.text, label.height), strict=True):
+        np.testing.assert_allclose(path.points, other.moved(there.angle, there.place).points, atol=1e-12)
+
+
+def test_degenerate_runs_and_pieces_are_not_engraved():
+    pieces = strip(200.0, 60.0)
+    piece = pieces.pieces[0]
+    point = Run(Path.straight([[0, 0], [0, 0]]), np.zeros((2, 3)), "end", 5)
+    found = labels(replace(piece, loops=((point, *piece.loops[0]),)), pieces.seams)
+    assert [label.engraved for label in found] == [True, False, True, True, True, True]
+    flat = strip(200.0, 0.0)
+    assert not any(label.engraved for label in labels(flat.pieces[0], flat.seams))
+
+
+@pytest.mark.parametrize("bad", [0, -1.0, np.nan, np.inf, "4", None])
+def test_bad_heights(bad):
+    pieces = box()
+    with pytest.raises(InputError, match="the height of labels is a positive number of mm"):
+        labels(pieces.pieces[0], pieces.seams, height=bad)
+    if bad is not None:
+        with pytest.raises(InputError, match="the least height of labels is a positive number of mm"):
+            labels(pieces.pieces[0], pieces.seams, least=bad)
+    with pytest.raises(InputError, match="the least height of labels, 5 mm, exceeds"):
+        labels(pieces.pieces[0], pieces.seams, least=5.0)
+
+
+def test_a_thousand_seams_in_seconds():
+    pieces = lattice(20, 25)
+    start = time.perf_counter()
+    found = all_labels(pieces, height=2.0)
+    assert time.perf_counter() - start < 4.0
+    assert sum(label.engraved for each in found for label in each) == 500 + 2 * len(pieces.seams)
