@@ -8,17 +8,17 @@ the outside are not drawn, since what lies outside a piece on a sheet is another
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from numbers import Real
 from typing import Any
 
 import numpy as np
 import shapely
 
+from cqblend.developables.checks import millimetres
 from cqblend.developables.overlap import region
 from cqblend.developables.parallels import Track, turned
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Seam
-from cqblend.errors import InputError, shown
+from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 
 CAP = 6
@@ -222,10 +222,8 @@ def labels(
     >>> [(label.text, label.height, label.angle) for label in labels(Piece("3.1", (runs,)), [seam])]
     [('3.1', 6.0, 0.0), ('12', 4.0, 0.0)]
     """
-    for name, value in (("height", height), ("least height", height if least is None else least)):
-        if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
-            raise InputError(f"the {name} of labels is a positive number of mm, not {shown(value)}")
-    least = height / 4 if least is None else least
+    height = millimetres("the height of labels", height)
+    least = height / 4 if least is None else millimetres("the least height of labels", least)
     if least > height:
         raise InputError(f"the least height of labels, {least:g} mm, exceeds the height, {height:g} mm")
     room = _Room(region(piece.outlines, height / 50))
