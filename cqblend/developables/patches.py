@@ -1,16 +1,17 @@
 """Trimmed faces as unrolling sees them: surfaces, loops in their parameter planes, and the edges that patches share.
 
-Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.occ.unrolling` fills these
+Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.occ.patches` fills these
 objects from OCCT, and everything after works on splines and arrays. Must not know OCCT, nor how patches are cut into
 strips.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from cqblend.errors import CqblendError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
@@ -56,6 +57,12 @@ class Frame:
         """Return the points (..., 3) that have given coordinates (..., 2)."""
         return np.asarray(self.origin + xy @ np.stack([self.x, self.y]))
 
+    def surface(self, low: Array, high: Array) -> Surface:
+        """Return the plane as a surface in its coordinates, from the corner low (2,) to the corner high (2,)."""
+        (u0, v0), (u1, v1) = low.tolist(), high.tolist()
+        corners = self.space(np.array([[[u0, v0], [u0, v1]], [[u1, v0], [u1, v1]]]))
+        return Surface.from_bspline((1, 1), ([u0, u0, u1, u1], [v0, v0, v1, v1]), corners)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeUse:
@@ -82,6 +89,11 @@ class EdgeUse:
     degenerate: bool = False
 
     @property
+    def reversed(self) -> "EdgeUse":
+        """The use of a loop that runs the other way."""
+        return replace(self, forward=not self.forward)
+
+    @property
     def ends(self) -> Array:
         """The (u, v) at which the loop enters and leaves the edge, (2, 2)."""
         ends = self.pcurve(self.breaks[[0, -1]])
@@ -94,7 +106,7 @@ Loop = tuple[EdgeUse, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """A trimmed face, or several faces of one plane.
+    """A trimmed face, or several faces of one plane that are joined by edges.
 
     Attributes
     ----------
@@ -180,15 +192,18 @@ class Skin:
         By number: those that a loop uses, and no others.
     vertices
         By number: the points (3,) of the vertices of the edges.
+    refused
+        By number: faces that could not be read, and why.
     """
 
     patches: tuple[Patch, ...]
     edges: dict[int, Edge]
     vertices: dict[int, Array]
+    refused: dict[int, CqblendError] = field(default_factory=dict)
 
     def uses(self) -> dict[int, tuple[tuple[int, int, int], ...]]:
         """Return, for every edge, where it is used: (patch, loop, place in the loop), counted from 0; twice at most."""
-        found: dict[int, tuple[tuple[int, int, int], ...]] = {number: () for number in self.edges}
+        found: dict[int, tuple[tuple[int, int, int], ...]] = dict.fromkeys(self.edges, ())
         for i, patch in enumerate(self.patches):
             for j, loop in enumerate(patch.loops):
                 for k, use in enumerate(loop):

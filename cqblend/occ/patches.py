@@ -1,0 +1,422 @@
+"""Faces of OCCT as patches to be unrolled: symbolic surfaces, loops in their parameter planes, shared edges.
+
+The only reader of shapes that unrolling has. It decides orientation once (material on the left of every loop, the outer
+side known), brings every pcurve into the parameters of the face's spline, and measures how well both agree. Must not
+know what is made of the patches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.Geom import (
+    Geom_ConicalSurface,
+    Geom_CylindricalSurface,
+    Geom_Plane,
+    Geom_RectangularTrimmedSurface,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfLinearExtrusion,
+    Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
+)
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+from cqblend.developables import coplanar
+from cqblend.developables.patches import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
+from cqblend.errors import CqblendError, InputError, SelectionError, TopologyError, shown
+from cqblend.occ.convert import ParameterMap, with_parameters
+from cqblend.occ.kinds import is_topods
+from cqblend.occ.topology import BUILDER, Index, ends, explore, forward, location_of
+from cqblend.occ.tracks import Track, track
+from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
+
+FLAT = 1e-9
+"""Largest distance of a spline surface's poles from a plane, relative to its size, for it to count as planar."""
+
+_KINDS: dict[type[Geom_Surface], Kind] = {
+    Geom_Plane: "plane",
+    Geom_CylindricalSurface: "cylinder",
+    Geom_ConicalSurface: "cone",
+    Geom_SphericalSurface: "sphere",
+    Geom_ToroidalSurface: "torus",
+    Geom_SurfaceOfLinearExtrusion: "extrusion",
+    Geom_SurfaceOfRevolution: "revolution",
+}
+_BORDERS = (TopAbs_FORWARD, TopAbs_REVERSED)
+_SLACK = 1e-2
+"""How far, relative to the face, a loop may pass its surface's window, or neighbours in a loop be apart.
+
+Tolerant shapes from files need it; what it costs is told by the gap of the edge. Loops are drawn back to the border.
+"""
+
+_WITNESSES = np.append(np.linspace(0.0, 1.0, 9), [0.4995, 0.5005])
+"""Parts of an edge's range at which curves and pcurves are compared; the last two tell its direction in the middle."""
+
+_MIDDLE = 4
+
+
+def read(
+    source: TopoDS_Shape | Sequence[TopoDS_Face], *, whole: TopoDS_Shape | None = None, merge: bool = True
+) -> Skin:
+    """Return the faces of a shape, or some faces of it, as patches with their edges.
+
+    Closed faces are as OCCT has them: a seam is an edge that one loop uses twice. A face without wires gets its natural
+    boundary.
+
+    Parameters
+    ----------
+    source
+        A shape of any kind with faces in it, or faces; faces that share edges are joined there.
+    whole
+        The shape whose numbers faces and edges get, if the source is a part of it.
+    merge
+        Whether neighbouring faces of one plane become one patch.
+
+    Returns
+    -------
+    Skin
+        Faces that could not be read are named in its ``refused``, with the reason.
+
+    Raises
+    ------
+    InputError
+        Something is not a shape, or is null.
+    SelectionError
+        There is no face in it, or a face is not of the whole shape.
+    TopologyError
+        More than two faces meet at an edge.
+    """
+    shapes = [source] if isinstance(source, TopoDS_Shape) else list(source)
+    for shape in shapes:
+        if not is_topods(shape):
+            what = "a null shape" if isinstance(shape, TopoDS_Shape) else shown(shape)
+            raise InputError(f"cannot unroll {what}: give a shape, or faces of one")
+    part = shapes[0] if len(shapes) == 1 else _compound(shapes)
+    whole = part if whole is None else whole
+    numbers = Index(whole, TopAbs_FACE)
+    faces = {numbers.of(face): face for face in reversed(list(explore(part, TopAbs_FACE)))}
+    if not faces:
+        raise SelectionError("there is nothing to unroll: the selection has no face")
+    if 0 in faces:
+        raise SelectionError("a face does not belong to the shape: select faces of the very shape that is unrolled")
+    faces = {number: _bounded(faces[number]) for number in sorted(faces)}
+    reader = _Reader(_compound([whole, *faces.values()]))
+    patches: list[Patch] = []
+    refused: dict[int, CqblendError] = {}
+    for number, face in faces.items():
+        try:
+            patches.append(reader.patch(number, face))
+        except CqblendError as error:
+            refused[number] = type(error)(f"face {number}: {error}")
+    skin = reader.skin(patches, refused)
+    return coplanar.merged(skin) if merge else skin
+
+
+class _Reader:
+    """Edges of one shape, numbered, and read when a face first asks for them."""
+
+    def __init__(self, shape: TopoDS_Shape) -> None:
+        self._index, self._vertices = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_VERTEX)
+        self._tracks: dict[int, Track | None] = {}
+        self._points: dict[int, Mapping] = {}
+
+    def patch(self, number: int, face: TopoDS_Face) -> Patch:
+        """Read a face; what is wrong with it is told without its number."""
+        chart = _Chart.of(face)
+        loops = []
+        for wire in explore(chart.face, TopAbs_WIRE):
+            drawn = [self._drawn(use, chart) for use in explore(wire, TopAbs_EDGE) if use.Orientation() in _BORDERS]
+            if drawn:
+                loops.append(chart.loop(_chained(drawn, chart.extent)))
+        if not loops:
+            raise TopologyError("it has no boundary")
+        if chart.frame is not None:
+            return coplanar.planar_patch((number,), chart.frame, loops)
+        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops))
+
+    def skin(self, patches: list[Patch], refused: dict[int, CqblendError]) -> Skin:
+        """Return patches with all their edges, measured."""
+        witnesses: dict[int, list[_Witness]] = {}
+        for patch in patches:
+            for number, witness in _witnesses(patch):
+                witnesses.setdefault(number, []).append(witness)
+        edges = {number: self._edge(number, witnesses[number]) for number in sorted(witnesses)}
+        vertices = sorted({vertex for edge in edges.values() for vertex in edge.vertices})
+        points = {vertex: location_of(self._vertices[vertex]) for vertex in vertices}
+        return Skin(tuple(patches), edges, points, refused)
+
+    def _drawn(self, use: TopoDS_Edge, chart: _Chart) -> _Drawn:
+        number = self._index.of(use)
+        if number not in self._tracks:
+            self._tracks[number] = _in_space(use)
+            if self._tracks[number] is None:
+                self._points[number] = chart.in_space(_on_face(number, use, chart.face))
+        space = self._tracks[number]
+        at: Mapping
+        if chart.frame is None:
+            at = flat = _on_face(number, use, chart.face)
+            breaks = flat.breaks
+        else:
+            at = coplanar.in_plane(chart.frame, space or self._points[number])
+            breaks = np.array(BRep_Tool.Range_s(use)) if space is None else space.breaks
+        start, stop = (self._vertices.of(vertex) for vertex in ends(use))
+        along, degenerate = use.Orientation() == TopAbs_FORWARD, bool(BRep_Tool.Degenerated_s(use))
+        return _Drawn(EdgeUse(number, along, at, breaks, degenerate), start, stop)
+
+    def _edge(self, number: int, witnesses: list[_Witness]) -> Edge:
+        faces = tuple(witness.face for witness in witnesses)
+        if len(faces) > 2:
+            raise TopologyError(
+                f"faces {', '.join(map(str, faces))} all meet at edge {number}; no more than two can be unrolled in one"
+                " piece of skin: unroll them in two goes"
+            )
+        space, use = self._tracks[number], witnesses[0].use
+        points: Mapping = space or self._points[number]
+        breaks = use.breaks if space is None else space.breaks
+        at = points(_samples(breaks))
+        first, last = (self._vertices.of(vertex) for vertex in ends(TopoDS.Edge_s(forward(self._index[number]))))
+        return Edge(
+            index=number,
+            points=points,
+            breaks=breaks,
+            curve=None if space is None else space.curve,
+            parameter=_same if space is None else space.parameter,
+            vertices=(first, last),
+            faces=faces,
+            angle=_angle(at[-1] - at[-2], witnesses),
+            gap=max(float(np.linalg.norm(witness.points - at, axis=1).max()) for witness in witnesses),
+            degenerate=use.degenerate,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """A use in the window of a chart, and the numbers of the vertices at which the loop enters and leaves it."""
+
+    use: EdgeUse
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chart:
+    """The plane in which the uses of a face are drawn, and the way from there to that of its patch.
+
+    It is the plane of the face's own parameters, over ``window`` ((u0, u1), (v0, v1)), or that of the frame. If it is
+    ``mirrored``, the patch sees it from the other side.
+    """
+
+    face: TopoDS_Face
+    kind: Kind
+    surface: Surface
+    parameters: ParameterMap
+    outward: bool
+    mirrored: bool
+    window: Array
+    periods: tuple[float, float] = (0.0, 0.0)
+    frame: Frame | None = None
+
+    @classmethod
+    def of(cls, face: TopoDS_Face) -> _Chart:
+        """Read the surface of a face."""
+        outward = (face.Orientation() == TopAbs_REVERSED) == bool(face.Location().Transformation().IsNegative())
+        face = TopoDS.Face_s(forward(face))
+        surface, parameters = with_parameters(face)
+        window = np.array(surface.domain)
+        frame = _plane(surface)
+        if frame is not None:
+            if not outward:
+                frame = Frame(frame.origin, frame.y, frame.x)
+            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame)
+        basis = BRep_Tool.Surface_s(face, TopLoc_Location())
+        while isinstance(basis, Geom_RectangularTrimmedSurface):
+            basis = basis.BasisSurface()
+        kind: Kind = next((word for of_kind, word in _KINDS.items() if isinstance(basis, of_kind)), "freeform")
+        periods = (basis.UPeriod() if basis.IsUPeriodic() else 0.0, basis.VPeriod() if basis.IsVPeriodic() else 0.0)
+        mirrored = _linear(surface, 0) and not _linear(surface, 1)
+        if mirrored:
+            surface, outward = surface.transpose(), not outward
+        return cls(face, kind, surface, parameters, outward, mirrored, window, periods)
+
+    @property
+    def extent(self) -> Array:
+        """How large the face is in the plane in which its uses are drawn, (2,)."""
+        if self.frame is None:
+            return np.diff(self.window, axis=1)[:, 0]
+        return np.full(2, np.ptp(_poles(self.surface), axis=0).max())
+
+    def in_space(self, pcurve: Mapping) -> Mapping:
+        """Return a curve in the face's own parameters as one in space, laid on the surface."""
+        surface = self.surface.transpose() if self.mirrored and self.frame is None else self.surface
+
+        def points(t: Array) -> Array:
+            uv = self.parameters.to_spline(pcurve(t))
+            return surface(uv[:, 0], uv[:, 1])
+
+        return points
+
+    def loop(self, uses: list[EdgeUse]) -> Loop:
+        """Return the loop of the patch that a loop of drawn uses is."""
+        if self.frame is None:
+            shift = self._shift(uses)
+            uses = [replace(use, pcurve=self._mapped(use.pcurve, shift)) for use in uses]
+        return tuple(use.reversed for use in uses[::-1]) if self.mirrored else tuple(uses)
+
+    def _shift(self, uses: list[EdgeUse]) -> Array:
+        """Return the whole periods, (2,), that bring a loop into the window."""
+        points = np.concatenate([use.pcurve(_samples(use.breaks)) for use in uses])
+        low, high = points.min(axis=0), points.max(axis=0)
+        (start, stop), slack = self.window.T, _SLACK * self.extent
+        periods = np.array(self.periods)
+        off = (low < start - slack) | (high > stop + slack)
+        count = np.divide((start + stop - low - high) / 2, periods, out=np.zeros(2), where=off & (periods > 0))
+        shift = periods * np.round(count)
+        beyond = np.maximum(start - low - shift, high + shift - stop)
+        if (beyond > slack).any():
+            raise TopologyError(
+                f"the loop of edges {', '.join(str(use.edge) for use in uses)} leaves the parameters of the surface by "
+                f"{beyond.max():.3g}: heal the shape (ShapeFix_Shape) first"
+            )
+        return shift
+
+    def _mapped(self, pcurve: Mapping, shift: Array) -> Mapping:
+        """Return a curve in the face's own parameters as one in those of the patch's surface."""
+
+        def mapped(t: Array) -> Array:
+            inside = np.clip(pcurve(t) + shift, self.window[:, 0], self.window[:, 1])
+            uv = self.parameters.to_spline(inside)
+            return uv[:, ::-1] if self.mirrored else uv
+
+        return mapped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Witness:
+    """What one use says of its edge at the witnesses: points in space, and in the middle the unit outer normal."""
+
+    face: int
+    use: EdgeUse
+    points: Array
+    normal: Array
+    along: bool
+    """Whether the material, seen from outside, is on the left of increasing t."""
+
+
+def _witnesses(patch: Patch) -> list[tuple[int, _Witness]]:
+    uses = [use for loop in patch.loops for use in loop]
+    uv = np.stack([use.pcurve(_samples(use.breaks)) for use in uses])
+    jet = patch.surface.jet(uv[..., 0], uv[..., 1], 1)
+    normals = np.cross(jet[1, 0, :, _MIDDLE], jet[0, 1, :, _MIDDLE]) * (1.0 if patch.outward else -1.0)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    sizes = np.linalg.norm(jet[1, 0], axis=-1).max() * np.linalg.norm(jet[0, 1], axis=-1).max()
+    normals = np.divide(normals, lengths, out=np.full(normals.shape, np.nan), where=lengths > 1e-12 * sizes)
+    return [
+        (use.edge, _Witness(patch.index, use, points, normal, use.forward == patch.outward))
+        for use, points, normal in zip(uses, jet[0, 0], normals, strict=True)
+    ]
+
+
+def _angle(direction: Array, witnesses: list[_Witness]) -> float:
+    """Return the turn of the outer normal across an edge, positive if it is convex."""
+    if len(witnesses) < 2 or witnesses[0].along == witnesses[1].along or witnesses[0].use.degenerate:
+        return np.nan
+    first, second = witnesses if witnesses[0].along else witnesses[::-1]
+    across = np.cross(first.normal, second.normal)
+    angle = np.arctan2(np.linalg.norm(across), first.normal @ second.normal)
+    return float(np.copysign(angle, across @ direction))
+
+
+def _chained(drawn: list[_Drawn], extent: Array) -> list[EdgeUse]:
+    """Return uses in such an order that each starts where the one before ends."""
+    waiting, chain = drawn[1:], drawn[:1]
+    while waiting:
+        stop = chain[-1].use.ends[1]
+        near = [_apart(stop, one.use.ends[0], extent) if one.start == chain[-1].stop else np.inf for one in waiting]
+        chain.append(waiting.pop(int(np.argmin(near))))
+    for one, following in zip(chain, chain[1:] + chain[:1], strict=True):
+        if not _apart(one.use.ends[1], following.use.ends[0], extent) <= _SLACK:
+            raise TopologyError(
+                f"its loop does not close between edges {one.use.edge} and {following.use.edge}: heal the shape "
+                "(ShapeFix_Shape) first"
+            )
+    return [one.use for one in chain]
+
+
+def _apart(one: Array, other: Array, extent: Array) -> float:
+    return float(np.abs((one - other) / extent).max())
+
+
+def _in_space(edge: TopoDS_Edge) -> Track | None:
+    curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
+    return None if curve is None else track(curve, *BRep_Tool.Range_s(edge))
+
+
+def _on_face(number: int, use: TopoDS_Edge, face: TopoDS_Face) -> Track:
+    curve = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
+    if curve is None:
+        raise TopologyError(f"edge {number} has no curve in its parameters: heal the shape (ShapeFix_Shape) first")
+    span, own = BRep_Tool.Range_s(use), BRep_Tool.Range_s(use, face)
+    if max(abs(a - b) for a, b in zip(span, own, strict=True)) > 1e-9 * (span[1] - span[0]):
+        raise TopologyError(
+            f"edge {number} runs over {own} in its parameters but over {span} in space: heal the shape"
+            " (BRepLib.SameParameter) first"
+        )
+    return track(curve, *span)
+
+
+def _plane(surface: Surface) -> Frame | None:
+    """Return the plane of a surface that is flat and nowhere folded, with Su x Sv along its normal; else None."""
+    (u0, u1), (v0, v1) = surface.domain
+    jet = surface.jet((u0 + u1) / 2, (v0 + v1) / 2, 1)
+    normal, poles = np.cross(jet[1, 0], jet[0, 1]), _poles(surface)
+    length = float(np.linalg.norm(normal))
+    if not length > 0 or np.abs((poles - jet[0, 0]) @ normal).max() > FLAT * np.ptp(poles, axis=0).max() * length:
+        return None
+    u, v = np.linspace(u0, u1, 9), np.linspace(v0, v1, 9)
+    if (np.cross(surface.grid(u, v, 1, 0), surface.grid(u, v, 0, 1)) @ normal < 0).any():
+        return None
+    x = jet[1, 0] / np.linalg.norm(jet[1, 0])
+    return Frame(surface(u0, v0), x, np.cross(normal / length, x))
+
+
+def _poles(surface: Surface) -> Array:
+    """Return the Bezier poles (n, 3)."""
+    poles = np.moveaxis(surface.coefs, 2, -1).reshape(-1, surface.coefs.shape[2])
+    return poles[:, :3] / poles[:, 3:] if surface.rational else poles
+
+
+def _linear(surface: Surface, axis: int) -> bool:
+    return surface.degree[axis] == 1 and len(surface.breaks[axis]) == 2
+
+
+def _samples(breaks: Array) -> Array:
+    return np.asarray(breaks[0] + _WITNESSES * (breaks[-1] - breaks[0]))
+
+
+def _same(t: Array) -> Array:
+    return t
+
+
+def _bounded(face: TopoDS_Face) -> TopoDS_Face:
+    """Return a face with wires: itself, or one with the natural boundary of its surface."""
+    surface = BRep_Tool.Surface_s(face)
+    if surface is None or next(explore(face, TopAbs_WIRE), None) is not None:
+        return face
+    maker = BRepBuilderAPI_MakeFace(surface, BRep_Tool.Tolerance_s(face))
+    return TopoDS.Face_s(maker.Face().Oriented(face.Orientation())) if maker.IsDone() else face
+
+
+def _compound(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Compound:
+    compound = TopoDS_Compound()
+    BUILDER.MakeCompound(compound)
+    for shape in shapes:
+        BUILDER.Add(compound, shape)
+    return compound

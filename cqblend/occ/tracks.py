@@ -1,0 +1,139 @@
+"""Curves of OCCT, in space or in a parameter plane, evaluated at their own parameters by arrays.
+
+Exists because the edges of a shape and their pcurves share one parameter, which the rational form of a conic does not
+keep: so a track is a symbolic curve together with the map of its parameter. Must not know edges or faces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from OCP.Geom import (
+    Geom_BezierCurve,
+    Geom_BSplineCurve,
+    Geom_Conic,
+    Geom_Curve,
+    Geom_Hyperbola,
+    Geom_Line,
+    Geom_Parabola,
+    Geom_TrimmedCurve,
+)
+from OCP.Geom2d import (
+    Geom2d_BezierCurve,
+    Geom2d_BSplineCurve,
+    Geom2d_Conic,
+    Geom2d_Curve,
+    Geom2d_Hyperbola,
+    Geom2d_Line,
+    Geom2d_Parabola,
+    Geom2d_TrimmedCurve,
+)
+from OCP.Geom2dConvert import Geom2dConvert
+from OCP.GeomConvert import GeomConvert
+from OCP.gp import gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+
+from cqblend.occ import bulk
+from cqblend.occ.convert import Arcs
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+
+_LARGEST_ARC = 2 * np.pi / 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """A curve over a range of its own parameter t.
+
+    Attributes
+    ----------
+    source
+        As OCCT has it.
+    span
+        The range of t.
+    curve
+        The symbolic curve, with ``curve(parameter(t))`` the point at t; exact. None for offset curves, which are no
+        splines.
+    arcs
+        The map of t to the curve's parameter, of a conic; else both are the same.
+    breaks
+        (k,) t at which pieces of the curve meet, the ends of the range included.
+    """
+
+    source: Geom_Curve | Geom2d_Curve
+    span: tuple[float, float]
+    curve: Curve | None = None
+    arcs: Arcs | None = None
+    breaks: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        inner = self.curve.breaks[1:-1] if self.curve is not None else np.array([])
+        object.__setattr__(self, "breaks", np.concatenate([self.span[:1], inner, self.span[1:]]))
+
+    def __call__(self, t: Array) -> Array:
+        """Return the points (n, dim) at parameters (n,)."""
+        if self.curve is None:
+            return np.array([self.source.Value(float(one)).Coord() for one in t])
+        return self.curve(self.parameter(t))
+
+    def parameter(self, t: Array) -> Array:
+        """Return the parameters (n,) of the symbolic curve."""
+        return t if self.arcs is None else self.arcs.to_spline(t)
+
+
+def track(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Track:
+    """Return a curve over a part of its range.
+
+    Examples
+    --------
+    >>> from OCP.Geom2d import Geom2d_Circle
+    >>> from OCP.gp import gp_Ax2d
+    >>> quarter = track(Geom2d_Circle(gp_Ax2d(gp_Pnt2d(1.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0), 0.0, np.pi / 2)
+    >>> (quarter(np.array([np.pi / 6])) - [1 + np.cos(np.pi / 6), 0.5]).round(12) + 0.0
+    array([[0., 0.]])
+    """
+    source, span = curve, (first, last)
+    while isinstance(curve, Geom_TrimmedCurve | Geom2d_TrimmedCurve):
+        curve = curve.BasisCurve()
+    if isinstance(curve, Geom_Line | Geom2d_Line):
+        ends = np.array([curve.Value(first).Coord(), curve.Value(last).Coord()])
+        return Track(source, span, Curve.bezier(ends, domain=span))
+    if isinstance(curve, Geom_Conic | Geom2d_Conic) and not isinstance(curve, Geom_Parabola | Geom2d_Parabola):
+        return _conic(curve, span)
+    return Track(source, span, _spline(curve, first, last))
+
+
+def _conic(curve: Geom_Conic | Geom2d_Conic, span: tuple[float, float]) -> Track:
+    """Return centre + cos t x + sin t y, or cosh and sinh."""
+    hyperbolic = isinstance(curve, Geom_Hyperbola | Geom2d_Hyperbola)
+    radii = (curve.Radius(),) * 2 if hasattr(curve, "Radius") else (curve.MajorRadius(), curve.MinorRadius())
+    frame = curve.Position()
+    centre, x, y = map(_vector, (curve.Location(), frame.XDirection(), frame.YDirection()))
+    count = max(1, int(np.ceil((span[1] - span[0]) / _LARGEST_ARC - 1e-9)))
+    arcs = Arcs(np.linspace(*span, count + 1), hyperbolic)
+    unit = arcs.homogeneous()
+    poles = unit @ np.stack([radii[0] * x, radii[1] * y, centre])
+    weights = unit[:, 2]
+    return Track(curve, span, Curve.from_bspline(2, arcs.knots(), poles / weights[:, None], weights), arcs)
+
+
+def _spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curve | None:
+    if isinstance(curve, Geom_BezierCurve | Geom_Parabola):
+        curve = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
+    elif isinstance(curve, Geom2d_BezierCurve | Geom2d_Parabola):
+        curve = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
+    if not isinstance(curve, Geom_BSplineCurve | Geom2d_BSplineCurve):
+        return None
+    start, stop = curve.FirstParameter(), curve.LastParameter()
+    if curve.IsPeriodic() and not start <= first < last <= stop:
+        curve = curve.Copy()
+        curve.Segment(first, last)
+        start, stop = first, last
+    read = bulk.curve_to_arrays if isinstance(curve, Geom_BSplineCurve) else bulk.curve2d_to_arrays
+    spline = Curve.from_bspline(*read(curve))
+    inside = max(first, start), min(last, stop)
+    return spline if inside == (start, stop) else spline.clip(*inside)
+
+
+def _vector(triple: gp_Pnt | gp_Dir | gp_Pnt2d | gp_Dir2d) -> Array:
+    return np.array(triple.Coord())
