@@ -1,0 +1,439 @@
+r"""How far a surface between two of its isoparametric curves is from the ruled surface between them.
+
+Let C1(u) = S(u, v0), C2(u) = S(u, v1), D = C2 - C1. A point S(u, v) is compared with the point of the ruling at the
+same u that divides it at a fraction w,
+
+.. math:: E(u, v) = S(u, v) - C_1(u) - w(u, v)\, D(u)
+
+With w continuous, 0 at v0 and 1 at v1, the largest |E| bounds the distance both ways. Two choices of w are made:
+
+*Spaced rows* (Elber, figure 1): w = sum w_j beta_j, where beta_j are the basis functions in v of S itself, weights
+included. For every u that is a B-spline in v with coefficients w_j, hence monotone if they are. In the basis of S the
+difference then has the coefficients P_ij - (1 - w_j) C1_i - w_j C2_i, up to weights that are not a product of one
+function of u and one of v: those take the common denominator W W1 W2.
+
+*The foot of the perpendicular*, the best w that there is. Its |E| is bounded on a patch by that of any other w within
+[0, 1], and spaced rows, chosen for every patch anew, come as close to it as the patches are small.
+
+All bounds are those of coefficients, sharpened by subdividing the pieces they come from; rounding is added. This module
+must not know how a surface is divided into strips.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array, basis, product, restrict
+from cqblend.splines.hulls import dip
+
+_EPS = float(np.finfo(float).eps)
+
+RATIO = 1.01
+"""What a bound may be, relative to a deviation that is taken, before it is sharpened further."""
+
+_LEVELS = 9
+_MANY = 1 << 14  # patches
+_INNER = np.arange(1, 12) / 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spans:
+    """A surface in homogeneous Bernstein pieces, ready to be cut in v.
+
+    Attributes
+    ----------
+    coefs
+        (p+1, q+1, 4, nu, nv); the weight is 1 if the surface is polynomial.
+    breaks
+        (nu + 1,) and (nv + 1,).
+    continuity
+        (nu - 1,) in u.
+    rational
+        Whether rails have weights.
+    separable
+        Whether the weights are a product of one function of u and one of v, to rounding.
+    size
+        Largest extent of the control points.
+    """
+
+    coefs: Array
+    breaks: tuple[Array, Array]
+    continuity: Array
+    rational: bool
+    separable: bool
+    size: float
+
+    @classmethod
+    def of(cls, surface: Surface) -> "Spans":
+        """Prepare a surface of dim 3.
+
+        Raises
+        ------
+        GeometryError
+            If a weight is not positive, or all control points coincide.
+        """
+        coefs = surface.coefs
+        if not surface.rational:
+            shape = coefs.shape
+            coefs = np.concatenate([coefs, np.ones((*shape[:2], 1, *shape[3:]))], axis=2)
+        weight = coefs[:, :, 3]
+        if weight.min() <= 0:
+            raise GeometryError(f"a weight of the surface is {weight.min():.3g}: its deviation cannot be bounded")
+        points = coefs[:, :, :3] / weight[:, :, None]
+        size = float((points.max(axis=(0, 1, 3, 4)) - points.min(axis=(0, 1, 3, 4))).max())
+        if not size > 0:
+            raise GeometryError("the surface is a single point: there is nothing to divide into strips")
+        table = weight.transpose(0, 2, 1, 3).reshape(weight.shape[0] * weight.shape[2], -1)
+        ranks = np.outer(table[:, 0], table[0]) / table[0, 0]
+        separable = bool((np.abs(table - ranks) <= 32 * _EPS * table).all())
+        return cls(coefs, surface.breaks, surface.continuity[0], surface.rational, separable, size)
+
+    def part(self, first: int, last: int) -> "Spans":
+        """Take the pieces first .. last - 1 in v."""
+        u, v = self.breaks
+        coefs = self.coefs[..., first:last]
+        return Spans(coefs, (u, v[first : last + 1]), self.continuity, self.rational, self.separable, self.size)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last v."""
+        v = self.breaks[1]
+        return float(v[0]), float(v[-1])
+
+    @property
+    def slack(self) -> float:
+        """By how much rounding may move a deviation."""
+        return 64 * _EPS * self.size
+
+    def windows(self, starts: ArrayLike, ends: ArrayLike) -> "Windows":
+        """Cut parts out: one from v = starts to ends, or several (k,)."""
+        low, high = (
+            np.atleast_1d(np.asarray(starts, dtype=np.float64)),
+            np.atleast_1d(np.asarray(ends, dtype=np.float64)),
+        )
+        v = self.breaks[1]
+        first = np.searchsorted(v[1:-1], low, "right")
+        count = np.searchsorted(v[1:-1], high, "left") - first + 1
+        owner = np.repeat(np.arange(len(low)), count)
+        rank = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+        piece = first[owner] + rank
+        start, end = v[piece], v[piece + 1]
+        x0 = (np.maximum(start, low[owner]) - start) / (end - start)
+        x1 = (np.minimum(end, high[owner]) - start) / (end - start)
+        rows = self.coefs[..., piece].swapaxes(0, 1)
+        return Windows(self, restrict(rows, x0, x1).swapaxes(0, 1), low, high, owner, rank)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Windows:
+    """Parts of a surface, each between two of its isoparametric curves.
+
+    Attributes
+    ----------
+    spans
+        What they are cut out of.
+    coefs
+        (p+1, q+1, 4, nu, m) homogeneous, the pieces in v of all windows one after the other.
+    starts, ends
+        (k,) intervals of v.
+    owner, rank
+        (m,) index of the window that a piece belongs to, and its place there.
+    """
+
+    spans: Spans
+    coefs: Array
+    starts: Array
+    ends: Array
+    owner: Array
+    rank: Array
+
+    @property
+    def _rails(self) -> Array:
+        """Homogeneous coefficients (p+1, 2, 4, nu, k) of both rails."""
+        first = self.rank == 0
+        last = np.append(first[1:], True)
+        return np.stack([self.coefs[:, 0][..., first], self.coefs[:, -1][..., last]], axis=1)
+
+    def curves(self) -> tuple[Curve, Curve]:
+        """Return C1 and C2 of a single window."""
+        spans, rails = self.spans, self._rails[..., 0]
+        components = 4 if spans.rational else 3
+        first, last = (
+            Curve(spans.breaks[0], rails[:, i, :components], rational=spans.rational, continuity=spans.continuity)
+            for i in (0, 1)
+        )
+        return first, last
+
+    def spanned(self) -> Array:
+        """Whether there is a ruled surface between the rails: they are neither both points, nor the same curve."""
+        rails = _points(self._rails)
+        small = 1e-9 * self.spans.size
+        extents = (rails.max(axis=(0, 3)) - rails.min(axis=(0, 3))).max(axis=1)  # (2, k)
+        apart = np.abs(rails[:, 1] - rails[:, 0]).max(axis=(0, 1, 2))
+        return np.asarray((extents.max(axis=0) > small) & (apart > small))
+
+    def widths(self) -> Array:
+        """Length of the longest chord between control points of the rails, (k,)."""
+        rails = _points(self._rails)
+        return np.asarray(np.linalg.norm(rails[:, 1] - rails[:, 0], axis=1).max(axis=(0, 1)))
+
+    def spacing(self, *, single: bool = False) -> Array:
+        """Fractions (q+1, m) of spaced rows, not decreasing from 0 to 1 in every window.
+
+        Every row is projected on the rulings: all columns at once, by least squares, or the single column in the middle
+        of the control mesh (if its ends coincide, the one whose ends are farthest apart), as in Elber's figure 1.
+        """
+        points, rails = _points(self.coefs), _points(self._rails)
+        chord = rails[:, 1] - rails[:, 0]  # (p+1, 3, nu, k)
+        if single:
+            square = (chord * chord).sum(axis=1)  # (p+1, nu, k)
+            i, piece = self._columns(square)
+            window, owner = np.arange(len(i)), self.owner
+            chord = chord[i, :, piece, window]  # (k, 3)
+            relative = points[i[owner], :, :, piece[owner], np.arange(len(owner))]  # (m, q+1, 3)
+            relative = relative - rails[i, 0, :, piece, window][owner, None]
+            dots = (relative @ chord[owner, :, None])[..., 0].T
+            square = square[i, piece, window]
+        else:
+            relative = points - rails[:, :1][..., self.owner]
+            dots = np.einsum("ijdnm,idnm->jm", relative, chord[..., self.owner])
+            square = (chord * chord).sum(axis=(0, 1, 2))
+        square = square[self.owner]
+        steady = np.clip(np.divide(dots, square, out=np.zeros_like(dots), where=square > 0), 0.0, 1.0)
+        steady[0, self.rank == 0] = 0.0
+        reached = np.zeros(len(self.starts))
+        for rank in range(int(self.rank.max()) + 1):
+            here = self.rank == rank
+            steady[:, here] = np.maximum(np.maximum.accumulate(steady[:, here]), reached[self.owner[here]])
+            reached[self.owner[here]] = steady[-1, here]
+        steady[-1, np.append(self.rank[1:] == 0, True)] = 1.0
+        return steady
+
+    def _columns(self, square: Array) -> tuple[Array, Array]:
+        """Row and piece in u, (k,) each, of the column that is projected."""
+        degree, pieces, count = square.shape[0] - 1, square.shape[1], square.shape[2]
+        piece, i = divmod((degree * pieces + 1) // 2, degree)
+        if piece == pieces:
+            piece, i = pieces - 1, degree
+        rows, columns = np.full(count, i), np.full(count, piece)
+        gone = square[i, piece] <= (1e-9 * self.spans.size) ** 2
+        if gone.any():
+            longest = square[..., gone].reshape(-1, int(gone.sum())).argmax(axis=0)
+            rows[gone], columns[gone] = np.unravel_index(longest, square.shape[:2])
+        return rows, columns
+
+    def timing(self, spacing: Array) -> Surface:
+        """Return the fraction w(u, v) of spaced rows over a single window."""
+        weight = self.coefs[:, :, 3:]
+        coefs = np.concatenate([weight * spacing[:, None, None], weight], axis=2)
+        v, start, end = self.spans.breaks[1], self.starts[0], self.ends[0]
+        inner = v[(v > start) & (v < end)]
+        return Surface((self.spans.breaks[0], np.concatenate([[start], inner, [end]])), coefs, rational=True)
+
+    def mesh_bounds(self, spacing: Array) -> Array:
+        """Bounds (k,) of Elber's equation (3) for spaced rows: the largest coefficient of the difference.
+
+        Of a rational surface a coefficient is that of the numerator over that of the common denominator, which bounds
+        the quotient because all of the latter are positive.
+        """
+        vectors = _differences(self._patches(spacing), self.spans.separable)
+        square = np.einsum("ijdn,ijdn->ijn", vectors, vectors).max(axis=(0, 1)).reshape(-1, len(self.owner))
+        return np.sqrt(np.maximum.reduceat(square.max(axis=0), np.flatnonzero(self.rank == 0)))
+
+    def _patches(self, spacing: Array | None) -> Array:
+        """Patches (p+1, q+3, 4 or 5, n): rows, then both rails of the window; a fifth component is w times weight."""
+        coefs, rails = self.coefs, self._rails[..., self.owner]
+        if spacing is not None:
+            coefs = np.concatenate([coefs, coefs[:, :, 3:] * spacing[:, None, None]], axis=2)
+            rails = np.concatenate([rails, np.zeros_like(rails[:, :, :1])], axis=2)
+        patches = np.concatenate([coefs, rails], axis=1)
+        return patches.reshape(*patches.shape[:3], -1)
+
+    def bound(self, tolerance: float, spacing: Array | None = None) -> float:
+        """Bound the deviation of a single window.
+
+        Parameters
+        ----------
+        tolerance
+            Where a deviation just below it is taken, the bound is sharpened until it is below as well, if it can be.
+        spacing
+            Fractions of spaced rows; None for the foot of the perpendicular.
+
+        Returns
+        -------
+        float
+            Not more than `RATIO` times a deviation that is taken, except where that would take too many patches. Above
+            the tolerance it need not be a bound: a deviation is taken that is. Infinite if the foot of the
+            perpendicular is not proven to move from rail to rail without turning back.
+        """
+        slack, separable = self.spans.slack, self.spans.separable
+        patches = _split(self._patches(spacing), 4 if len(self.coefs) > 2 else 2, 4)
+        if spacing is None and not _advances(patches, separable):
+            return np.inf
+        taken = closed = 0.0
+        for level in range(_LEVELS):
+            vectors = _differences(patches, separable)
+            hull = np.sqrt(np.einsum("ijdn,ijdn->ijn", vectors, vectors).max(axis=(0, 1)))
+            taken = max(taken, _corners(patches, vectors))
+            if taken + slack > tolerance:
+                return taken + slack
+            goal = tolerance - slack if RATIO * taken > tolerance else RATIO * taken
+            unsettled = hull > max(goal, slack)
+            closed = max(closed, float(hull[~unsettled].max(initial=0.0)))
+            if not unsettled.any():
+                break
+            if level == _LEVELS - 1 or unsettled.sum() > _MANY:
+                closed = max(closed, float(hull.max()))
+                break
+            patches = _split(patches[..., unsettled], 2, 2)
+        return closed + slack
+
+
+@lru_cache(maxsize=64)
+def _parts(degree: int, count: int) -> Array:
+    """Matrices (count, p+1, p+1) from coefficients to those of equal parts."""
+    x = np.arange(count + 1) / count
+    identity = np.repeat(np.eye(degree + 1)[:, :, None], count, axis=2)
+    return np.ascontiguousarray(np.moveaxis(restrict(identity, x[:-1], x[1:]), -1, 0))
+
+
+@lru_cache(maxsize=64)
+def _parts_across(degree: int, count: int) -> Array:
+    """Return the same for the rows of patches, whose rails stay."""
+    out = np.zeros((count, degree + 3, degree + 3))
+    out[:, :-2, :-2] = _parts(degree, count)
+    out[:, -2:, -2:] = np.eye(2)
+    return out
+
+
+def _split(patches: Array, along: int, across: int) -> Array:
+    """Cut patches into equal parts, `along` in u and `across` in v."""
+    p, q, components, n = patches.shape
+    columns = _parts(p - 1, along).reshape(along * p, p) @ patches.reshape(p, -1)
+    rows = columns.reshape(along, p, q, components * n).transpose(2, 0, 1, 3).reshape(q, -1)
+    parts = _parts_across(q - 3, across).reshape(across * q, q) @ rows
+    parts = parts.reshape(across, q, along, p, components, n).transpose(3, 1, 4, 0, 2, 5)
+    return parts.reshape(p, q, components, -1)
+
+
+def _advances(patches: Array, separable: bool) -> bool:
+    """Whether on every patch the foot of the perpendicular moves from the first to the last rail."""
+    rows, first, last = patches[:, :-2], patches[:, -2:-1], patches[:, -1:]
+    if separable:
+        steps = np.diff(_points(rows), axis=1) * rows[:, :1, 3:4]
+        chord = (_points(last) - _points(first)) * rows[:, :1, 3:4]
+    else:
+        steps, chord = _crossed(rows[:, :-1], rows[:, 1:]), _crossed(first, last)
+    dots = product(steps, chord).sum(axis=2)
+    flat = dots.reshape(len(dots), -1)
+    return dip(flat, -1e-12 * float(np.abs(flat).max())) is None
+
+
+def _points(homogeneous: Array) -> Array:
+    """Divide the three coordinates, axis 2, by the weight after them."""
+    return np.asarray(homogeneous[:, :, :3] / homogeneous[:, :, 3:4])
+
+
+def _crossed(first: Array, second: Array) -> Array:
+    """Numerator of second - first on the product of the weights; u is the degree axis."""
+    return product(second[:, :, :3], first[:, :, 3:4]) - product(first[:, :, :3], second[:, :, 3:4])
+
+
+def _differences(patches: Array, separable: bool) -> Array:
+    """Return coefficients (r+1, q+1, 3, n) of E, numerators over those of the common denominator.
+
+    The fraction is the fifth component of the patches over the weight, or else that of rows spaced for every patch.
+    """
+    points = _points(patches)
+    first = points[:, -2:-1]
+    chord = points[:, -1] - first[:, 0]
+    relative = points[:, :-2] - first
+    rows, weight = patches[:, :-2, :3], patches[:, :-2, 3:4]
+    if patches.shape[2] == 5:
+        fraction = patches[:, :-2, 4:] / weight
+    else:
+        square = np.einsum("idn,idn->n", chord, chord)
+        dots = np.einsum("ijdn,idn->jn", relative, chord)
+        feet = np.divide(dots, square, out=np.zeros_like(dots), where=square > 0)
+        fraction = np.clip(feet, 0.0, 1.0)[None, :, None]
+    if separable:
+        return np.asarray(relative - fraction * chord[:, None])
+    rails, w1, w2 = patches[:, -2:], patches[:, -2:-1, 3:4], patches[:, -1:, 3:4]
+    both = product(w1, w2)
+    fixed = product(rows, both) - product(weight, product(rails[:, :1, :3], w2))
+    moving = product(weight * fraction, _crossed(rails[:, :1], rails[:, 1:]))
+    return np.asarray((fixed - moving) / product(weight, both))
+
+
+def _corners(patches: Array, vectors: Array) -> float:
+    """Return the largest deviation at a corner of a patch."""
+    if patches.shape[2] == 5:
+        off = vectors[[0, -1]][:, [0, -1]]
+    else:
+        points = _points(patches[[0, -1]][:, [0, -3, -2, -1]])
+        off = _off(points[:, :2], points[:, 2:3], points[:, 3:], 2)
+    return float(np.sqrt(np.einsum("ijdn,ijdn->ijn", off, off).max()))
+
+
+def _off(points: Array, first: Array, last: Array, axis: int, *, steady: int | None = None) -> Array:
+    """Return vectors to points from their feet on segments; coordinates along an axis.
+
+    Along the axis `steady`, if given, feet do not turn back.
+    """
+    chord, relative = last - first, points - first
+    square = (chord * chord).sum(axis=axis, keepdims=True)
+    dots = (relative * chord).sum(axis=axis, keepdims=True)
+    feet = np.clip(np.divide(dots, square, out=np.zeros_like(dots), where=square > 0), 0.0, 1.0)
+    if steady is not None:
+        feet = np.maximum.accumulate(feet, axis=steady)
+    return np.asarray(relative - feet * chord)
+
+
+class Samples:
+    """Sampled deviations of many windows at once, on a grid of u."""
+
+    def __init__(self, spans: Spans) -> None:
+        degree, pieces = len(spans.coefs) - 1, len(spans.breaks[0]) - 1
+        x = np.linspace(0.0, 1.0, 2 * degree + 1)
+        values = basis(degree, 1 - x, x)
+        rows = np.tensordot(values, spans.coefs, (0, 0))  # (x, q+1, 4, nu, nv)
+        rows = rows.transpose(1, 2, 3, 0, 4).reshape(*rows.shape[1:3], pieces * len(x), -1)
+        self._coefs = np.ascontiguousarray(np.moveaxis(rows, -1, 0))  # (nv, q+1, 4, u)
+        self._breaks = spans.breaks[1]
+
+    def part(self, first: int, last: int) -> "Samples":
+        """Take the pieces first .. last - 1 in v."""
+        part = object.__new__(Samples)
+        part._coefs, part._breaks = self._coefs[first:last], self._breaks[first : last + 1]
+        return part
+
+    @property
+    def poles(self) -> Array:
+        """Control points (nv, q+1, 3, n) of the isoparametric curves of the grid."""
+        return np.asarray(self._coefs[:, :, :3] / self._coefs[:, :, 3:])
+
+    def points(self, v: Array) -> Array:
+        """Return the points (.., 3, nu) at parameters v."""
+        flat = v.ravel()
+        piece = np.searchsorted(self._breaks[1:-1], flat, "right")
+        start, end = self._breaks[piece], self._breaks[piece + 1]
+        x = (flat - start) / (end - start)
+        values = basis(self._coefs.shape[1] - 1, 1 - x, x)
+        rows = self._coefs[piece]
+        found = (values.T[:, None] @ rows.reshape(*rows.shape[:2], -1)).reshape(len(flat), 4, -1)
+        return np.asarray((found[:, :3] / found[:, 3:]).reshape(*v.shape, 3, -1))
+
+    def deviations(self, start: float, ends: Array) -> Array:
+        """Return the deviations (n,) of the windows from v = start to each of the ends, where no foot turns back.
+
+        Infinite where the rails coincide.
+        """
+        first, last = self.points(np.array([start])), self.points(ends)[:, None]
+        inner = self.points(start + np.multiply.outer(ends - start, _INNER))  # (n, inner, 3, nu)
+        off = _off(inner, first, last, 2, steady=1)
+        found = np.sqrt((off * off).sum(axis=2).max(axis=(1, 2)))
+        return np.where((first != last).any(axis=(1, 2, 3)), found, np.inf)

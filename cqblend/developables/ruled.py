@@ -1,0 +1,122 @@
+r"""Strips: ruled surfaces that stand for parts of a surface, with a proven bound on what that costs.
+
+A strip is bounded by two isoparametric curves of a surface, its rails, and spanned by the straight segments between
+points of the same parameter, its rulings. Every point S(u, v) has its place on the ruling at u, at a fraction w(u, v)
+that grows from 0 at the first rail to 1 at the last; so curves on the surface have their places on the strip. Must not
+know how a surface is divided, nor how strips are laid flat.
+
+References
+----------
+G. Elber: Model fabrication using surface layout projection (1995), section 2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import InputError
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array, product
+
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Strip:
+    r"""A ruled surface R(u, w) = (1 - w) C1(u) + w C2(u) that stands for S(u, v), v0 <= v <= v1.
+
+    Attributes
+    ----------
+    rails
+        C1 = S(., v0) and C2 = S(., v1), of dim 3 (mm), over the same domain with the same breaks. One of them may be a
+        single point, a pole of the surface.
+    surface
+        S, with the rulings in v.
+    span
+        (v0, v1).
+    bound
+        Proven: \|S(u, v) - R(u, w(u, v))\| <= bound, mm, for all u and v.
+    transposed
+        Whether ``surface`` is the surface that was divided with its parameters exchanged.
+    timing
+        w as a scalar surface over the span; None for the foot of the perpendicular from S(u, v) on the ruling.
+
+    Raises
+    ------
+    InputError
+        If rails or span are not of this form.
+
+    Examples
+    --------
+    >>> parabola = np.array([[[0.0, 0, 0], [1, 0, 1], [2, 0, 0]], [[0, 3, 0], [1, 3, 1], [2, 3, 0]]])
+    >>> surface = Surface.from_bspline((1, 2), ([0, 0, 1, 1], [0, 0, 0, 1, 1, 1]), parabola)
+    >>> rails = surface.isoparametric(v=0.0), surface.isoparametric(v=1.0)
+    >>> strip = Strip(rails, surface, (0.0, 1.0), 0.5)
+    >>> strip.fraction(0.3, [0.0, 0.25, 1.0])
+    array([0.  , 0.25, 1.  ])
+    """
+
+    rails: tuple[Curve, Curve]
+    surface: Surface
+    span: tuple[float, float]
+    bound: float
+    transposed: bool = False
+    timing: Surface | None = None
+
+    def __post_init__(self) -> None:
+        first, last = self.rails
+        if (first.dim, last.dim, self.surface.dim) != (3, 3, 3):
+            raise InputError(
+                f"the rails and the surface of a strip have dim 3, not {first.dim}, {last.dim} and {self.surface.dim}"
+            )
+        if not np.array_equal(first.breaks, last.breaks):
+            raise InputError("the rails of a strip need the same breaks: cut each at those of the other")
+        start, end = self.surface.domain[1]
+        if not start <= self.span[0] < self.span[1] <= end:
+            raise InputError(f"the span {self.span} of a strip is not within v = {start:.9g} .. {end:.9g}")
+
+    def fraction(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Fractions w at scattered points; u and v broadcast.
+
+        Parameters beyond the span are taken to its ends. Where a ruling is a single point (at a pole that both rails
+        run into) fractions are those of the parameter v.
+        """
+        at, along = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        start, end = self.span
+        along = np.clip(along, start, end)
+        if self.timing is not None:
+            found = self.timing(at, along)[..., 0]
+        else:
+            first, last = (rail(at) for rail in self.rails)
+            chord = last - first
+            square = (chord * chord).sum(axis=-1)
+            dots = ((self.surface(at, along) - first) * chord).sum(axis=-1)
+            least = 64 * _EPS * max(float(np.abs(rail).max(initial=0.0)) for rail in (first, last))
+            by_parameter = (along - start) / (end - start)
+            found = np.divide(dots, square, out=by_parameter, where=square > least**2)
+        found = np.where(along == start, 0.0, np.where(along == end, 1.0, found))
+        return np.asarray(np.clip(found, 0.0, 1.0))
+
+    def ruled(self) -> Surface:
+        """Return R as a surface (u, w), of degree (p, 1), over w in [0, 1].
+
+        The weights of rational rails are brought to a common one, so that w is the fraction along the ruling in space;
+        that doubles the degree p unless they are proportional.
+        """
+        first, last = (rail._rationalised() if any(r.rational for r in self.rails) else rail for rail in self.rails)
+        degree = max(first.degree, last.degree)
+        first, last = first.elevate(degree - first.degree), last.elevate(degree - last.degree)
+        if not first.rational:
+            return Surface.from_rows([first, last])
+        w1, w2 = first.coefs[:, -1:], last.coefs[:, -1:]
+        ratio = w2 / w1
+        upper, lower = first.coefs, last.coefs
+        if np.ptp(ratio) <= 32 * _EPS * ratio.max():
+            lower = lower / ratio
+        else:
+            upper, lower = product(upper, w2), product(lower, w1)
+        lower = np.concatenate([lower[:, :-1], upper[:, -1:]], axis=1)  # one and the same weight, to the last digit
+        order = np.minimum(first.continuity, last.continuity)
+        rows = [Curve(first.breaks, row, rational=True, continuity=order) for row in (upper, lower)]
+        return Surface.from_rows(rows)
