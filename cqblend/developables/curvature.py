@@ -20,8 +20,12 @@ import numpy as np
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
+from cqblend.splines.evaluation import Side
 
-_EPS = float(np.finfo(float).eps)
+_NOISE = 1e-9  # of the largest value: what a maximum has to exceed its neighbours by
+_MARGIN = 1e-3  # of the domain, along borders, where a side may be a pole
+_NEAR = 1e-5  # of the domain: maxima closer than this are one
+_SIDES: tuple[Side, Side] = ("left", "right")
 
 
 def squared_curvature(surface: Surface) -> Surface:
@@ -82,70 +86,81 @@ def _quotient(numerator: Surface, denominator: Surface) -> Surface:
 
 
 def maxima(surface: Surface) -> Array:
-    r"""Return the isolated interior maxima of \|kappa_n^v\| in v, as parameters (n,), increasing.
+    r"""Return where \|kappa_n^v\| has isolated maxima, as parameters v (n,), increasing.
 
-    Each patch of (kappa_n^v)^2 is searched on a grid that is finer than its degree lets it oscillate, up to and
-    including its borders, where it takes the limit from its own side; what is larger than its neighbours in v, and not
-    smaller than those in u, is refined by parabolas. A ridge that runs along u, as on a surface of revolution, counts
-    as one place; a plateau in v, and maxima on the borders of the surface, do not count. On a knot line across which
-    the curvature jumps the place is the knot line.
+    (kappa_n^v)^2 is taken on a grid that is as fine as its degree; from every place of the grid that is larger than its
+    neighbours the next maximum is climbed to. A ridge that runs along u, as on a surface of revolution, is one place; a
+    plateau in v is none, and neither is a maximum on a border v = const. On a knot line across which the curvature
+    jumps, the larger limit counts, and the place may be the knot line.
+
+    Examples
+    --------
+    >>> bow = Surface.from_bspline(
+    ...     (1, 2), ([0, 0, 1, 1], [0, 0, 0, 1, 1, 1]),
+    ...     [[[0, 0, 0], [0, 1, 1], [0, 2, 0]], [[1, 0, 0], [1, 1, 1], [1, 2, 0]]])
+    >>> maxima(bow).round(9)
+    array([0.5])
     """
     curvature = squared_curvature(surface)
-    u = _stations(curvature.breaks[0], curvature.degree[0])
-    v = _stations(curvature.breaks[1], curvature.degree[1])
-    rows = [_row(curvature, u, v, side) for side in ("left", "right")]
-    values = np.maximum(*rows)  # at a knot line the larger limit
-    top = float(values.max(initial=0.0))
-    if top <= 0:
-        return np.empty(0)
-    noise = 1e-9 * top
-    here = values[:, 1:-1]
-    peak = (here > values[:, :-2] + noise) & (here > values[:, 2:] + noise)
-    for step in (1, -1):
-        beside = np.roll(values, step, axis=0)
-        beside[0 if step == 1 else -1] = -np.inf
-        peak &= here >= beside[:, 1:-1] - noise
-    places = [_refined(curvature, float(u[i]), v, j + 1) for i, j in zip(*np.nonzero(peak), strict=True)]
-    found = np.unique(np.array(places))
-    return found[np.diff(found, prepend=-np.inf) > 1e-4 * (v[-1] - v[0])]
-
-
-def _row(curvature: Surface, u: Array, v: Array, side: str) -> Array:
-    """Values on a grid, limits from one side at knot lines; 0 where the curvature is not defined."""
+    v0, v1 = curvature.domain[1]
+    u, v = (_stations(breaks, degree) for breaks, degree in zip(curvature.breaks, curvature.degree, strict=True))
+    knots = curvature.breaks[1][1:-1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        values = curvature(u[:, None], v, side="left" if side == "left" else "right")[..., 0]
+        inside = _finite(curvature.grid(u, v)[..., 0])
+    values = np.concatenate([inside, _larger(curvature, u[:, None], knots)], axis=1)
+    v = np.concatenate([v, knots])
+    order = np.argsort(v)
+    values, v = values[:, order], v[order]
+    noise = _NOISE * float(values.max())
+    padded = np.pad(values, ((1, 1), (0, 0)), constant_values=-np.inf)
+    peak = np.ones((len(u), len(v) - 2), dtype=bool)
+    for i in (0, 1, 2):
+        for j in (0, 2):
+            peak &= values[:, 1:-1] > padded[i : i + len(u), j : j + len(v) - 2] + noise
+        peak &= values[:, 1:-1] >= padded[i : i + len(u), 1:-1] - noise
+    at, along = np.nonzero(peak)
+    if not len(at):
+        return np.empty(0)
+    found = _climbed(curvature, np.stack([u[at], v[along + 1]]), np.array([np.diff(u).max(), np.diff(v).max()]))
+    margin = 2 * _MARGIN * (v1 - v0)
+    found = np.sort(found[(found > v0 + margin) & (found < v1 - margin)])
+    for knot in knots:
+        found[np.abs(found - knot) < _NEAR * (v1 - v0)] = knot
+    return found[np.diff(found, prepend=-np.inf) > _NEAR * (v1 - v0)]
+
+
+def _larger(curvature: Surface, u: Array, v: Array) -> Array:
+    """Evaluate; at knot lines the larger limit."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left, right = (curvature(u, v, side=side)[..., 0] for side in _SIDES)
+    return np.maximum(_finite(left), _finite(right))
+
+
+def _finite(values: Array) -> Array:
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _stations(breaks: Array, degree: int) -> Array:
-    """Return parameters of a grid: all breaks, and between them more places than the degree has turns."""
-    count = max(2 * degree, 8)
-    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(count) / count)
-    return np.append(inner.ravel(), breaks[-1])
+    """Return parameters of a grid, inside the pieces."""
+    count = max(degree, 12) // 2 * 2 + 1
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * ((np.arange(count) + 0.5) / count)
+    return np.asarray(inner.ravel())
 
 
-def _refined(curvature: Surface, u: float, v: Array, j: int) -> float:
-    """Refine a maximum in v between the neighbours of v_j by parabolas; a knot line with a jump stays."""
-    low, here, high = v[j - 1 : j + 2]
-    if here in curvature.breaks[1]:
-        slopes = []
-        for side, other in (("left", low), ("right", high)):
-            near = here + 1e-3 * (other - here)
-            pair = _row(curvature, np.array([u]), np.array([here, near]), side)[0]
-            slopes.append(pair[0] - pair[1])
-        if min(slopes) >= 0:
-            return float(here)
-    for _ in range(30):
-        x = np.array([low, here, high])
-        f = _row(curvature, np.array([u]), x, "right")[0]
-        a, b = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
-        bend = (b - a) / (x[2] - x[0])
-        if not bend < 0:
+def _climbed(curvature: Surface, places: Array, step: Array) -> Array:
+    """Go from places (2, n) to the maxima nearby, the best of nine at a time, and return their v."""
+    domain = np.array(curvature.domain)
+    margin = _MARGIN * np.diff(domain)[:, 0]  # at a pole the curvature is 0 / 0
+    low, high = (domain[:, 0] + margin)[:, None, None], (domain[:, 1] - margin)[:, None, None]
+    compass = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]).T
+    size = np.full(places.shape[1], 0.5)
+    for _ in range(200):
+        around = np.clip(places[:, None] + compass[:, :, None] * step[:, None, None] * size, low, high)
+        values = _larger(curvature, *around)
+        best = values.argmax(axis=0)
+        best[values.max(axis=0) <= values[0] * (1 + 1e-13)] = 0
+        places = around[:, best, np.arange(len(best))]
+        size = np.where(best == 0, size / 2, size)
+        if size.max() < 1e-8:
             break
-        peak = (x[0] + x[1]) / 2 - a / (2 * bend)
-        width = (high - low) / 8
-        peak = min(max(peak, low), high)
-        low, here, high = max(low, peak - width), peak, min(high, peak + width)
-        if width < 1e-9 * (v[-1] - v[0]) or not low < here < high:
-            break
-    return float(here)
+    return np.asarray(places[1])
