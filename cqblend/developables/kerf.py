@@ -1,0 +1,74 @@
+"""Kerf: what a beam takes away is given back, by cutting half its width outside the outline.
+
+Exists beside tabs because the offset here goes all round, and must not change the shape that is left: convex corners
+are gone round at the distance, so that they stay sharp. Must not know pieces.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from cqblend.developables.arcfit import fitted
+from cqblend.developables.checks import millimetres
+from cqblend.developables.overlap import region
+from cqblend.developables.paths import Path
+from cqblend.errors import SizeError
+
+LEAST = 1e-4
+"""Tolerance of offset arcs if none is given, mm."""
+
+
+def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
+    """Return the lines along which a beam as wide as the kerf cuts what lies within outlines.
+
+    Parameters
+    ----------
+    outlines
+        Closed: the outer one first, counterclockwise, then holes, clockwise.
+    kerf
+        Width of the beam, mm.
+    tolerance
+        Of the arcs of the result, mm; 0 takes :data:`LEAST`.
+    name
+        Of the piece, for messages.
+
+    Returns
+    -------
+    tuple of Path
+        In the same order and with the same directions: outer lines are further out, holes smaller, by kerf / 2.
+
+    Raises
+    ------
+    InputError
+        If the kerf or the tolerance is negative or not a number.
+    SizeError
+        If a hole or a slit is narrower than the kerf, so that the beam cannot go round it.
+
+    Examples
+    --------
+    >>> square = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    >>> (line,) = compensated([square], 0.2, 1e-3, name="1")
+    >>> round(line.area, 2), round(100 + 4 * 10 * 0.1 + np.pi * 0.1**2, 2)
+    (104.03, 104.03)
+    """
+    kerf = millimetres("the kerf", kerf, zero=True)
+    tolerance = millimetres("the tolerance of fitted arcs", tolerance, zero=True) or LEAST
+    if kerf == 0:
+        return tuple(fitted(path, tolerance) for path in outlines)
+    polygon = region(outlines, tolerance / 4)
+    # a quarter of a circle of radius kerf / 2 in so many parts that their sagitta is a quarter of the tolerance
+    parts = int(np.ceil(np.pi / 4 / np.arccos(max(1 - tolerance / (2 * kerf), 0.0))))
+    outside = shapely.buffer(polygon, kerf / 2, quad_segs=parts)
+    if outside.geom_type != "Polygon" or len(outside.interiors) != len(outlines) - 1:
+        raise SizeError(
+            f"piece {name} has a hole or a slit that is narrower than the kerf of {kerf:g} mm: lower the kerf"
+        )
+    outside = shapely.orient_polygons(outside)
+    rings = [outside.exterior, *outside.interiors]
+    holes = [shapely.Polygon(ring) for ring in rings[1:]]
+    order = [0]
+    for path in outlines[1:]:
+        inner = shapely.Polygon(path.sampled(tolerance / 4))
+        order.append(1 + next(k for k, hole in enumerate(holes) if inner.contains(hole.representative_point())))
+    return tuple(fitted(Path.straight(shapely.get_coordinates(rings[k])), tolerance / 2) for k in order)
