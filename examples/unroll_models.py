@@ -148,7 +148,7 @@ def teapot() -> cq.Solid:
 
 
 def helicopter() -> cq.Solid:
-    """Return a helicopter, 244 mm long under a rotor of 240 mm: 55 faces."""
+    """Return a helicopter, 244 mm long under a rotor of 240 mm: 56 faces."""
     rotor = aerofoils(((-3, 5, 0), 9, 1.8), ((-3, 120, 0), 9, 1.8))
     tail_blade = aerofoils(((-1.5, 0, 0.8), 3, 1.2), ((-2, 0, 22), 4, 1.2), normal=(0, 1, 0))
     parts = [
@@ -165,10 +165,10 @@ def helicopter() -> cq.Solid:
         parts.append(rotor.rotate(cq.Vector(), cq.Vector(0, 0, 1), angle).moved(cq.Location((60, 0, 84.5))))
     for angle in (20, 200):
         parts.append(tail_blade.rotate(cq.Vector(), cq.Vector(0, 1, 0), angle).moved(cq.Location((228, 7, 56))))
-    for x in (28, 78):  # struts: arcs through the runners and, between them, the pod
+    for x in (26, 62):  # struts: arcs through the runners and, between them, the pod
         parts.append(elbow((x, -28, 0), (x, 0, -6.8), (1, 0, 0), -152.6, radius=1.7))
     for y in (-28, 28):  # runners
-        parts.append(cq.Solid.makeCylinder(2.4, 100, cq.Vector(14, y, 0), cq.Vector(1, 0, 0)))
+        parts.append(cq.Solid.makeCylinder(2.4, 84, cq.Vector(14, y, 0), cq.Vector(1, 0, 0)))
         parts.append(elbow((14, y, 0), (14, y, 16), (0, 1, 0), 60, radius=2.4))
     return united(closed(skin(rings(POD))), *parts)
 
