@@ -57,6 +57,11 @@ class Frame:
         """Return the points (..., 3) that have given coordinates (..., 2)."""
         return np.asarray(self.origin + xy @ np.stack([self.x, self.y]))
 
+    def drawn(self, curve: Curve) -> Curve:
+        """Return the projection of a curve of space as a curve (x, y) of the same parameter."""
+        degree, knots, poles, weights = curve.to_bspline()
+        return Curve.from_bspline(degree, knots, self.flat(poles), weights)
+
     def surface(self, low: Array, high: Array) -> Surface:
         """Return the plane as a surface in its coordinates, from the corner low (2,) to the corner high (2,)."""
         (u0, v0), (u1, v1) = low.tolist(), high.tolist()

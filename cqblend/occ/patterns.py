@@ -1,0 +1,336 @@
+"""What unrolling makes, as shapes of OCCT: strips in space, pieces in the plane, formers.
+
+Everything is built edge by edge on given curves: nothing is intersected, projected or fitted. Must not know how strips
+and pieces come about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.Geom import Geom_Circle, Geom_Curve, Geom_Line, Geom_Plane
+from OCP.Geom2d import Geom2d_BSplineCurve
+from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
+
+from cqblend.developables.paths import Path
+from cqblend.developables.pieces import Piece
+from cqblend.errors import GeometryError, InputError
+from cqblend.occ import bulk
+from cqblend.occ.convert import to_face
+from cqblend.occ.kinds import downcast
+from cqblend.occ.topology import (
+    BUILDER,
+    CONFUSION,
+    attach,
+    flipped,
+    location_of,
+    make_edge,
+    make_face,
+    make_pole,
+    make_vertex,
+    make_wire,
+)
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
+
+PLANAR = 1e-9
+"""Largest distance of a rail's poles from a plane, relative to its size, for it to count as planar."""
+
+_WHOLE = 1e-12
+"""A loop that leaves out less than this part of a surface's parameters is its natural boundary."""
+
+_SLOWEST = 1e-3
+"""Of a surface's size: what a step across all its parameters counts for at least where it is short in space."""
+
+_FLAT = 1e-8
+"""An arc of less bulge is a segment: its radius would cost more digits than its sagitta has."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trim:
+    """A surface and what is kept of it.
+
+    Attributes
+    ----------
+    surface
+        In space: ruled from w = 0 to w = 1, or a plane.
+    loops
+        Closed chains of runs, the outer one first; a run is a polygon (n + 1, 2), or a curve, in the surface's
+        parameters and becomes one edge. Holes run against the outer loop. Empty if the surface is kept as a whole.
+    outward
+        Whether Su x Sv points to the outer side.
+    """
+
+    surface: Surface
+    loops: tuple[tuple[Array | Curve, ...], ...] = ()
+    outward: bool = True
+
+
+def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
+    """Return strips as B-spline faces, sewn where their borders are closer than a tolerance.
+
+    The curve of an edge is the exact image of its run in the parameter plane.
+
+    Parameters
+    ----------
+    trims
+        One for each strip or planar piece.
+    tolerance
+        Of the sewing, mm. Strips of one face share their rails, and need none; those of different faces are as far
+        apart as both are from their faces.
+
+    Returns
+    -------
+    TopoDS_Shape
+        A shell, or a compound of shells and faces if they do not hang together.
+
+    Raises
+    ------
+    InputError
+        Nothing is given, or the tolerance is not a positive number.
+    GeometryError
+        OCCT finds a face invalid.
+    DegreeError
+        An edge would have a degree above 25.
+    """
+    if not trims:
+        raise InputError("there are no strips to make faces of")
+    if not 0 < tolerance < np.inf:
+        raise InputError(f"the tolerance of sewing is {tolerance:g} mm; it must be positive and finite")
+    sewing = BRepBuilderAPI_Sewing(max(tolerance, CONFUSION))
+    for number, trim in enumerate(trims, start=1):
+        face = _trimmed(trim, number)
+        sewing.Add(face if trim.outward else face.Reversed())
+    sewing.Perform()
+    return downcast(sewing.SewedShape())
+
+
+def planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_Face]:
+    """Return pieces as faces in the plane z = 0, bounded by segments and exact arcs of circles.
+
+    Parameters
+    ----------
+    pieces
+        Their loops become wires, one edge for each segment or arc longer than 1e-7 mm.
+    tabs
+        Whether the tabs, if a piece has any, belong to its face.
+
+    Raises
+    ------
+    GeometryError
+        OCCT finds a face invalid; the message names the piece.
+    """
+    plane = Geom_Plane(gp_Ax3())
+    faces = []
+    for piece in pieces:
+        face = make_face(plane)
+        for path in piece.cuts if tabs else piece.outlines:
+            BUILDER.Add(face, make_wire(_path_edges(path)))
+        faces.append(_checked(face, f"piece {piece.name}"))
+    return faces
+
+
+def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoDS_Face | TopoDS_Wire]:
+    """Return the formers over which strips are assembled (Elber 1995, figure 3b): faces or wires through rails.
+
+    Rails are joined end to end where two of them meet, and only two. A closed chain that lies in a plane bounds a
+    face, which can be cut from board; every other chain is a wire. Rails that are points, and those that come again
+    (the border of two strips), are left out.
+
+    Parameters
+    ----------
+    rails
+        Of dim 3, mm: the borders of strips, or those parts of them that trimming has left.
+    tolerance
+        How close ends have to be to meet, mm.
+    """
+    chains = _chains(_distinct([rail for rail in rails if _extent(rail) > tolerance], tolerance), tolerance)
+    return [_former(chain, tolerance) for chain in chains]
+
+
+def _trimmed(trim: Trim, number: int) -> TopoDS_Face:
+    """Make a face whose edges are images of curves in the parameter plane."""
+    loops = [[_drawn(trim.surface, run) for run in loop] for loop in trim.loops]
+    (u0, u1), (v0, v1) = trim.surface.domain
+    area = _area(np.concatenate([curve(curve.breaks[:-1]) for curve in loops[0]])) if loops else np.inf
+    if len(loops) <= 1 and abs(area) >= (1 - _WHOLE) * (u1 - u0) * (v1 - v0):
+        return to_face(trim.surface)
+    if area < 0:
+        loops = [[curve.reverse() for curve in loop[::-1]] for loop in loops]
+    face = make_face(bulk.surface_from_arrays(*trim.surface.to_bspline()))
+    for loop in loops:
+        BUILDER.Add(face, make_wire(_loop_edges(face, trim.surface, loop)))
+    return _checked(face, f"strip {number}")
+
+
+def _drawn(surface: Surface, run: Array | Curve) -> Curve:
+    """Return a run as a curve; a polygon at about unit speed in space, or straight along a parameter line."""
+    if isinstance(run, Curve):
+        return run
+    low, high = np.array(surface.domain).T
+    points = np.clip(run, low, high)
+    apart = np.abs(np.diff(points, axis=0) / (high - low)).max(axis=1)
+    points, apart = points[np.append(True, apart > 0)], apart[apart > 0]
+    places = surface(points[:, 0], points[:, 1])
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    t = np.append(0.0, np.cumsum(np.maximum(steps, _SLOWEST * _extent(surface) * apart)))
+    if (points == points[0]).all(axis=0).any():
+        t, points = t[[0, -1]], points[[0, -1]]
+    return Curve.from_bspline(1, np.concatenate([t[:1], t, t[-1:]]), points)
+
+
+def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve]) -> list[TopoDS_Edge]:
+    """Make the edge uses of one wire; runs that meet in space from both sides of a closed surface are a seam."""
+    images = [surface.compose(curve) for curve in loop]
+    vertices: list[TopoDS_Vertex] = []
+    edges: dict[int, TopoDS_Edge] = {}
+    for i, (curve, image) in enumerate(zip(loop, images, strict=True)):
+        if i in edges:
+            continue
+        start, stop = (_vertex_at(point, vertices) for point in image(image.domain))
+        pcurve = _plane_curve(curve)
+        if _extent(image) <= CONFUSION:
+            edges[i] = make_pole(face, start, pcurve, curve.domain)
+            continue
+        edges[i] = make_edge(bulk.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain)
+        for j in range(i + 1, len(loop)):
+            back = loop[j].reverse().reparametrized(*curve.domain)
+            if j not in edges and _same_in_space(surface, back, image):
+                edges[j] = flipped(edges[i])
+                attach(edges[i], face, pcurve, _plane_curve(back))
+                break
+        else:
+            attach(edges[i], face, pcurve)
+    return [edges[i] for i in range(len(loop))]
+
+
+def _vertex_at(point: Array, vertices: list[TopoDS_Vertex]) -> TopoDS_Vertex:
+    """Return the vertex at a point, made anew if there is none among those known."""
+    for vertex in vertices:
+        if np.linalg.norm(location_of(vertex) - point) <= CONFUSION:
+            return vertex
+    vertices.append(make_vertex(point))
+    return vertices[-1]
+
+
+def _same_in_space(surface: Surface, curve: Curve, image: Curve) -> bool:
+    """Whether a curve in the parameter plane runs along a curve of space, at the same parameters."""
+    start, stop = image.domain
+    t = start + (stop - start) * np.arange(8) / 7
+    uv = curve(t)
+    return bool(np.abs(surface(uv[:, 0], uv[:, 1]) - image(t)).max() <= CONFUSION)
+
+
+def _plane_curve(curve: Curve) -> Geom2d_BSplineCurve:
+    return bulk.curve2d_from_arrays(*curve.to_bspline())
+
+
+def _path_edges(path: Path) -> list[TopoDS_Edge]:
+    """Return the segments and arcs of a closed path as edges with common vertices."""
+    long = path.lengths > CONFUSION
+    starts, bulges = path.points[:-1][long], path.bulges[long]
+    vertices = [make_vertex(np.append(point, 0.0)) for point in starts]
+    edges = []
+    for i, (start, bulge) in enumerate(zip(starts, bulges, strict=True)):
+        following = (i + 1) % len(starts)
+        curve, extent = _segment(start, starts[following], float(bulge))
+        edges.append(make_edge(curve, (vertices[i], vertices[following]), (0.0, extent)))
+    return edges
+
+
+def _segment(start: Array, stop: Array, bulge: float) -> tuple[Geom_Curve, float]:
+    """Return a line or a circle that starts at parameter 0, and the parameter at which it stops."""
+    chord = stop - start
+    length = float(np.linalg.norm(chord))
+    if abs(bulge) < _FLAT:
+        return Geom_Line(gp_Pnt(*start, 0.0), gp_Dir(*chord, 0.0)), length
+    left = np.array([-chord[1], chord[0]])
+    centre = start + chord / 2 + (1 - bulge**2) / (4 * bulge) * left
+    radius = length * (1 + bulge**2) / (4 * abs(bulge))
+    axes = gp_Ax2(gp_Pnt(*centre, 0.0), gp_Dir(0.0, 0.0, np.sign(bulge)), gp_Dir(*(start - centre), 0.0))
+    return Geom_Circle(axes, radius), 4 * abs(float(np.arctan(bulge)))
+
+
+def _distinct(rails: Iterable[Curve], tolerance: float) -> list[Curve]:
+    """Drop rails that run where another one does, in either sense."""
+    kept: list[Curve] = []
+    places: list[Array] = []
+    for rail in rails:
+        start, stop = rail.domain
+        at = rail(start + (stop - start) * np.arange(5) / 4)
+        if not any(min(np.abs(at - other).max(), np.abs(at[::-1] - other).max()) <= tolerance for other in places):
+            kept.append(rail)
+            places.append(at)
+    return kept
+
+
+def _chains(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
+    """Join rails end to end at every point at which exactly two ends meet; all of a chain run one way."""
+    ends = np.array([rail(rail.domain) for rail in rails]).reshape(-1, 3)  # 2i and 2i + 1 are those of rail i
+    near = np.linalg.norm(ends[:, None] - ends, axis=-1) <= tolerance
+    mate = {i: int(np.flatnonzero(row & (np.arange(len(row)) != i))[0]) for i, row in enumerate(near) if row.sum() == 2}
+    waiting, chains = set(range(len(rails))), []
+    while waiting:
+        # a chain starts at an end that meets nothing; what has no such end is closed
+        at = min((e for e in range(len(ends)) if e // 2 in waiting), key=lambda e: (e in mate, e))
+        chain = []
+        while at // 2 in waiting:
+            waiting.remove(at // 2)
+            chain.append(rails[at // 2] if at % 2 == 0 else rails[at // 2].reverse())
+            if (at ^ 1) not in mate:
+                break
+            at = mate[at ^ 1]
+        chains.append(chain)
+    return chains
+
+
+def _former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_Wire:
+    starts = [make_vertex(curve(curve.domain[0]), tolerance) for curve in chain]
+    end = chain[-1](chain[-1].domain[1])
+    closed = bool(np.linalg.norm(end - location_of(starts[0])) <= tolerance)
+    stops = [*starts[1:], starts[0] if closed else make_vertex(end, tolerance)]
+    wire = make_wire(
+        make_edge(bulk.curve_from_arrays(*curve.to_bspline()), pair, curve.domain, tolerance)
+        for curve, pair in zip(chain, zip(starts, stops, strict=True), strict=True)
+    )
+    wire.Closed(closed)
+    plane = _plane(chain) if closed else None
+    if plane is None:
+        return wire
+    face = make_face(plane)
+    BUILDER.Add(face, wire)
+    return _checked(face, "former")
+
+
+def _plane(chain: Sequence[Curve]) -> Geom_Plane | None:
+    """Return the plane of closed curves, around which they turn to the left; None if they lie in none."""
+    poles = np.concatenate([curve.to_bspline()[2] for curve in chain])
+    middle = poles.mean(axis=0)
+    normal = np.linalg.svd(poles - middle)[2][-1]
+    if np.abs((poles - middle) @ normal).max() > PLANAR * np.ptp(poles, axis=0).max():
+        return None
+    points = np.concatenate([curve(np.linspace(*curve.domain, 65)[:-1]) for curve in chain])
+    turning = np.cross(points - middle, np.roll(points, -1, axis=0) - middle).sum(axis=0) @ normal
+    return Geom_Plane(gp_Pnt(*middle), gp_Dir(*(normal if turning > 0 else -normal)))
+
+
+def _checked(face: TopoDS_Face, name: str) -> TopoDS_Face:
+    if not BRepCheck_Analyzer(face).IsValid():
+        raise GeometryError(f"OCCT finds the face of {name} invalid: does its boundary touch itself?")
+    return face
+
+
+def _extent(spline: Curve | Surface) -> float:
+    """Return the longest side of the box around all poles."""
+    poles = spline.to_bspline()[2]
+    return float(np.ptp(poles.reshape(-1, poles.shape[-1]), axis=0).max())
+
+
+def _area(polygon: Array) -> float:
+    x, y = (polygon - polygon[0]).T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
