@@ -90,8 +90,8 @@ def maxima(surface: Surface) -> Array:
 
     (kappa_n^v)^2 is taken on a grid that is as fine as its degree; from every place of the grid that is larger than its
     neighbours the next maximum is climbed to. A ridge that runs along u, as on a surface of revolution, is one place; a
-    plateau in v is none, and neither is a maximum on a border v = const. On a knot line across which the curvature
-    jumps, the larger limit counts, and the place may be the knot line.
+    plateau in v is none, and neither is a maximum on a border v = const (on u = const it is one: ridges end there). On
+    a knot line across which the curvature jumps, the larger limit counts, and the place may be the knot line.
 
     Examples
     --------
@@ -118,6 +118,7 @@ def maxima(surface: Surface) -> Array:
         for j in (0, 2):
             peak &= values[:, 1:-1] > padded[i : i + len(u), j : j + len(v) - 2] + noise
         peak &= values[:, 1:-1] >= padded[i : i + len(u), 1:-1] - noise
+    peak = _one_of_each_run(peak, values[:, 1:-1])
     at, along = np.nonzero(peak)
     if not len(at):
         return np.empty(0)
@@ -127,6 +128,17 @@ def maxima(surface: Surface) -> Array:
     for knot in knots:
         found[np.abs(found - knot) < _NEAR * (v1 - v0)] = knot
     return found[np.diff(found, prepend=-np.inf) > _NEAR * (v1 - v0)]
+
+
+def _one_of_each_run(peak: Array, values: Array) -> Array:
+    """Keep the largest of neighbours along axis 0: they lie on one ridge."""
+    run = np.cumsum(np.diff(peak, axis=0, prepend=False) & peak, axis=0)
+    kept = np.zeros_like(peak)
+    for j in np.flatnonzero(peak.any(axis=0)):
+        for k in range(1, int(run[-1, j]) + 1):
+            here = np.flatnonzero(peak[:, j] & (run[:, j] == k))
+            kept[here[values[here, j].argmax()], j] = True
+    return kept
 
 
 def _larger(curvature: Surface, u: Array, v: Array) -> Array:
@@ -161,6 +173,6 @@ def _climbed(curvature: Surface, places: Array, step: Array) -> Array:
         best[values.max(axis=0) <= values[0] * (1 + 1e-13)] = 0
         places = around[:, best, np.arange(len(best))]
         size = np.where(best == 0, size / 2, size)
-        if size.max() < 1e-8:
+        if size.max() < 1e-7:
             break
     return np.asarray(places[1])

@@ -154,7 +154,7 @@ def _check(surface: Surface, tolerance: float, direction: str, method: str, leas
     if surface.dim != 3:
         raise InputError(f"only a surface of dim 3 is divided into strips, not of dim {surface.dim}")
     for name, value in (("tolerance", tolerance), ("least_width", least_width)):
-        if value is None:
+        if value is None and name == "least_width":
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
             raise InputError(f"{name}={shown(value)}: it is a number, mm")
@@ -243,6 +243,8 @@ def _divided(
             turned = turned.cut(v=places)
             spans = Spans.of(turned)
         cuts = _fewest(spans, tolerance, way, places, halved, even)
+        if method == "longest" and len(halved) < len(cuts):  # across kinks
+            cuts = _halved(spans, halved)
         if least_width is not None and not even and min(cut.width for cut in cuts) < least_width:
             cuts = _fewest(spans, tolerance, way, places, halved, True)
     if least_width is not None:
