@@ -214,3 +214,23 @@ class Skin:
                 for k, use in enumerate(loop):
                     found[use.edge] += ((i, j, k),)
         return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trim:
+    """A surface and what is kept of it.
+
+    Attributes
+    ----------
+    surface
+        In space: ruled from w = 0 to w = 1, or a plane.
+    loops
+        Closed chains of runs, the outer one first; a run is a polygon (n + 1, 2), or a curve, in the surface's
+        parameters and becomes one edge. Holes run against the outer loop. Empty if the surface is kept as a whole.
+    outward
+        Whether Su x Sv points to the outer side.
+    """
+
+    surface: Surface
+    loops: tuple[tuple[Array | Curve, ...], ...] = ()
+    outward: bool = True

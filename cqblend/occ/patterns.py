@@ -7,7 +7,6 @@ and pieces come about.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
@@ -17,6 +16,7 @@ from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
+from cqblend.developables.patches import Trim
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece
 from cqblend.errors import GeometryError, InputError
@@ -49,26 +49,6 @@ _SLOWEST = 1e-3
 
 _FLAT = 1e-8
 """An arc of less bulge is a segment: its radius would cost more digits than its sagitta has."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Trim:
-    """A surface and what is kept of it.
-
-    Attributes
-    ----------
-    surface
-        In space: ruled from w = 0 to w = 1, or a plane.
-    loops
-        Closed chains of runs, the outer one first; a run is a polygon (n + 1, 2), or a curve, in the surface's
-        parameters and becomes one edge. Holes run against the outer loop. Empty if the surface is kept as a whole.
-    outward
-        Whether Su x Sv points to the outer side.
-    """
-
-    surface: Surface
-    loops: tuple[tuple[Array | Curve, ...], ...] = ()
-    outward: bool = True
 
 
 def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
