@@ -4,6 +4,12 @@ One root, :class:`CqblendError`. Each error also subclasses the builtin a caller
 keeps working. Messages name the thing (edge 14, face 3), the number and the way out.
 """
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cqblend.developables.assembly import Failure
+    from cqblend.patterns import Pattern
+
 
 class CqblendError(Exception):
     """Root of all errors that cqblend raises."""
@@ -35,6 +41,23 @@ class TopologyError(CqblendError, RuntimeError):
 
 class VerificationError(CqblendError, RuntimeError):
     """A result was computed but failed verification, and is withheld."""
+
+
+class UnrollError(CqblendError, RuntimeError):
+    """Some faces could not be unrolled; the message names them.
+
+    Attributes
+    ----------
+    pattern : Pattern or None
+        Of the other faces, None if there are none.
+    failures : tuple of Failure
+        The numbers of the faces that could not be done, and the error of each.
+    """
+
+    def __init__(self, message: str, pattern: "Pattern | None" = None, failures: "tuple[Failure, ...]" = ()) -> None:
+        super().__init__(message)
+        self.pattern = pattern
+        self.failures = failures
 
 
 class UnsupportedError(CqblendError, NotImplementedError):

@@ -85,6 +85,32 @@ def faces_of(things: Any) -> "list[TopoDS_Face]":
     return [face_of(thing, "faces") for thing in things]
 
 
+def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape]]":
+    """Return what is to be unrolled: faces, shells, solids and compounds, in one of those or an iterable of them.
+
+    Of a Workplane, what is on its stack. The first thing is returned, too: `wrapped_like` takes it as a model.
+
+    Raises
+    ------
+    InputError
+        There is none, or something else among them.
+    """
+    if _is_workplane(things):
+        things = things.vals()
+    elif _topods(things) is not None:
+        things = [things]
+    if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
+        raise InputError(f"faces, shells or solids are unrolled, not {_shown(things)}")
+    found = list(things)
+    for thing in found:
+        topods = _topods(thing)
+        if topods is None or kind(topods) in ("wire", "edge", "vertex"):
+            raise InputError(f"faces, shells or solids are unrolled, not {_shown(thing)}")
+    if not found:
+        raise InputError("nothing is selected: select at least one face")
+    return found[0], [to_topods(thing) for thing in found]
+
+
 def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:
     """Return a result as a shape of the library of `model`, a shape that `native_shape` returned.
 

@@ -46,7 +46,9 @@ class ArcLength:
         if not isinstance(curve, Curve):
             raise InputError(f"arc length is that of a Curve, not of {shown(curve)}")
         self.curve = curve
-        self._integral = Integral(self.speed, curve.breaks)
+        # the speed is no better than the rounding of the points: on a pole it is nothing else
+        ends = np.abs(curve(curve.breaks)).max()
+        self._integral = Integral(self.speed, curve.breaks, scale=10 * float(ends))
 
     @property
     def length(self) -> float:

@@ -1,0 +1,103 @@
+"""What a pattern says about itself: the report.
+
+Holds frozen records of numbers that somebody else measured or proved, and prints them. It must not know how.
+"""
+
+from dataclasses import dataclass
+
+from cqblend.developables.assembly import Record, Unrolled
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """How far a pattern is from the shape it was made of. ``print`` it.
+
+    Attributes
+    ----------
+    tolerance : float
+        Asked for, between shape and strips, mm.
+    strips : int
+        Number of pieces, N.
+    elber : int
+        Number of strips that Elber's algorithm 1 takes for the same faces, directions and tolerance; faces that are
+        ruled and developable by nature count once.
+    ideal : float
+        N*, the integral of max_u sqrt(|<n, S_vv>| / (8 tolerance)) dv over the faces: what no division along
+        parameter lines can be far below.
+    deviation : float
+        Largest distance between shape and strips, both ways, mm.
+    certified : bool
+        Whether that is proven for all pieces; strips whose rulings were paired anew are measured.
+    flattening : float
+        Largest distance between a strip in space and its flat piece folded, mm.
+    strain : float
+        Largest change of a length inside a strip, relative; rails and rulings keep theirs. 0 on developable strips.
+    area_change : float
+        Largest change of a strip's area by laying it flat, relative.
+    area : float
+        Of all pieces together, without tabs, mm^2.
+    seams : int
+        Number of seams.
+    seam_mismatch : float
+        Largest difference in length between the two sides of a seam, relative to its length.
+    overlap : float
+        Largest area that a piece covers twice, mm^2; always 0: pieces that cover themselves are cut.
+    pieces : tuple of Record
+        The same of every piece.
+    """
+
+    tolerance: float
+    strips: int
+    elber: int
+    ideal: float
+    deviation: float
+    certified: bool
+    flattening: float
+    strain: float
+    area_change: float
+    area: float
+    seams: int
+    seam_mismatch: float
+    overlap: float
+    pieces: tuple[Record, ...]
+
+    @classmethod
+    def of(cls, unrolled: Unrolled, tolerance: float) -> "Report":
+        """Sum up what is known of the pieces."""
+        records, pieces = unrolled.records, unrolled.pieces
+        return cls(
+            tolerance=tolerance,
+            strips=len(records),
+            elber=unrolled.elber,
+            ideal=unrolled.ideal,
+            deviation=max((one.bound for one in records), default=0.0),
+            certified=all(one.proven for one in records),
+            flattening=max((one.error for one in records), default=0.0),
+            strain=max((one.strain for one in records), default=0.0),
+            area_change=max((abs(one.flat_area / one.area - 1) for one in records if one.area > 0), default=0.0),
+            area=sum(piece.area for piece in pieces.pieces),
+            seams=len(pieces.seams),
+            seam_mismatch=pieces.mismatch(),
+            overlap=0.0,
+            pieces=records,
+        )
+
+    def __str__(self) -> str:
+        kinds: dict[str, int] = {}
+        for record in self.pieces:
+            kinds[record.kind] = kinds.get(record.kind, 0) + 1
+        kind = ", ".join(f"{count} {name}" for name, count in sorted(kinds.items(), key=lambda item: -item[1]))
+        how = "certified" if self.certified else "measured"
+        rows = (
+            ("pieces", f"{self.strips} ({kind}); Elber's algorithm {self.elber}, ideal {self.ideal:.1f}"),
+            (
+                "shape to strips",
+                f"{self.deviation:.3g} mm, {how}; asked {self.tolerance:.3g} mm",
+            ),
+            ("strips to flat", f"{self.flattening:.3g} mm; lengths inside change by {self.strain:.2g} at most"),
+            ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
+            ("seams", f"{self.seams}; lengths of their sides differ by {self.seam_mismatch:.1g} at most"),
+            ("overlap", f"{self.overlap:.3g} mm2"),
+        )
+        width = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
