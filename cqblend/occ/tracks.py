@@ -118,10 +118,14 @@ def _conic(curve: Geom_Conic | Geom2d_Conic, span: tuple[float, float]) -> Track
 
 
 def _spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curve | None:
-    if isinstance(curve, Geom_BezierCurve | Geom_Parabola):
-        curve = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
-    elif isinstance(curve, Geom2d_BezierCurve | Geom2d_Parabola):
-        curve = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
+    if isinstance(curve, Geom_Parabola):
+        curve = Geom_TrimmedCurve(curve, first, last)
+    elif isinstance(curve, Geom2d_Parabola):
+        curve = Geom2d_TrimmedCurve(curve, first, last)
+    if isinstance(curve, Geom_BezierCurve | Geom_TrimmedCurve):
+        curve = GeomConvert.CurveToBSplineCurve_s(curve)
+    elif isinstance(curve, Geom2d_BezierCurve | Geom2d_TrimmedCurve):
+        curve = Geom2dConvert.CurveToBSplineCurve_s(curve)
     if not isinstance(curve, Geom_BSplineCurve | Geom2d_BSplineCurve):
         return None
     start, stop = curve.FirstParameter(), curve.LastParameter()
