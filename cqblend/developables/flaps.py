@@ -97,8 +97,13 @@ def crest(track: Track, start: float, stop: float, slopes: tuple[float, float], 
 
     The slopes are the cotangents of its legs. Where one is negative the flap is wider at its top than at its base.
     """
-    first, last = (slope * abs(height) for slope in slopes)
-    top = track.parallel(start + max(first, 0.0), stop - max(last, 0.0), height)
+    half = (stop - start) / 2
+    reach = [min(max(slope, 0.0) * abs(height), half) for slope in slopes]
+    bends = track.bend(start, start + reach[0]), track.bend(stop - reach[1], stop)
+    first, last = (_lean(slope, abs(height), np.sign(height) * bend) for slope, bend in zip(slopes, bends, strict=True))
+    inwards = max(first, 0.0) + max(last, 0.0)
+    shrink = min(1.0, 1.95 * half / inwards) if inwards > 0 else 1.0  # the base was too short: the legs are steeper
+    top = track.parallel(start + shrink * max(first, 0.0), stop - shrink * max(last, 0.0), height)
     points, bulges = [top.points], [top.bulges]
     ahead = Track(top).directions
     if first < 0:
@@ -108,6 +113,19 @@ def crest(track: Track, start: float, stop: float, slopes: tuple[float, float], 
         points.append(top.points[-1:] - last * ahead[1, -1:])
         bulges.append(np.zeros(1))
     return Path(np.concatenate(points), np.concatenate(bulges))
+
+
+def _lean(slope: float, height: float, bend: float) -> float:
+    """Return how far along its base a leg leans in at a height, so that it is straight where the base is an arc.
+
+    The base bends away from the flap with the curvature `bend`, so that the parallel's radius is 1 / bend + height. The
+    leg meets it at the angle f about the centre, where (1 / bend + height) sin(f) = slope ((1 / bend + height) cos(f) -
+    1 / bend).
+    """
+    if slope <= 0 or abs(bend * height) < 1e-6:
+        return slope * height
+    angle = np.arctan(slope)
+    return float((angle - np.arcsin(np.clip(np.sin(angle) / (1 + bend * height), 0.0, 1.0))) / bend)
 
 
 @dataclass(frozen=True)
@@ -136,6 +154,7 @@ class Site:
     steepest: float
     _tracks: dict[Place, Track] = field(default_factory=dict)
     _regions: dict[int, Any] = field(default_factory=dict)
+    _shapes: dict[tuple[Flap, Zone], Any] = field(default_factory=dict)
 
     @property
     def clearance(self) -> float:
@@ -166,8 +185,13 @@ class Site:
         last = between(own.directions[1, -1], behind.directions[0, 0])
         return float(np.pi - first), float(np.pi - last)
 
-    def shape(self, flap: Flap, zone: Zone) -> Array:
-        """Return the outline (m, 2) of a trimmed flap in a zone, a little inset."""
+    def shape(self, flap: Flap, zone: Zone) -> Any:
+        """Return the polygon of a trimmed flap in a zone, a little inset."""
+        if (flap, zone) not in self._shapes:
+            self._shapes[flap, zone] = shapely.Polygon(self._outline(flap, zone))
+        return self._shapes[flap, zone]
+
+    def _outline(self, flap: Flap, zone: Zone) -> Array:
         track = self.track(zone.place)
         scale = track.length / self.track(self.pieces.seams[flap.seam].sides[flap.side]).length
         start, stop, slopes = flap.start * scale, flap.stop * scale, flap.slopes
@@ -176,10 +200,11 @@ class Site:
         inset = min(self.clearance, 0.1 * CREST * flap.length)
         hand = 1.0 if zone.outside else -1.0
         low, high = (
-            crest(track, start + inset, stop - inset, slopes, hand * height).sampled(self.clearance / 4)
+            crest(track, start + inset, stop - inset, slopes, hand * height)
             for height in (min(inset, flap.height / 2), flap.height)
         )
-        return np.concatenate([low, high[::-1]])
+        edges = [path.sampled(self.clearance / 4) if path.bulges.any() else path.points for path in (low, high)]
+        return np.concatenate([edges[0], edges[1][::-1]])
 
     def smaller(self, flap: Flap) -> list[Flap]:
         """Return what a flap that does not fit is replaced by: shorter ones, a lower one, or nothing."""
@@ -225,7 +250,7 @@ def _alone(site: Site, waiting: list[Flap]) -> dict[Flap, dict[Zone, Any]]:
             if trimmed.height < 0.5 * flap.height and flap.divisible and flap.length >= 1.5 * site.pitch:
                 bad.append(flap)
             elif trimmed.height >= site.least:
-                shapes = {zone: shapely.Polygon(site.shape(trimmed, zone)) for zone in flap.zones}
+                shapes = {zone: site.shape(trimmed, zone) for zone in flap.zones}
                 if all(_fits(site, zone, shape) for zone, shape in shapes.items()):
                     fitting[flap] = shapes
                 else:

@@ -76,6 +76,20 @@ class Track:
         along[:-1] += between(self.directions[1, :-1], self.directions[0, 1:])
         return along
 
+    @cached_property
+    def curved(self) -> bool:
+        """Whether the tangent turns anywhere."""
+        return bool(self.turns.any())
+
+    def bend(self, start: float, stop: float) -> float:
+        """Return the mean curvature between two stations, 1/mm, positive to the left; kinks between them count."""
+        if not self.curved:
+            return 0.0
+        which, part = self.segment(np.array([start, stop]))
+        before = np.concatenate([[0.0], np.cumsum(self.turns)])[which]
+        heading = before + part * 4 * np.arctan(self.path.bulges[which])
+        return float((heading[1] - heading[0]) / (stop - start)) if stop > start else 0.0
+
     def segment(self, station: Array) -> tuple[Array, Array]:
         """Return the segments that hold stations, and the parts (0 to 1) along them."""
         station = np.asarray(station, dtype=np.float64)

@@ -167,28 +167,28 @@ def fitted_tabs(
     site = Site(pieces, width, least, pitch, float(slope), float(1 / np.tan(STEEPEST)))
     flaps = _chosen(site, float(taper)) if style == "one" else settled(site, _wanted(site, style, float(taper)))
     if style == "strips":
-        return _measured(site, flaps, (0,), _with_strips(site, flaps))
-    cut = list(pieces.pieces)
-    for k, piece in enumerate(pieces.pieces):
-        own = [flap for flap in flaps if pieces.seams[flap.seam].sides[flap.side].piece == k]
-        if not own:
-            continue
+        connected, kept = _with_strips(site, flaps)
+        return _measured(site, kept, 1, connected)
+    by_piece: dict[int, list[Flap]] = defaultdict(list)
+    for flap in flaps:
+        by_piece[pieces.seams[flap.seam].sides[flap.side].piece].append(flap)
+    cut, kept = list(pieces.pieces), []
+    for k, own in by_piece.items():
         outlines, scores = _tabbed(site, k, own, flat=style in ("one", "alternating"))
-        if covered_wrongly(outlines):  # as where the piece covers itself without tabs: it gets none
-            flaps = [flap for flap in flaps if flap not in own]
-            continue
-        cut[k] = replace(piece, tabs=outlines, scores=piece.scores + scores)
-    sides = (0, 1) if style in ("both", "allowance") else (0,)
-    return _measured(site, flaps, sides, Pieces(tuple(cut), pieces.seams))
+        if not covered_wrongly(outlines):  # else the piece covers itself without tabs: it is left as it is
+            cut[k] = replace(cut[k], tabs=outlines, scores=cut[k].scores + scores)
+            kept += own
+    sides = 2 if style in ("both", "allowance") else 1
+    return _measured(site, kept, sides, Pieces(tuple(cut), pieces.seams))
 
 
-def _measured(site: Site, flaps: Sequence[Flap], sides: tuple[int, ...], pieces: Pieces) -> Tabs:
-    """Return the record of what fitted; sides: how many of a seam's sides should be full of tabs."""
+def _measured(site: Site, flaps: Sequence[Flap], sides: int, pieces: Pieces) -> Tabs:
+    """Return the record of what fitted; sides: how many sides of a seam should be full of tabs."""
     count = len(pieces.seams)
     covered, heights = np.zeros(count), np.full(count, np.inf)
     for flap in flaps:
         length = site.track(pieces.seams[flap.seam].sides[flap.side]).length
-        covered[flap.seam] += flap.length / length / len(sides)
+        covered[flap.seam] += flap.length / length / sides
         heights[flap.seam] = min(heights[flap.seam], flap.height)
     return Tabs(pieces, covered, np.where(covered > 0, heights, 0.0), site.width)
 
@@ -252,7 +252,10 @@ def _along(site: Site, number: int, side: int, style: Style, taper: float) -> li
         case _:
             zones, limit = (outside, beneath), np.minimum(around, their / 2)
     limit = np.clip(limit, SHALLOWEST, np.pi / 2)
-    count = _teeth(site, seam) if style != "strips" or not _alike(site, seam) else 1
+    count = _teeth(site, seam)
+    if style == "strips" and _alike(site, seam):
+        first, last = site.track(place).path.points[[0, -1]]
+        count = 2 if np.linalg.norm(last - first) < 2 * site.width else 1  # the ends of a ring would touch
     kept = range(count)
     if style == "alternating":
         count = max(count, int(np.ceil(length / site.pitch)), 2)
@@ -391,9 +394,9 @@ def _without_spikes(path: Path) -> Path:
     return Path(np.array([*points, points[0]]), np.array(bulges))
 
 
-def _with_strips(site: Site, flaps: Sequence[Flap]) -> Pieces:
-    """Return the pieces with connecting strips behind them, each named after its seam, its fold scored."""
-    pieces = list(site.pieces.pieces)
+def _with_strips(site: Site, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]:
+    """Return the pieces with connecting strips behind them, named after their seams, and the flaps they are made of."""
+    pieces, kept = list(site.pieces.pieces), []
     names = {piece.name for piece in pieces}
     by_seam: dict[int, list[Flap]] = defaultdict(list)
     for flap in flaps:
@@ -406,14 +409,14 @@ def _with_strips(site: Site, flaps: Sequence[Flap]) -> Pieces:
             name = f"S{seam.label}" + (f".{k + 1}" if len(parts) > 1 else "")
             while name in names:
                 name += "+"
-            names.add(name)
-            line = (
-                track.stretch(flap.start, flap.stop)
-                if alike
-                else Path.straight(np.array([[0.0, 0.0], [flap.length, 0.0]]))
-            )
-            pieces.append(_strip(name, Track(line), flap, _fold(seam.angle)))
-    return Pieces(tuple(pieces), site.pieces.seams)
+            straight = Path.straight(np.array([[0.0, 0.0], [flap.length, 0.0]]))
+            line = track.stretch(flap.start, flap.stop) if alike else straight
+            strip = _strip(name, Track(line), flap, _fold(seam.angle))
+            if not covered_wrongly(strip.outlines):  # as where the seam is a hairpin
+                names.add(name)
+                pieces.append(strip)
+                kept.append(flap)
+    return Pieces(tuple(pieces), site.pieces.seams), kept
 
 
 def _strip(name: str, line: Track, flap: Flap, fold: Fold) -> Piece:
