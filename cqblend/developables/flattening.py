@@ -192,7 +192,7 @@ def flatten(
         nodes=at,
         first=_pairs(first),
         second=_pairs(second),
-        lengths=np.stack([np.diff(length(at)) for length in lengths]),
+        lengths=np.stack([_steps(length, at) for length in lengths]),
         error=error,
         ruling=_relative(np.abs(second - first), rulings),
         strain=float(motion.strain(_within(areas.cells)).max()) if known == "twisted" else 0.0,
@@ -208,6 +208,12 @@ def _distinct(breaks: Array, wanted: Array, slack: float) -> Array:
     new = new[np.abs(new[:, None] - breaks).min(axis=1) > slack]
     new = new[np.diff(new, prepend=-np.inf) > slack]
     return np.sort(np.concatenate([breaks, new]))
+
+
+def _steps(length: ArcLength, nodes: Array) -> Array:
+    """Return arc lengths between nodes; where a rail stands still but for rounding, zero."""
+    steps = np.diff(length(nodes))
+    return np.where(steps > 1e-14 * length.length, steps, 0.0)
 
 
 def _within(breaks: Array) -> Array:
@@ -233,7 +239,7 @@ def _bulges(points: Array, middle: Array, lengths: Array) -> Array:
     """Bulges of arcs of given lengths through points (n, 2), on the side of (n - 1, 2) points between."""
     chord, to_middle = np.diff(points, axis=0), middle - points[:-1]
     left = chord[:, 0] * to_middle[:, 1] - chord[:, 1] * to_middle[:, 0]
-    return -np.sign(left) * bulges(np.linalg.norm(chord, axis=1), lengths)
+    return np.where(lengths > 0, -np.sign(left) * bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
 
 
 # -- lengths kept
@@ -327,7 +333,7 @@ def _sampled(
         off = _off_arcs(smooth, lengths, nodes)
         if off.max() <= tolerance:
             return nodes, float(off.max())
-        nodes = _split(nodes, np.where(off > tolerance, 2, 1), tolerance)
+        nodes = _split(nodes, np.where(off <= tolerance, 1, 2), tolerance)
 
 
 def _triangle_error(both: Curve, nodes: Array, tolerance: float) -> float:
@@ -365,7 +371,7 @@ def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Arra
     worst = np.zeros(len(nodes) - 1)
     for length, points in zip(lengths, smooth.ends(t), strict=True):
         s = length(t)
-        whole = np.diff(s[::4])
+        whole = _steps(length, t[::4])
         part = np.divide(
             (s[:-1] - np.repeat(s[:-1:4], 4)),
             np.repeat(whole, 4),
