@@ -57,10 +57,10 @@ _SLACK = 1e-2
 Tolerant shapes from files need it; what it costs is told by the gap of the edge. Loops are drawn back to the border.
 """
 
-_WITNESSES = np.append(np.linspace(0.0, 1.0, 9), [0.4995, 0.5005])
+_WITNESSES = np.append(np.linspace(0.0, 1.0, 33), [0.4995, 0.5005])
 """Parts of an edge's range at which curves and pcurves are compared; the last two tell its direction in the middle."""
 
-_MIDDLE = 4
+_MIDDLE = 16
 
 
 def read(
@@ -291,8 +291,7 @@ class _Chart:
         """Return a curve in the face's own parameters as one in those of the patch's surface."""
 
         def mapped(t: Array) -> Array:
-            inside = np.clip(pcurve(t) + shift, self.window[:, 0], self.window[:, 1])
-            uv = self.parameters.to_spline(inside)
+            uv = np.clip(self.parameters.to_spline(pcurve(t) + shift), self.window[:, 0], self.window[:, 1])
             return uv[:, ::-1] if self.mirrored else uv
 
         return mapped
