@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.Geom import Geom_Circle, Geom_Curve, Geom_Line, Geom_Plane
 from OCP.Geom2d import Geom2d_BSplineCurve
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
+from OCP.TopAbs import TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
 from cqblend.developables.patches import Trim
@@ -27,6 +29,7 @@ from cqblend.occ.topology import (
     BUILDER,
     CONFUSION,
     attach,
+    explore,
     flipped,
     location_of,
     make_edge,
@@ -87,7 +90,10 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
         face = _trimmed(trim, number)
         sewing.Add(face if trim.outward else face.Reversed())
     sewing.Perform()
-    return downcast(sewing.SewedShape())
+    sewn = downcast(sewing.SewedShape())
+    for shell in explore(sewn, TopAbs_SHELL):
+        shell.Closed(BRep_Tool.IsClosed_s(shell))
+    return sewn
 
 
 def planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_Face]:
