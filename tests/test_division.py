@@ -317,6 +317,14 @@ def test_a_ruled_surface_is_one_strip():
     assert np.abs(strip.fraction(u, v) - v).max() <= 1e-12
 
 
+def test_rails_of_the_same_control_points_and_other_weights_are_not_the_same():
+    poles = np.repeat(np.array([(0, 0, 0), (5, 0, 0), (10, 4, 0)], float)[:, None], 2, axis=1)
+    surface = Surface.from_bspline((2, 1), (BEZIER[2], BEZIER[1]), poles, np.array([[3, 0.4], [2, 4], [0.5, 0.4]]))
+    division = divide(surface, 0.1, direction="v")
+    assert len(division.strips) == 1
+    assert_kept(division, 0.1)
+
+
 @pytest.mark.parametrize("tolerance", [0, -1.0, math.nan, math.inf, "wide", None, True])
 def test_tolerances_are_positive_numbers(tolerance):
     with pytest.raises(InputError, match="tolerance"):

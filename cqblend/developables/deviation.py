@@ -36,6 +36,7 @@ RATIO = 1.01
 """What a bound may be, relative to a deviation that is taken, before it is sharpened further."""
 
 _LEVELS = 9
+_NEGLIGIBLE = 0.01  # of the tolerance: what is not sharpened any more
 _MANY = 1 << 14  # patches
 _INNER = np.arange(1, 12) / 12
 
@@ -171,14 +172,13 @@ class Windows:
     def spanned(self) -> Array:
         """Whether there is a ruled surface between the rails: they are neither both points, nor the same curve."""
         rails = _points(self._rails)
-        small = 1e-9 * self.spans.size
         extents = (rails.max(axis=(0, 3)) - rails.min(axis=(0, 3))).max(axis=1)  # (2, k)
-        apart = np.abs(rails[:, 1] - rails[:, 0]).max(axis=(0, 1, 2))
-        return np.asarray((extents.max(axis=0) > small) & (apart > small))
+        small = 1e-9 * self.spans.size
+        return np.asarray((extents.max(axis=0) > small) & (self.widths() > small))
 
     def widths(self) -> Array:
-        """Length of the longest chord between control points of the rails, (k,)."""
-        rails = _points(self._rails)
+        """Lengths (k,) of the longest of sampled rulings."""
+        rails = _points(np.tensordot(_sampling(len(self.coefs) - 1), self._rails, (0, 0)))
         return np.asarray(np.linalg.norm(rails[:, 1] - rails[:, 0], axis=1).max(axis=(0, 1)))
 
     def spacing(self, *, single: bool = False) -> Array:
@@ -266,7 +266,8 @@ class Windows:
         Returns
         -------
         float
-            Not more than `RATIO` times a deviation that is taken, except where that would take too many patches. Above
+            Not more than `RATIO` times a deviation that is taken, except where that is a hundredth of the tolerance or
+            would take too many patches. Above
             the tolerance it need not be a bound: a deviation is taken that is. Infinite if the foot of the
             perpendicular is not proven to move from rail to rail without turning back.
         """
@@ -282,7 +283,7 @@ class Windows:
             if taken + slack > tolerance:
                 return taken + slack
             goal = tolerance - slack if RATIO * taken > tolerance else RATIO * taken
-            unsettled = hull > max(goal, slack)
+            unsettled = hull > max(goal, slack, _NEGLIGIBLE * tolerance)
             closed = max(closed, float(hull[~unsettled].max(initial=0.0)))
             if not unsettled.any():
                 break
@@ -291,6 +292,13 @@ class Windows:
                 break
             patches = _split(patches[..., unsettled], 2, 2)
         return closed + slack
+
+
+@lru_cache(maxsize=64)
+def _sampling(degree: int) -> Array:
+    """Bernstein polynomials (p+1, 2 p+1) at equal steps."""
+    x = np.linspace(0.0, 1.0, 2 * degree + 1)
+    return basis(degree, 1 - x, x)
 
 
 @lru_cache(maxsize=64)
@@ -346,7 +354,8 @@ def _crossed(first: Array, second: Array) -> Array:
 def _differences(patches: Array, separable: bool) -> Array:
     """Return coefficients (r+1, q+1, 3, n) of E, numerators over those of the common denominator.
 
-    The fraction is the fifth component of the patches over the weight, or else that of rows spaced for every patch.
+    The fraction is the fifth component of the patches over the weight, or else that of rows spaced for every patch; or
+    of single control points, where degrees are high anyway.
     """
     points = _points(patches)
     first = points[:, -2:-1]
@@ -356,10 +365,12 @@ def _differences(patches: Array, separable: bool) -> Array:
     if patches.shape[2] == 5:
         fraction = patches[:, :-2, 4:] / weight
     else:
-        square = np.einsum("idn,idn->n", chord, chord)
-        dots = np.einsum("ijdn,idn->jn", relative, chord)
+        dots = np.einsum("ijdn,idn->ijn", relative, chord)
+        square = np.einsum("idn,idn->in", chord, chord)[:, None]
+        if separable:
+            dots, square = dots.sum(axis=0, keepdims=True), square.sum(axis=0, keepdims=True)
         feet = np.divide(dots, square, out=np.zeros_like(dots), where=square > 0)
-        fraction = np.clip(feet, 0.0, 1.0)[None, :, None]
+        fraction = np.clip(feet, 0.0, 1.0)[:, :, None]
     if separable:
         return np.asarray(relative - fraction * chord[:, None])
     rails, w1, w2 = patches[:, -2:], patches[:, -2:-1, 3:4], patches[:, -1:, 3:4]
@@ -397,12 +408,9 @@ class Samples:
     """Sampled deviations of many windows at once, on a grid of u."""
 
     def __init__(self, spans: Spans) -> None:
-        degree, pieces = len(spans.coefs) - 1, len(spans.breaks[0]) - 1
-        x = np.linspace(0.0, 1.0, 2 * degree + 1)
-        values = basis(degree, 1 - x, x)
-        rows = np.tensordot(values, spans.coefs, (0, 0))  # (x, q+1, 4, nu, nv)
-        rows = rows.transpose(1, 2, 3, 0, 4).reshape(*rows.shape[1:3], pieces * len(x), -1)
-        self._coefs = np.ascontiguousarray(np.moveaxis(rows, -1, 0))  # (nv, q+1, 4, u)
+        rows = np.tensordot(_sampling(len(spans.coefs) - 1), spans.coefs, (0, 0))  # (x, q+1, 4, nu, nv)
+        rows = rows.transpose(4, 1, 2, 3, 0)
+        self._coefs = rows.reshape(*rows.shape[:3], -1)  # (nv, q+1, 4, u)
         self._breaks = spans.breaks[1]
 
     def part(self, first: int, last: int) -> "Samples":

@@ -36,7 +36,8 @@ MOST = 10_000
 """Strips of one surface before the tolerance counts as out of reach."""
 
 _SHORTEST = 1e-11  # of the domain: no strip is shorter
-_FINER = 13  # candidates of one refinement
+_FACTORS = np.geomspace(0.5, 2.8, 13)  # of a guess: candidates for a length
+_SHARES = np.linspace(0.0, 1.0, 13)  # of a bracket
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,10 +196,9 @@ def _ideal(surface: Surface, tolerance: float) -> float:
 
 def _refuse_degenerate(surface: Surface) -> None:
     u, v = (np.linspace(b[0], b[-1], 4 * len(b) + 5)[1:-1] for b in surface.breaks)
-    along, across = (surface.grid(u, v, *order) for order in ((1, 0), (0, 1)))
-    normal = np.linalg.norm(np.cross(along, across), axis=-1)
-    speeds = np.linalg.norm(along, axis=-1).max() * np.linalg.norm(across, axis=-1).max()
-    if not normal.max() > 1e-9 * speeds:
+    points, along, across = (surface.grid(u, v, *order) for order in ((0, 0), (1, 0), (0, 1)))
+    area = np.linalg.norm(np.cross(along, across), axis=-1).max() * (u[-1] - u[0]) * (v[-1] - v[0])
+    if not area > 1e-10 * float(np.ptp(points, axis=(0, 1)).max()) ** 2:
         raise GeometryError("the surface is degenerate: it has no area (two opposite sides coincide, or are points)")
 
 
@@ -396,7 +396,7 @@ class _Search:
         rest = end - start
         guess = min(guess, rest)
         while guess > _SHORTEST * rest:
-            lengths = np.unique(np.append(np.minimum(guess * np.geomspace(0.5, 2.8, _FINER), rest), rest))
+            lengths = np.unique(np.append(np.minimum(guess * _FACTORS, rest), rest))
             deviations = self.samples.deviations(start, np.minimum(start + lengths, end))
             passed = np.flatnonzero(deviations <= self.tolerance)
             if len(passed):
@@ -408,7 +408,7 @@ class _Search:
         """Close in on the place between two candidates at which the deviation reaches the tolerance."""
         if last == len(lengths) - 1:
             return float(lengths[last])
-        lengths = np.linspace(lengths[last], lengths[last + 1], _FINER)
+        lengths = lengths[last] + _SHARES * (lengths[last + 1] - lengths[last])
         deviations = self.samples.deviations(start, start + lengths)
         i = int(np.flatnonzero(deviations <= self.tolerance)[-1])
         if i == len(lengths) - 1 or not np.isfinite(deviations[i + 1]):
