@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from cqblend.front import BlendResult, blend_edges, continuity, to_curve, to_edge, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
+    from cqblend.patterns import Pattern, unroll
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
@@ -39,6 +40,7 @@ __all__ = [
     "Curve",
     "Guide",
     "Normalised",
+    "Pattern",
     "Rail",
     "RailRecord",
     "Surface",
@@ -57,6 +59,7 @@ __all__ = [
     "to_edge",
     "to_face",
     "to_surface",
+    "unroll",
     "verify",
     "with_end_speeds",
 ]
@@ -69,6 +72,7 @@ _HOME = {
     "Curve": "splines.curve",
     "Guide": "freeform",
     "Normalised": "splines.unit_length",
+    "Pattern": "patterns",
     "Rail": "blends.rails",
     "Surface": "splines.surface",
     "Verification": "occ.verification",
@@ -84,6 +88,7 @@ _HOME = {
     "to_edge": "front",
     "to_face": "front",
     "to_surface": "front",
+    "unroll": "patterns",
     "verify": "front",
     "with_end_speeds": "splines.retiming",
 }

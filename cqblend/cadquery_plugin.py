@@ -1,7 +1,7 @@
-"""``Workplane.blend``, and its registration on CadQuery.
+"""``Workplane.blend`` and ``Workplane.unroll``, and their registration on CadQuery.
 
-Exists so that blends read like fillets in a chain of CadQuery calls. It must stay importable without CadQuery: CadQuery
-comes to it, through an import hook, and what a blend needs is imported when one is made.
+Exists so that blends and patterns read like fillets in a chain of CadQuery calls. It must stay importable without
+CadQuery: CadQuery comes to it, through an import hook, and what a blend needs is imported when one is made.
 """
 
 from collections.abc import Callable
@@ -13,6 +13,7 @@ from cqblend.request import STEER
 
 if TYPE_CHECKING:
     from cqblend.front import BlendResult
+    from cqblend.patterns import Pattern
 
 
 def blend(
@@ -86,6 +87,65 @@ def blend(
     return self.newObject([result.shape])
 
 
+def unroll(
+    self: Any,
+    tolerance: float,
+    *,
+    method: str = "longest",
+    direction: str = "auto",
+    developable: bool = False,
+    even: bool = False,
+    least_width: float | None = None,
+    flat_tolerance: float | None = None,
+    progress: Callable[[float, str], object] | None = None,
+    report: "Callable[[Pattern], object] | None" = None,
+) -> Any:
+    """Unroll the faces, shells or solids on the stack to planar faces on XY, for a cutter.
+
+    The parameters are those of `cqblend.unroll`.
+
+    Parameters
+    ----------
+    report : callable, optional
+        Is called with the `cqblend.Pattern`: pieces, seams and report; it writes files, too.
+
+    Returns
+    -------
+    Workplane
+        With the flat pieces on its stack, side by side.
+
+    Raises
+    ------
+    CqblendError
+        Whatever `cqblend.unroll` raises.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> can = cadquery.Workplane().circle(3).extrude(4)
+    >>> can.unroll(0.01, report=lambda pattern: print(pattern.report.seams, "seams")).size()
+    3 seams
+    3
+    """
+    from cqblend import patterns
+
+    pattern = patterns.unroll(
+        self,
+        tolerance,
+        method=method,  # type: ignore[arg-type]
+        direction=direction,  # type: ignore[arg-type]
+        developable=developable,
+        even=even,
+        least_width=least_width,
+        flat_tolerance=flat_tolerance,
+        progress=progress,
+    )
+    if report is not None:
+        report(pattern)
+    return self.newObject(pattern.faces())
+
+
 def register(cadquery: ModuleType) -> None:
-    """Give ``cadquery.Workplane`` its blend; one that is there already is overwritten."""
+    """Give ``cadquery.Workplane`` its methods; those that are there already are overwritten."""
     cadquery.Workplane.blend = blend
+    cadquery.Workplane.unroll = unroll

@@ -6,6 +6,7 @@ Holds frozen records of numbers that somebody else measured or proved, and print
 from dataclasses import dataclass
 
 from cqblend.developables.assembly import Record, Unrolled
+from cqblend.developables.carrying import Wishes
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,8 +15,8 @@ class Report:
 
     Attributes
     ----------
-    tolerance : float
-        Asked for, between shape and strips, mm.
+    tolerance, flat : float
+        Asked for, between shape and strips, and between strips and flat pieces, mm.
     strips : int
         Number of pieces, N.
     elber : int
@@ -47,6 +48,7 @@ class Report:
     """
 
     tolerance: float
+    flat: float
     strips: int
     elber: int
     ideal: float
@@ -62,11 +64,12 @@ class Report:
     pieces: tuple[Record, ...]
 
     @classmethod
-    def of(cls, unrolled: Unrolled, tolerance: float) -> "Report":
+    def of(cls, unrolled: Unrolled, wishes: Wishes) -> "Report":
         """Sum up what is known of the pieces."""
         records, pieces = unrolled.records, unrolled.pieces
         return cls(
-            tolerance=tolerance,
+            tolerance=wishes.tolerance,
+            flat=wishes.flat,
             strips=len(records),
             elber=unrolled.elber,
             ideal=unrolled.ideal,

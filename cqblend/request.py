@@ -176,6 +176,13 @@ def pair(name: str, value: object, check: Callable[[str, object], Checked]) -> t
     return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
 
 
+def flag(name: str, value: object) -> bool:
+    """Return a value that is True or False."""
+    if not isinstance(value, bool):
+        raise InputError(f"{name} must be True or False, not {shown(value)}")
+    return value
+
+
 def turn(name: str, value: object) -> float:
     """Return an angle between 0 and a quarter turn, rad."""
     angle = positive(name, value, zero=True)

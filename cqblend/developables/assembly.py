@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.developables.carrying import Draft, Edges, Laid, Laying, Sheet, Wishes, carried
 from cqblend.developables.division import divide
 from cqblend.developables.overlap import overlap
-from cqblend.developables.patches import Patch, Skin
+from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.splines.bernstein import Array
@@ -90,6 +90,19 @@ class Source:
     laying: Laying | None
     upward: bool
     loops: tuple[tuple[Array, ...], ...]
+
+    def trim(self) -> Trim:
+        """Return the piece in space: a ruled surface or a plane, and what is kept of it."""
+        if self.laying is None:
+            return Trim(self.patch.surface, self.loops, self.patch.outward)
+        return Trim(self.laying.ruled(), self.loops, self.upward)
+
+    def fold(self, points: Array) -> Array:
+        """Return where points (.., 2) of the flat piece are in space, (.., 3)."""
+        if self.laying is not None:
+            return self.laying.flat.fold(points)
+        assert self.patch.frame is not None
+        return self.patch.frame.space(points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +184,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
     members: dict[Hashable, list[tuple[Place, Draft]]] = defaultdict(list)
     for i, one in enumerate(laid):
         for j, loop in enumerate(one.loops):
-            for k, draft in enumerate(loop):
+            for k, draft in enumerate(_runs(loop)):
                 members[draft.key].append((Place(i, j, k), draft))
     seams: list[Seam] = []
     numbers: dict[Hashable, int] = {}
@@ -195,10 +208,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         ordinals[id(one.sheet)] += 1
         index = one.sheet.patch.index
         name = f"{index}.{ordinals[id(one.sheet)]}" if counts[id(one.sheet)] > 1 else str(index)
-        loops = [
-            tuple(Run(draft.path(), draft.space, draft.kind, numbers.get(draft.key)) for draft in loop)
-            for loop in one.loops
-        ]
+        loops = [tuple(_run(one, draft, numbers.get(draft.key)) for draft in _runs(loop)) for loop in one.loops]
         piece = Piece(name, tuple(loops))
         pieces.append(piece)
         records.append(_record(one, piece))
@@ -206,19 +216,23 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
     return Unrolled(
         Pieces(tuple(pieces), tuple(seams)),
         tuple(records),
-        tuple(
-            Source(
-                one.sheet.patch,
-                one.laying,
-                one.sheet.upward,
-                tuple(tuple(draft.places for draft in loop) for loop in one.loops),
-            )
-            for one in laid
-        ),
+        tuple(_source(one) for one in laid),
         failures,
         sum(sheet.elber for sheet in sheets),
         sum(sheet.ideal for sheet in sheets),
     )
+
+
+def _run(one: Laid, draft: Draft, seam: int | None) -> Run:
+    path, space = draft.path(), draft.space
+    if draft.kind == "end" and one.laying is not None and len(space) > 2:
+        space = np.concatenate([space[:1], one.laying.flat.fold(path.points[1:-1]), space[-1:]])
+    return Run(path, space, draft.kind, seam)
+
+
+def _runs(loop: Sequence[Draft]) -> list[Draft]:
+    """Return the drafts of a loop that are more than a pole."""
+    return [draft for draft in loop if draft.key is not None]
 
 
 def _agree(drafts: Sequence[Draft]) -> None:
@@ -265,6 +279,11 @@ def _record(one: Laid, piece: Piece) -> Record:
         area=flat.area_space,
         flat_area=flat.area_flat,
     )
+
+
+def _source(one: Laid) -> Source:
+    loops = tuple(tuple(draft.places for draft in loop) for loop in one.loops)
+    return Source(one.sheet.patch, one.laying, one.sheet.upward, loops)
 
 
 def _cut_where_covered(result: Unrolled, laid: Sequence[Laid]) -> bool:

@@ -25,7 +25,7 @@ from cqblend.developables.pieces import RunKind
 from cqblend.developables.ruled import Strip
 from cqblend.developables.sampling import Lines, Samples, sample
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve
+from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
 _STRAIGHT = 1e-13
@@ -98,9 +98,10 @@ class Draft:
 
     Its vertices and points about half-way between them, both flat; the vertices in space, and their parameters on the
     strip or the plane; the lengths that its segments stand for. `rising` tells whether it runs in the sense of its key.
+    A pole has no key.
     """
 
-    key: Hashable
+    key: Hashable | None
     kind: RunKind
     points: Array
     middles: Array
@@ -128,7 +129,17 @@ class Draft:
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
     def path(self) -> Path:
-        """Return the run with each segment bowed to its length, outwards where nothing tells the side."""
+        """Return the run with each segment bowed to its length, outwards where nothing tells the side.
+
+        The end of a strip is straight, and bowed as a whole.
+        """
+        if self.kind == "end":
+            ends, total = self.points[[0, -1]], self.lengths.sum()
+            bow = Path(ends, paths.bulges(np.linalg.norm(np.diff(ends, axis=0), axis=1), total))
+            part = np.append(0.0, np.cumsum(self.lengths)) / total
+            inner = bow.at(np.zeros(len(part) - 2, dtype=int), part[1:-1])
+            angles = np.arctan(bow.bulges) * np.diff(part)
+            return Path(np.concatenate([ends[:1], inner, ends[1:]]), np.tan(angles))
         chord, arm = np.diff(self.points, axis=0), self.middles - self.points[:-1]
         inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         bent = self.lengths - self.chords > _STRAIGHT * self.lengths
@@ -162,6 +173,10 @@ class Laying:
     bound: float
     proven: bool
     flat: Flat
+
+    def ruled(self) -> Surface:
+        """Return the strip as a surface (r, w)."""
+        return replace(self.strip, rails=self.rails).ruled()
 
     def locate(self, t: Array, across: Array) -> tuple[Array, Array]:
         """Return r and the fraction of the ruling of points given by the strip's own parameters.
@@ -206,11 +221,11 @@ class Edges:
             samples = sample(edge, [(use, lines) for use, lines, _ in uses], wishes.flat, sagitta)
             self.samples[number] = samples
             self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
-            if not edge.degenerate:
-                if edge.curve is None:
-                    raise GeometryError(
-                        f"edge {number} has no curve in space, only curves on its faces; export it anew"
-                    )
+            if edge.degenerate:
+                self.lengths[number] = np.zeros(len(samples.t) - 1)
+            elif edge.curve is None:
+                raise GeometryError(f"edge {number} has no curve in space, only curves on its faces; export it anew")
+            else:
                 self.lengths[number] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
 
     def sides(self, patch: Patch) -> list[list[Side]]:
@@ -318,8 +333,7 @@ class _Carrier:
 
     def loop(self, steps: Sequence[Step]) -> list[Draft]:
         """Return the runs of a closed chain of steps, the ends of each made the beginning of the next."""
-        runs = [self._along(list(group)) for group in self._groups(steps)]
-        drafts = [run for run in runs if run is not None]
+        drafts = [self._along(group) for group in self._groups(steps)]
         if not self.sheet.patch.outward:
             drafts = [draft.turned() for draft in reversed(drafts)]
         for draft, after in zip(drafts, [*drafts[1:], drafts[0]], strict=True):
@@ -363,29 +377,28 @@ class _Carrier:
         use, place = self.uses[step.use], step.places[end]
         return place if use.forward else len(self.edges.samples[use.edge].t) - 1 - place
 
-    def _along(self, steps: list[Step]) -> Draft | None:
+    def _along(self, steps: list[Step]) -> Draft:
         return self._on_line(steps[0]) if steps[0].use is None else self._on_edge(steps)
 
-    def _on_edge(self, steps: list[Step]) -> Draft | None:
+    def _on_edge(self, steps: list[Step]) -> Draft:
         assert steps[0].use is not None
         use = self.uses[steps[0].use]
         edge, samples = self.edges.edges[use.edge], self.edges.samples[use.edge]
-        if edge.degenerate:
-            return None
         passed = [self._place(steps[0], 0), *(self._place(step, 1) for step in steps)]
         low, high, rising = min(passed), max(passed), passed[0] < passed[-1]
         window = slice(low, high + 1)
         t, uv = samples.t[window], self.edges.uv[id(use)][window]
         middle = (t[:-1] + t[1:]) / 2
-        space = edge.points(t)
         if self.sheet.patch.frame is not None:
+            space, places = edge.points(t), uv
             points, middles = self.sheet.patch.frame.flat(space), self.sheet.patch.frame.flat(edge.points(middle))
-            places = uv
         else:
             (points, places), (middles, _) = self._flat(uv), self._flat(use.pcurve(middle))
+            space = self._space(places)
         kind: RunKind = "trim" if self._oblique(uv) else "rail" if self._level(uv) else "end"
         lengths = self.edges.lengths[use.edge][low:high]
-        draft = Draft(("edge", use.edge, low, high), kind, points, middles, space, places, lengths, True)
+        key = None if edge.degenerate else ("edge", use.edge, low, high)
+        draft = Draft(key, kind, points, middles, space, places, lengths, True)
         return draft if rising else draft.turned()
 
     def _flat(self, uv: Array) -> tuple[Array, Array]:
@@ -393,6 +406,12 @@ class _Carrier:
         assert self.laying is not None
         r, w = self.laying.locate(*self.sheet.oriented(uv))
         return self.laying.flat(r, w), np.stack([r, w], axis=-1)
+
+    def _space(self, places: Array) -> Array:
+        """Return where points (r, w) of the strip are in space."""
+        assert self.laying is not None
+        first, second = (rail(places[:, 0]) for rail in self.laying.rails)
+        return np.asarray(first + places[:, 1:] * (second - first))
 
     def _oblique(self, uv: Array) -> bool:
         extent = self.sheet.lines().extent
@@ -404,7 +423,7 @@ class _Carrier:
     def _on_line(self, step: Step) -> Draft:
         """Return the run along a rail, or across the strip along a ruling at which it is cut."""
         assert self.laying is not None
-        laying, flat, rails = self.laying, self.laying.flat, self.laying.rails
+        laying, flat = self.laying, self.laying.flat
         axis, index = step.line
         start, stop = step.start[1 - axis], step.stop[1 - axis]
         low, high = min(start, stop), max(start, stop)
@@ -422,6 +441,6 @@ class _Carrier:
             r, w = laying.locate(np.full(2, step.start[axis]), np.array([low, high]))
             middles, lengths = flat(r, w).mean(axis=0)[None], np.zeros(1)
             kind = "cut"
-        space = rails[0](r) * (1 - w[:, None]) + rails[1](r) * w[:, None]
-        draft = Draft(key, kind, flat(r, w), middles, space, np.stack([r, w], axis=-1), lengths, True)
+        places = np.stack([r, w], axis=-1)
+        draft = Draft(key, kind, flat(r, w), middles, self._space(places), places, lengths, True)
         return draft if start < stop else draft.turned()

@@ -330,7 +330,7 @@ def _sampled(
 ) -> tuple[Array, float]:
     """Add nodes until arcs between them are close enough to the flat rails."""
     while True:
-        off = _off_arcs(smooth, lengths, nodes)
+        off = _off_arcs(smooth, lengths, nodes, tolerance)
         if off.max() <= tolerance:
             return nodes, float(off.max())
         nodes = _split(nodes, np.where(off <= tolerance, 1, 2), tolerance)
@@ -363,8 +363,8 @@ def _split(nodes: Array, parts: Array, tolerance: float) -> Array:
     return np.append(nodes[which] + part * np.diff(nodes)[which], nodes[-1])
 
 
-def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array) -> Array:
-    """Distances of the flat rails from arcs of their lengths, (n - 1,); infinite where an arc is no good."""
+def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float) -> Array:
+    """Distances of the flat rails from arcs of their lengths, (n - 1,); infinite where a long arc is no good."""
     inner = np.arange(1, 4) / 4
     t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.append(0.0, inner)
     t = np.append(t.ravel(), nodes[-1])
@@ -383,7 +383,7 @@ def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Arra
         path = Path(corners, _bulges(corners, flat[2::4], whole))
         on_arc = path.at(np.repeat(np.arange(len(worst)), 4), part)
         off = np.linalg.norm(flat[:-1] - on_arc, axis=1).reshape(-1, 4).max(axis=1)
-        worst = np.maximum(worst, np.where(path.chords < 0.9 * whole, np.inf, off))
+        worst = np.maximum(worst, np.where((path.chords < 0.9 * whole) & (whole > tolerance), np.inf, off))
     return worst
 
 

@@ -1,0 +1,313 @@
+"""Patterns for flat stock: ``cqblend.unroll``, and what it returns.
+
+Thin: takes shapes of the caller's library, checks the arguments, has the core divide, flatten and assemble, and gives
+back shapes of the same library, or files. Must not compute anything.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from cqblend.developables import assembly, cutting, files, sheets
+from cqblend.developables.assembly import Unrolled
+from cqblend.developables.carrying import Wishes
+from cqblend.developables.division import Direction, Method
+from cqblend.developables.natural import natural
+from cqblend.developables.pieces import Piece, Pieces, Seam
+from cqblend.developables.tabs import Style, with_tabs
+from cqblend.errors import InputError, UnrollError, shown
+from cqblend.native import skins_of, wrapped_like
+from cqblend.report import Report
+from cqblend.request import choice, flag, positive
+from cqblend.splines.surface import Surface
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from pathlib import Path as File
+
+    from numpy.typing import ArrayLike
+
+    from cqblend.splines.bernstein import Array
+
+FINER = 10.0
+"""By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """Pieces of flat stock that make up a shape when they are rolled and joined.
+
+    Attributes
+    ----------
+    pieces : Pieces
+        The pieces and the seams between them.
+    report : Report
+        How far all this is from the shape. ``print`` it.
+    """
+
+    pieces: Pieces
+    report: Report
+    _unrolled: Unrolled
+    _model: Any
+    _tabs: dict[str, Any] | None = None
+
+    @property
+    def strips(self) -> tuple[Piece, ...]:
+        """The pieces, in the order of the faces and of the strips on each."""
+        return self.pieces.pieces
+
+    @property
+    def seams(self) -> tuple[Seam, ...]:
+        """Which run of which piece is joined to which."""
+        return self.pieces.seams
+
+    def faces(self, *, tabs: bool = False) -> list[Any]:
+        """Return the pieces as planar faces on XY, placed without overlap, in the library of the input.
+
+        Parameters
+        ----------
+        tabs : bool
+            Whether the tabs, if there are any, belong to them.
+        """
+        from cqblend.occ.patterns import planar_faces
+
+        placed = sheets.arrange(self.pieces).pieces
+        return [wrapped_like(self._model, face) for face in planar_faces(placed.pieces, tabs=tabs)]
+
+    def strips_3d(self) -> Any:
+        """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
+        from cqblend.occ.patterns import strips_3d
+
+        trims = [source.trim() for source in self._unrolled.sources]
+        return wrapped_like(self._model, strips_3d(trims, self.report.tolerance))
+
+    def cross_sections(self) -> list[Any]:
+        """Return the formers over which strips are assembled: faces through their planar rails, wires through others.
+
+        As in figure 3 of the paper. Where strips were trimmed, rails are whole.
+        """
+        from cqblend.occ.patterns import sections
+
+        rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
+        return [wrapped_like(self._model, former) for former in sections(rails)]
+
+    def fold(self, strip: int, points: "ArrayLike") -> "Array":
+        """Return where points of a flat piece are in space when it is rolled.
+
+        Parameters
+        ----------
+        strip : int
+            Index of the piece among `strips`, where it lies there.
+        points : array_like
+            (.., 2), mm.
+
+        Returns
+        -------
+        array
+            (.., 3), mm.
+        """
+        import numpy as np
+
+        return self._unrolled.sources[strip].fold(np.asarray(points, dtype=np.float64))
+
+    def with_tabs(
+        self,
+        width: float,
+        *,
+        style: Style = "one",
+        taper: float = 0.7853981633974483,
+        pitch: float | None = None,
+    ) -> "Pattern":
+        """Return the pattern with tabs along its seams, by which pieces are glued, stitched or welded.
+
+        The paper's stubs (section 3, figure 6). Tabs fold to the inner side of the shape, or lie beneath the neighbour;
+        they overlap neither their piece nor each other, and are lower or left out where there is no room.
+
+        Parameters
+        ----------
+        width : float
+            Height of the tabs above the seam, mm.
+        style : {"one", "alternating", "both", "strips", "allowance"}
+            On one side of each seam; teeth by turns on either side; on both sides; separate strips that connect both
+            pieces from below, without the stair that a tab makes; or a seam allowance all along.
+        taper : float
+            Angle between the legs of a tab and its base, rad.
+        pitch : float, optional
+            Length of the teeth that tabs are cut into where a seam is curved, mm.
+        """
+        tabs = {"style": style, "width": width, "taper": taper, "pitch": pitch}
+        return replace(self, pieces=with_tabs(self._unrolled.pieces, **tabs), _tabs=tabs)
+
+    def export(
+        self,
+        path: "str | PathLike[str]",
+        *,
+        sheet: tuple[float, float] | None = None,
+        margin: float = 5.0,
+        gap: float = 3.0,
+        kerf: float = 0.0,
+        labels: float | None = 4.0,
+        fit: float | None = None,
+        page: str | tuple[float, float] | None = "a4",
+        packer: Literal["grid", "spyrrow"] = "grid",
+        seconds: float = 30.0,
+    ) -> "File":
+        """Write the pieces to a file for a cutter, in true size: DXF, SVG, PDF or JSON, by the suffix.
+
+        Outlines are closed loops of lines and arcs, each once, on the layer CUT; fold lines are on SCORE_MOUNTAIN
+        (dashed) and SCORE_VALLEY (dash-dotted), labels on ENGRAVE as single strokes, guides on GUIDE. Both sides of a
+        seam have the same label.
+
+        Parameters
+        ----------
+        path : path
+            Ends with .dxf (R2010, mm), .svg (mm), .pdf (1:1, tiled over pages) or .json (everything there is).
+        sheet : pair of float, optional
+            Width and height of the stock, mm; pieces that are larger are cut, with a labelled seam. None is one sheet
+            as large as it needs to be.
+        margin, gap : float
+            Kept free along the borders of a sheet and between pieces, mm.
+        kerf : float
+            Width of what the cutter takes away, mm; cuts are moved outwards by half of it, and GUIDE has the outlines
+            themselves.
+        labels : float, optional
+            Height of the labels, mm; None writes none.
+        fit : float, optional
+            How far arcs that replace many short segments may be from them, mm; by default a tenth of the flattening's
+            tolerance. 0 keeps all segments.
+        page : {"a4", "a3", "letter", ...} or pair of float, optional
+            Paper of the PDF, tiled with registration crosses; None makes a page of each sheet.
+        packer : {"grid", "spyrrow"}
+            How pieces are placed; spyrrow is an optional extra, ``pip install cqblend[nesting]``.
+        seconds : float
+            Time for spyrrow, for each sheet.
+
+        Returns
+        -------
+        pathlib.Path
+            The file, which replaces what was there only when it is whole.
+
+        Raises
+        ------
+        InputError
+            The suffix is another one, the folder does not exist, or a number makes no sense.
+        SizeError
+            A piece cannot be cut so that it fits the sheet.
+        """
+        target = files.checked_path(path)
+        pieces = (
+            self.pieces
+            if sheet is None
+            else cutting.within(self.pieces, sheets.usable(sheets.checked_size(sheet), margin))
+        )
+        placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
+        return files.export(
+            placed,
+            target,
+            kerf=kerf,
+            fit=self.report.flat / 10 if fit is None else fit,
+            height=labels,
+            page=page,
+            report=asdict(self.report),
+        )
+
+    def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
+        """Return the pieces, cut to the size of a sheet before they get their tabs."""
+        room = 0.0 if self._tabs is None else self._tabs["width"]
+        inner = sheets.usable(sheets.checked_size(sheet), margin + room)
+        bare = cutting.within(self._unrolled.pieces, inner)
+        return bare if self._tabs is None else with_tabs(bare, **self._tabs)
+
+
+def unroll(
+    shape: Any,
+    tolerance: float,
+    *,
+    method: Method = "longest",
+    direction: Direction = "auto",
+    developable: bool = False,
+    even: bool = False,
+    least_width: float | None = None,
+    flat_tolerance: float | None = None,
+    progress: Callable[[float, str], object] | None = None,
+) -> Pattern:
+    """Unroll faces to pieces of flat stock: freeform ones as strips, planes, cylinders and cones in one piece each.
+
+    After Elber, Model fabrication using surface layout projection (1995).
+
+    Parameters
+    ----------
+    shape : a shape, faces, a Workplane, or Surface
+        A solid, shell, compound or face, several of them, a Workplane with those on its stack, or a symbolic surface.
+        Neighbouring faces of one plane become one piece.
+    tolerance : float
+        Largest distance between the shape and the strips, both ways, mm.
+    method : {"longest", "elber", "curvature"}
+        How freeform faces are divided: longest strip first against a certified bound; the paper's algorithm 1 and its
+        triangles; or at the ridges of the normal curvature first (equations 5 to 7).
+    direction : {"auto", "rings", "u", "v"}
+        Parameter that the rulings run along: the one with fewer strips, the one that makes rings of a closed face, or a
+        given one.
+    developable : bool
+        Whether rulings of twisted strips are paired anew, so that the strips are truly developable, wherever such a
+        pairing exists within the tolerance.
+    even : bool
+        Whether the strips of a face share its error evenly, instead of leaving the rest to the last one.
+    least_width : float, optional
+        Mm; narrower strips are refused.
+    flat_tolerance : float, optional
+        Largest distance between strips in space and flat pieces rolled, mm; by default a tenth of `tolerance`.
+    progress : callable, optional
+        Is called with the part of the work done, 0 to 1, and a word on what is next.
+
+    Returns
+    -------
+    Pattern
+        Pieces, seams and report.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type or out of range, or nothing is selected.
+    TopologyError
+        More than two faces meet at an edge.
+    UnrollError
+        Some faces could not be done; it has the pattern of the others.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> pattern = cqblend.unroll(cadquery.Solid.makeCone(3, 1, 4), 0.01)
+    >>> len(pattern.strips), pattern.report.seam_mismatch < 1e-9
+    (3, True)
+    """
+    allowed = positive("tolerance", tolerance)
+    wishes = Wishes(
+        tolerance=allowed,
+        flat=allowed / FINER if flat_tolerance is None else positive("flat_tolerance", flat_tolerance),
+        method=choice("method", method, get_args(Method)),
+        direction=choice("direction", direction, get_args(Direction)),
+        developable=flag("developable", developable),
+        even=flag("even", even),
+        least_width=None if least_width is None else positive("least_width", least_width),
+    )
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress is called with two arguments; {shown(progress)} cannot be")
+    if isinstance(shape, Surface):
+        import cadquery
+
+        model, skin = cadquery.Shape, natural(shape)
+    else:
+        from cqblend.occ.patches import read
+
+        model, parts = skins_of(shape)
+        skin = read(parts)
+    unrolled = assembly.unroll(skin, wishes, progress)
+    pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), unrolled, model)
+    if unrolled.failures:
+        reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
+        some = pattern if pattern.strips else None
+        raise UnrollError(
+            f"{len(unrolled.failures)} of the faces cannot be unrolled: {reasons}", some, unrolled.failures
+        )
+    return pattern
