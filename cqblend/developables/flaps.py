@@ -97,13 +97,8 @@ def crest(track: Track, start: float, stop: float, slopes: tuple[float, float], 
 
     The slopes are the cotangents of its legs. Where one is negative the flap is wider at its top than at its base.
     """
-    half = (stop - start) / 2
-    reach = [min(max(slope, 0.0) * abs(height), half) for slope in slopes]
-    bends = track.bend(start, start + reach[0]), track.bend(stop - reach[1], stop)
-    first, last = (_lean(slope, abs(height), np.sign(height) * bend) for slope, bend in zip(slopes, bends, strict=True))
-    inwards = max(first, 0.0) + max(last, 0.0)
-    shrink = min(1.0, 1.95 * half / inwards) if inwards > 0 else 1.0  # the base was too short: the legs are steeper
-    top = track.parallel(start + shrink * max(first, 0.0), stop - shrink * max(last, 0.0), height)
+    first, last = setbacks(track, np.array(start), np.array(stop), np.array(slopes), np.array(height)).tolist()
+    top = track.parallel(start + max(first, 0.0), stop - max(last, 0.0), height)
     points, bulges = [top.points], [top.bulges]
     ahead = Track(top).directions
     if first < 0:
@@ -115,17 +110,23 @@ def crest(track: Track, start: float, stop: float, slopes: tuple[float, float], 
     return Path(np.concatenate(points), np.concatenate(bulges))
 
 
-def _lean(slope: float, height: float, bend: float) -> float:
-    """Return how far along its base a leg leans in at a height, so that it is straight where the base is an arc.
+def setbacks(track: Track, start: Array, stop: Array, slopes: Array, height: Array) -> Array:
+    """Return how far along their bases the legs of flaps (...) lean in, (..., 2), so that they are straight.
 
-    The base bends away from the flap with the curvature `bend`, so that the parallel's radius is 1 / bend + height. The
-    leg meets it at the angle f about the centre, where (1 / bend + height) sin(f) = slope ((1 / bend + height) cos(f) -
-    1 / bend).
+    Where the base is an arc that bends away from the flap with the curvature k, the parallel's radius is 1 / k + h, and
+    the leg meets it at the angle f about the centre for which (1 / k + h) sin(f) = slope ((1 / k + h) cos(f) - 1 / k).
+    On a base that is too short for both legs they are steeper.
     """
-    if slope <= 0 or abs(bend * height) < 1e-6:
-        return slope * height
-    angle = np.arctan(slope)
-    return float((angle - np.arcsin(np.clip(np.sin(angle) / (1 + bend * height), 0.0, 1.0))) / bend)
+    high, half = np.abs(height)[..., None], (stop - start)[..., None] / 2
+    reach = np.clip(slopes * high, 0.0, half)
+    bend = np.stack([track.bend(start, start + reach[..., 0]), track.bend(stop - reach[..., 1], stop)], axis=-1)
+    bend = bend * np.sign(height)[..., None]
+    arched = (np.abs(bend * high) > 1e-6) & (slopes > 0)
+    angle = np.arctan(slopes)
+    sine = np.sin(angle) / np.maximum(1 + bend * high, 1e-12)
+    lean = np.where(arched, (angle - np.arcsin(np.clip(sine, -1.0, 1.0))) / np.where(arched, bend, 1.0), slopes * high)
+    inwards = np.maximum(lean, 0.0).sum(axis=-1, keepdims=True)
+    return np.where(lean > 0, lean * np.minimum(1.0, 1.95 * half / np.maximum(inwards, 1e-300)), lean)
 
 
 @dataclass(frozen=True)
@@ -153,6 +154,7 @@ class Site:
     slope: float
     steepest: float
     _tracks: dict[Place, Track] = field(default_factory=dict)
+    _marks: dict[Place, tuple[Array, Array, Array]] = field(default_factory=dict)
     _regions: dict[int, Any] = field(default_factory=dict)
     _shapes: dict[tuple[Flap, Zone], Any] = field(default_factory=dict)
 
@@ -166,6 +168,12 @@ class Site:
         if place not in self._tracks:
             self._tracks[place] = Track.of(self.pieces.run(place).path)
         return self._tracks[place]
+
+    def marks(self, place: Place) -> tuple[Array, Array, Array]:
+        """Return the marks of a run, from which the edges of flaps are sampled."""
+        if place not in self._marks:
+            self._marks[place] = self.track(place).marks(self.clearance / 4, self.width)
+        return self._marks[place]
 
     def region(self, piece: int) -> Any:
         """Return the polygon of a piece."""
@@ -185,26 +193,54 @@ class Site:
         last = between(own.directions[1, -1], behind.directions[0, 0])
         return float(np.pi - first), float(np.pi - last)
 
+    def outline(self, flaps: Iterable[Flap]) -> None:
+        """Make the polygons of trimmed flaps in their zones, a little inset, as far as they are not known."""
+        unknown: dict[Place, list[tuple[Flap, Zone]]] = defaultdict(list)
+        for flap in flaps:
+            for zone in flap.zones:
+                if (flap, zone) not in self._shapes:
+                    unknown[zone.place].append((flap, zone))
+        for place, members in unknown.items():
+            self._shapes.update(zip(members, self._polygons(place, members), strict=True))
+
     def shape(self, flap: Flap, zone: Zone) -> Any:
         """Return the polygon of a trimmed flap in a zone, a little inset."""
-        if (flap, zone) not in self._shapes:
-            self._shapes[flap, zone] = shapely.Polygon(self._outline(flap, zone))
         return self._shapes[flap, zone]
 
-    def _outline(self, flap: Flap, zone: Zone) -> Array:
-        track = self.track(zone.place)
-        scale = track.length / self.track(self.pieces.seams[flap.seam].sides[flap.side]).length
-        start, stop, slopes = flap.start * scale, flap.stop * scale, flap.slopes
-        if zone.back:
-            start, stop, slopes = track.length - stop, track.length - start, (slopes[1], slopes[0])
-        inset = min(self.clearance, 0.1 * CREST * flap.length)
-        hand = 1.0 if zone.outside else -1.0
-        low, high = (
-            crest(track, start + inset, stop - inset, slopes, hand * height)
-            for height in (min(inset, flap.height / 2), flap.height)
-        )
-        edges = [path.sampled(self.clearance / 4) if path.bulges.any() else path.points for path in (low, high)]
-        return np.concatenate([edges[0], edges[1][::-1]])
+    def _polygons(self, place: Place, members: list[tuple[Flap, Zone]]) -> Any:
+        """Return the polygons of flaps along one run: their edges sampled within a part of the clearance."""
+        track = self.track(place)
+        lengths = np.array([self.track(self.pieces.seams[flap.seam].sides[flap.side]).length for flap, _ in members])
+        span = np.array([(flap.start, flap.stop) for flap, _ in members]) * (track.length / lengths)[:, None]
+        slopes = np.array([flap.slopes for flap, _ in members])
+        back = np.array([zone.back for _, zone in members])[:, None]
+        span, slopes = np.where(back, track.length - span[:, ::-1], span), np.where(back, slopes[:, ::-1], slopes)
+        height = np.array([flap.height for flap, _ in members])
+        hand = np.array([1.0 if zone.outside else -1.0 for _, zone in members])
+        inset = np.minimum(self.clearance, 0.1 * CREST * (span[:, 1] - span[:, 0]))
+        # the lower and the upper edge of each flap, one after another
+        hands, start, stop = np.repeat(hand, 2), np.repeat(span[:, 0] + inset, 2), np.repeat(span[:, 1] - inset, 2)
+        level = hands * np.stack([np.minimum(inset, height / 2), height], axis=1).ravel()
+        lean = setbacks(track, start, stop, np.repeat(slopes, 2, axis=0), level)
+        first, last = start + np.maximum(lean[:, 0], 0.0), stop - np.maximum(lean[:, 1], 0.0)
+        stations, points, outwards = self.marks(place)
+        # each edge: its first point, the marks inside, its last point; forth below, back above
+        begin, end = np.searchsorted(stations, first, side="right"), np.searchsorted(stations, last, side="left")
+        counts = np.maximum(end - begin, 0) + 2
+        edge = np.repeat(np.arange(len(counts)), counts)
+        along = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+        along = np.where(edge % 2 == 0, along, counts[edge] - 1 - along)
+        mark = np.clip(begin[edge] + along - 1, 0, len(stations) - 1)
+        base, right = points[mark], outwards[mark]
+        for which, station, overhang in (
+            (along == 0, first, np.minimum(lean[:, 0], 0.0)),
+            (along == counts[edge] - 1, last, -np.minimum(lean[:, 1], 0.0)),
+        ):
+            own = edge[which]
+            ahead = track.tangent(station[own])
+            base[which] = track.at(station[own]) + overhang[own, None] * ahead
+            right[which] = np.stack([ahead[:, 1], -ahead[:, 0]], axis=1)
+        return shapely.polygons(shapely.linearrings(base + level[edge, None] * right, indices=edge // 2))
 
     def smaller(self, flap: Flap) -> list[Flap]:
         """Return what a flap that does not fit is replaced by: shorter ones, a lower one, or nothing."""
@@ -244,27 +280,42 @@ def _alone(site: Site, waiting: list[Flap]) -> dict[Flap, dict[Zone, Any]]:
     """Return flaps that fit their pieces, and their polygons in each of their zones."""
     fitting: dict[Flap, dict[Zone, Any]] = {}
     while waiting:
-        bad = []
+        bad, able = [], []
         for flap in waiting:
             trimmed = flap.trimmed()
             if trimmed.height < 0.5 * flap.height and flap.divisible and flap.length >= 1.5 * site.pitch:
                 bad.append(flap)
             elif trimmed.height >= site.least:
-                shapes = {zone: site.shape(trimmed, zone) for zone in flap.zones}
-                if all(_fits(site, zone, shape) for zone, shape in shapes.items()):
-                    fitting[flap] = shapes
-                else:
-                    bad.append(flap)
+                able.append((flap, trimmed))
+        site.outline(trimmed for _, trimmed in able)
+        unfit = _unfit(site, [trimmed for _, trimmed in able])
+        bad += [flap for flap, trimmed in able if trimmed in unfit]
+        fitting |= {
+            flap: {zone: site.shape(trimmed, zone) for zone in flap.zones}
+            for flap, trimmed in able
+            if trimmed not in unfit
+        }
         waiting = [smaller for flap in bad for smaller in site.smaller(flap)]
     return fitting
 
 
-def _fits(site: Site, zone: Zone, shape: Any) -> bool:
-    """Return whether a flap's polygon is sound, and outside its piece or inside the piece that covers it."""
-    if not shape.is_valid:
-        return False
-    piece = site.region(zone.place.piece)
-    return not piece.intersects(shape) if zone.outside else piece.contains(shape)
+def _unfit(site: Site, flaps: list[Flap]) -> set[Flap]:
+    """Return the flaps of which a polygon is not sound, or meets its piece, or is not inside the one that covers it."""
+    zones: dict[tuple[int, bool], list[Flap]] = defaultdict(list)
+    polygons: dict[tuple[int, bool], list[Any]] = defaultdict(list)
+    for flap in flaps:
+        for zone in flap.zones:
+            key = zone.place.piece, zone.outside
+            zones[key].append(flap)
+            polygons[key].append(site.shape(flap, zone))
+    unfit: set[Flap] = set()
+    for (piece, outside), members in zones.items():
+        shapes = np.array(polygons[piece, outside])
+        region = site.region(piece)
+        fits = ~shapely.intersects(region, shapes) if outside else shapely.contains(region, shapes)
+        fits &= shapely.is_valid(shapes)
+        unfit.update(flap for flap, good in zip(members, fits, strict=True) if not good)
+    return unfit
 
 
 def _colliding(fitting: dict[Flap, dict[Zone, Any]]) -> list[Flap]:

@@ -77,18 +77,23 @@ class Track:
         return along
 
     @cached_property
-    def curved(self) -> bool:
-        """Whether the tangent turns anywhere."""
-        return bool(self.turns.any())
+    def _headings(self) -> Array:
+        """Angles by which the tangent has turned at the beginning of each segment, and of an end, (n + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.turns)])
 
-    def bend(self, start: float, stop: float) -> float:
-        """Return the mean curvature between two stations, 1/mm, positive to the left; kinks between them count."""
-        if not self.curved:
-            return 0.0
-        which, part = self.segment(np.array([start, stop]))
-        before = np.concatenate([[0.0], np.cumsum(self.turns)])[which]
-        heading = before + part * 4 * np.arctan(self.path.bulges[which])
-        return float((heading[1] - heading[0]) / (stop - start)) if stop > start else 0.0
+    def bend(self, start: Array | float, stop: Array | float) -> Array:
+        """Return the mean curvature between pairs of stations, 1/mm, positive to the left; kinks between them count."""
+        start, stop = np.broadcast_arrays(np.asarray(start, dtype=np.float64), np.asarray(stop, dtype=np.float64))
+        heading = []
+        for station in (start, stop):
+            which, part = self.segment(station)
+            heading.append(self._headings[which] + part * 4 * np.arctan(self.path.bulges[which]))
+        return np.divide(heading[1] - heading[0], stop - start, out=np.zeros(start.shape), where=stop > start)
+
+    def tangent(self, station: Array | float) -> Array:
+        """Return the unit tangents at stations, (..., 2); at a kink, that behind it."""
+        which, part = self.segment(np.asarray(station))
+        return turned(self.directions[0, which], part * 4 * np.arctan(self.path.bulges[which]))
 
     def segment(self, station: Array) -> tuple[Array, Array]:
         """Return the segments that hold stations, and the parts (0 to 1) along them."""
@@ -123,12 +128,34 @@ class Track:
         straight segments keep their distance.
         """
         stretch = self.stretch(start, stop)
-        ahead, behind = Track(stretch).directions
+        return Path(stretch.points + distance * Track(stretch)._outwards, stretch.bulges)
+
+    @cached_property
+    def _outwards(self) -> Array:
+        """By what the vertices of a parallel at the distance 1 lie beside those of the path, (n + 1, 2)."""
+        ahead, behind = self.directions
         before, after = np.concatenate([ahead[:1], behind]), np.concatenate([ahead, behind[-1:]])
         middle = before + after
         middle = middle / np.maximum(np.linalg.norm(middle, axis=1), 1e-12)[:, None]
-        reach = distance / np.maximum((middle * after).sum(axis=1), SHARPEST)
-        return Path(stretch.points + reach[:, None] * np.stack([middle[:, 1], -middle[:, 0]], axis=1), stretch.bulges)
+        reach = 1 / np.maximum((middle * after).sum(axis=1), SHARPEST)
+        return reach[:, None] * np.stack([middle[:, 1], -middle[:, 0]], axis=1)
+
+    def marks(self, tolerance: float, distance: float) -> tuple[Array, Array, Array]:
+        """Return stations (m,) so close that parallels at most at a distance are sampled within a tolerance.
+
+        With their points (m, 2), and by what the parallel at the distance 1 lies beside them (m, 2). The vertices are
+        among them.
+        """
+        bend = 4 * np.arctan(self.path.bulges)
+        radius = self.path.lengths / np.maximum(np.abs(bend), 1e-300) + distance
+        counts = np.maximum(np.ceil(np.abs(bend) / np.sqrt(8 * tolerance / radius)), 1).astype(int)
+        which = np.repeat(np.arange(len(counts)), counts)
+        part = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
+        stations = np.append(self.stations[which] + part * np.diff(self.stations)[which], self.stations[-1])
+        points = np.concatenate([self.path.at(which, part), self.path.points[-1:]])
+        ahead = turned(self.directions[0, which], part * bend[which])
+        right = np.where((part == 0)[:, None], self._outwards[which], np.stack([ahead[:, 1], -ahead[:, 0]], axis=1))
+        return stations, points, np.concatenate([right, self._outwards[-1:]])
 
 
 def turned(vectors: Array, angle: Array | float) -> Array:
