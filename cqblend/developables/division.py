@@ -36,6 +36,7 @@ MOST = 10_000
 """Strips of one surface before the tolerance counts as out of reach."""
 
 _SHORTEST = 1e-11  # of the domain: no strip is shorter
+_SAMPLED = 0.998  # of the tolerance: what sampled deviations may be, so that bounds are mostly within it at once
 _FACTORS = np.geomspace(0.5, 2.8, 13)  # of a guess: candidates for a length
 _SHARES = np.linspace(0.0, 1.0, 13)  # of a bracket
 
@@ -364,6 +365,7 @@ class _Search:
 
     def __init__(self, spans: Spans, samples: Samples, tolerance: float, way: str) -> None:
         self.spans, self.samples, self.tolerance, self.way = spans, samples, tolerance, way
+        self.target = _SAMPLED * tolerance
 
     def strips(self, guess: float, most: int = MOST) -> list[_Cut]:
         """Return the strips, the first of about a guessed length; none if there would be more than `most`."""
@@ -398,7 +400,7 @@ class _Search:
         while guess > _SHORTEST * rest:
             lengths = np.unique(np.append(np.minimum(guess * _FACTORS, rest), rest))
             deviations = self.samples.deviations(start, np.minimum(start + lengths, end))
-            passed = np.flatnonzero(deviations <= self.tolerance)
+            passed = np.flatnonzero(deviations <= self.target)
             if len(passed):
                 return self._refined(start, lengths, deviations, int(passed[-1]))
             guess /= 4
@@ -410,11 +412,11 @@ class _Search:
             return float(lengths[last])
         lengths = lengths[last] + _SHARES * (lengths[last + 1] - lengths[last])
         deviations = self.samples.deviations(start, start + lengths)
-        i = int(np.flatnonzero(deviations <= self.tolerance)[-1])
+        i = int(np.flatnonzero(deviations <= self.target)[-1])
         if i == len(lengths) - 1 or not np.isfinite(deviations[i + 1]):
             return float(lengths[i])
         roots = np.sqrt(deviations[i : i + 2])  # nearly linear in the length
-        share = (np.sqrt(self.tolerance) - roots[0]) / (roots[1] - roots[0])
+        share = (np.sqrt(self.target) - roots[0]) / (roots[1] - roots[0])
         return float(lengths[i] + min(share, 1.0) * (lengths[i + 1] - lengths[i])) * (1 - 1e-4)
 
     def _proven(self, start: float, end: float) -> _Cut:
