@@ -197,6 +197,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         if len(sides) == 2:
             numbers[key] = len(seams)
             (first, here), (second, there) = sides
+            there.inward = here.kind == there.kind == "end"
             angle = _turn(skin, key, laid[first.piece], laid[second.piece])
             seams.append(Seam(str(len(seams) + 1), (first, second), here.rising != there.rising, angle))
     counts: dict[int, int] = defaultdict(int)
@@ -290,5 +291,6 @@ def _cut_where_covered(result: Unrolled, laid: Sequence[Laid]) -> bool:
     """Mark cuts across strips whose pieces cover themselves, and tell whether there are any."""
     covered = [one for one, piece in zip(laid, result.pieces.pieces, strict=True) if overlap(piece).area > 0]
     for one in covered:
-        one.sheet.cuts.append((one.span[0] + one.span[1]) / 2)
+        one.sheet.cuts.setdefault(one.row, []).append((one.span[0] + one.span[1]) / 2)
+        one.sheet.cuts[one.row].sort()
     return bool(covered)

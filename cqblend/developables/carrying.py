@@ -15,15 +15,15 @@ import numpy as np
 
 from cqblend.developables import cells, paths
 from cqblend.developables.arclength import ArcLength
-from cqblend.developables.cells import Cell, Side, Step
+from cqblend.developables.cells import Cell, Lines, Side, Step
 from cqblend.developables.division import Direction, Method
 from cqblend.developables.flattening import Flat, Layout, flatten
 from cqblend.developables.pairing import pair
-from cqblend.developables.patches import EdgeUse, Patch, Skin
+from cqblend.developables.patches import Patch, Skin
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import RunKind
 from cqblend.developables.ruled import Strip
-from cqblend.developables.sampling import Lines, Samples, sample
+from cqblend.developables.sampling import Samples, Use, sample
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -65,21 +65,21 @@ class Sheet:
     transposed: bool = False
     elber: int = 1
     ideal: float = 1.0
-    cuts: list[float] = field(default_factory=list)
+    cuts: dict[int, list[float]] = field(default_factory=dict)
 
     def lines(self) -> Lines:
         """Return the parameter lines that the patch's loops are cut at."""
-        rows, cuts = np.array([strip.span[1] for strip in self.strips[:-1]]), np.array(sorted(self.cuts))
+        return Lines(self.across, np.array([strip.span[1] for strip in self.strips[:-1]]), self.cuts)
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """How far both parameters reach."""
         (u0, u1), (v0, v1) = self.patch.surface.domain
-        return Lines((rows, cuts) if self.transposed else (cuts, rows), (u1 - u0, v1 - v0))
+        return u1 - u0, v1 - v0
 
     def oriented(self, uv: Array) -> tuple[Array, Array]:
         """Return the parameters along the rails and across them of points (n, 2)."""
         return (uv[:, 1], uv[:, 0]) if self.transposed else (uv[:, 0], uv[:, 1])
-
-    def row(self, cell: Cell) -> int:
-        """Return the index of the strip that a cell belongs to."""
-        return cell.column if self.transposed else cell.row
 
     @property
     def across(self) -> int:
@@ -109,6 +109,7 @@ class Draft:
     places: Array
     lengths: Array
     rising: bool
+    inward: bool = False
 
     def turned(self) -> "Draft":
         """Return the same run backwards."""
@@ -131,11 +132,12 @@ class Draft:
     def path(self) -> Path:
         """Return the run with each segment bowed to its length, outwards where nothing tells the side.
 
-        The end of a strip is straight, and bowed as a whole.
+        The end of a strip is straight, and bowed as a whole; inwards if it is to follow another end.
         """
         if self.kind == "end":
             ends, total = self.points[[0, -1]], self.lengths.sum()
-            bow = Path(ends, paths.bulges(np.linalg.norm(np.diff(ends, axis=0), axis=1), total))
+            sense = -1.0 if self.inward else 1.0
+            bow = Path(ends, sense * paths.bulges(np.linalg.norm(np.diff(ends, axis=0), axis=1), total))
             part = np.append(0.0, np.cumsum(self.lengths)) / total
             inner = bow.at(np.zeros(len(part) - 2, dtype=int), part[1:-1])
             angles = np.arctan(bow.bulges) * np.diff(part)
@@ -207,18 +209,20 @@ class Edges:
 
     def __init__(self, skin: Skin, sheets: Sequence[Sheet], wishes: Wishes) -> None:
         self.edges = skin.edges
-        users: dict[int, list[tuple[EdgeUse, Lines, bool]]] = defaultdict(list)
+        users: dict[int, list[Use]] = defaultdict(list)
+        bent: set[int] = set()
         for sheet in sheets:
-            lines, plane = sheet.lines(), sheet.patch.kind == "plane"
+            lines = sheet.lines()
             for use in (use for loop in sheet.patch.loops for use in loop):
-                users[use.edge].append((use, lines, plane))
+                users[use.edge].append((use, lines, sheet.extent))
+                if sheet.strips:
+                    bent.add(use.edge)
         self.samples: dict[int, Samples] = {}
         self.uv: dict[int, Array] = {}  # by identity of the use
         self.lengths: dict[int, Array] = {}
         for number, uses in users.items():
             edge = skin.edges[number]
-            sagitta = np.inf if all(plane for _, _, plane in uses) else wishes.tolerance / 2
-            samples = sample(edge, [(use, lines) for use, lines, _ in uses], wishes.flat, sagitta)
+            samples = sample(edge, uses, wishes.flat, wishes.tolerance / 2 if number in bent else np.inf)
             self.samples[number] = samples
             self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
             if edge.degenerate:
@@ -288,18 +292,19 @@ def _deviation(strip: Strip, rails: tuple[Curve, Curve], parameters: tuple[Curve
 
 def carried(sheet: Sheet, edges: Edges, wishes: Wishes) -> list[Laid]:
     """Cut a patch's loops into the cells of its strips and carry them to the plane."""
-    lines = sheet.lines().values
+    lines = sheet.lines()
+    values = (lines.values(0), lines.values(1))
     found = cells.cut(edges.sides(sheet.patch), lines)
     breaks: dict[tuple[int, int], set[float]] = defaultdict(set)
     for step in (step for cell in found for loop in cell.loops for step in loop):
         for axis in (0, 1):
             for vertex in (step.start, step.stop):
-                on = np.flatnonzero(lines[axis] == vertex[axis])
+                on = np.flatnonzero(values[axis] == vertex[axis])
                 if len(on):
                     breaks[axis, int(on[0])].add(vertex[1 - axis])
     rows: dict[int, list[Cell]] = defaultdict(list)
     for cell in found:
-        rows[sheet.row(cell)].append(cell)
+        rows[cell.row].append(cell)
     laid = []
     for row, members in sorted(rows.items()):
         steps = [step for cell in members for loop in cell.loops for step in loop]
@@ -414,8 +419,7 @@ class _Carrier:
         return np.asarray(first + places[:, 1:] * (second - first))
 
     def _oblique(self, uv: Array) -> bool:
-        extent = self.sheet.lines().extent
-        return bool((np.ptp(uv, axis=0) > 1e-6 * np.array(extent)).all())
+        return bool((np.ptp(uv, axis=0) > 1e-6 * np.array(self.sheet.extent)).all())
 
     def _level(self, uv: Array) -> bool:
         return bool(np.ptp(uv[:, self.sheet.across]) < np.ptp(uv[:, 1 - self.sheet.across]))

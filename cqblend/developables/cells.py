@@ -6,8 +6,8 @@ points: each side of a cell is known to be a stretch of a loop or of a line, and
 Must not know space, nor what edges mean.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,29 @@ class Side:
 
     use: int
     points: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Parameter lines to cut along.
+
+    Attributes
+    ----------
+    axis
+        The parameter that is constant on the lines between rows.
+    rows
+        Its values, increasing.
+    cuts
+        By row: values of the other parameter, increasing, at which that row is cut across.
+    """
+
+    axis: int
+    rows: Array
+    cuts: Mapping[int, Sequence[float]] = field(default_factory=dict)
+
+    def values(self, axis: int) -> Array:
+        """Return all values at which one parameter is constant on a line, increasing."""
+        return self.rows if axis == self.axis else np.unique([x for row in self.cuts.values() for x in row])
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,19 +79,18 @@ class Cell:
 
     Attributes
     ----------
-    column, row
-        Between which lines u = const and v = const: the i-th is between lines i - 1 and i.
+    row
+        Between which lines: the i-th row is between lines i - 1 and i.
     loops
         The outer boundary, counterclockwise, then holes, clockwise.
     """
 
-    column: int
     row: int
     loops: tuple[tuple[Step, ...], ...]
 
 
-def cut(loops: Sequence[Sequence[Side]], lines: tuple[Array, Array]) -> list[Cell]:
-    """Cut a trimmed domain along lines u = const and v = const.
+def cut(loops: Sequence[Sequence[Side]], lines: Lines) -> list[Cell]:
+    """Cut a trimmed domain along lines of one parameter, and the rows between them along lines of the other.
 
     Parameters
     ----------
@@ -76,7 +98,7 @@ def cut(loops: Sequence[Sequence[Side]], lines: tuple[Array, Array]) -> list[Cel
         Closed chains of sides; the outer one first, each side starts where the one before ends. Where a loop crosses a
         line it has a vertex with exactly that parameter.
     lines
-        The cuts in u and in v, increasing.
+        Where to cut.
 
     Raises
     ------
@@ -86,7 +108,7 @@ def cut(loops: Sequence[Sequence[Side]], lines: tuple[Array, Array]) -> list[Cel
     Examples
     --------
     >>> corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0], [0.0, 2.0], [0.0, 1.0], [0.0, 0.0]])
-    >>> cells = cut([[Side(0, corners)]], (np.empty(0), np.array([1.0])))
+    >>> cells = cut([[Side(0, corners)]], Lines(1, np.array([1.0])))
     >>> [len(cell.loops[0]) for cell in cells]
     [4, 4]
     """
@@ -106,35 +128,32 @@ def cut(loops: Sequence[Sequence[Side]], lines: tuple[Array, Array]) -> list[Cel
     return list(_cells(domain, known, lines))
 
 
-def _cells(
-    domain: shapely.Polygon, known: dict[tuple[Point, Point], tuple[int, int]], lines: tuple[Array, Array]
-) -> Iterator[Cell]:
-    u0, v0, u1, v1 = domain.bounds
-    edges = [
-        [low - (high - low), *values.tolist(), high + (high - low)]
-        for low, high, values in ((u0, u1, lines[0]), (v0, v1, lines[1]))
-    ]
-    least = 1e-13 * (u1 - u0) * (v1 - v0)
-    whole = len(edges[0]) == len(edges[1]) == 2
-    for row, (bottom, top) in enumerate(pairwise(edges[1])):
-        for column, (left, right) in enumerate(pairwise(edges[0])):
-            part = domain if whole else domain.intersection(shapely.box(left, bottom, right, top))
+def _cells(domain: shapely.Polygon, known: dict[tuple[Point, Point], tuple[int, int]], lines: Lines) -> Iterator[Cell]:
+    low, high = np.reshape(domain.bounds, (2, 2))
+    least = 1e-13 * float(np.prod(high - low))
+    reach = (low - (high - low), high + (high - low))
+    axis = lines.axis
+    values = (lines.values(0).tolist(), lines.values(1).tolist())
+    rows = [reach[0][axis], *lines.rows, reach[1][axis]]
+    for row, (bottom, top) in enumerate(pairwise(rows)):
+        columns = [reach[0][1 - axis], *lines.cuts.get(row, ()), reach[1][1 - axis]]
+        for left, right in pairwise(columns):
+            corners = ((left, bottom), (right, top)) if axis == 1 else ((bottom, left), (top, right))
+            whole = len(rows) == len(columns) == 2
+            part = domain if whole else domain.intersection(shapely.box(*corners[0], *corners[1]))
+            borders = [(i, values[i].index(end[i]), end[i]) for end in corners for i in (0, 1) if end[i] in values[i]]
             for polygon in shapely.get_parts(part):
                 if isinstance(polygon, shapely.Polygon) and polygon.area > least:
-                    yield _cell(polygon, column, row, known, lines)
+                    yield Cell(row, tuple(_loops(polygon, known, borders)))
 
 
-def _cell(
+def _loops(
     polygon: shapely.Polygon,
-    column: int,
-    row: int,
     known: dict[tuple[Point, Point], tuple[int, int]],
-    lines: tuple[Array, Array],
-) -> Cell:
+    borders: Sequence[tuple[int, int, float]],
+) -> Iterator[tuple[Step, ...]]:
+    """Tell what each side of a cell is; borders are lines: axis, index, value."""
     oriented = shapely.geometry.polygon.orient(polygon)
-    around = ((0, column - 1), (0, column), (1, row - 1), (1, row))
-    borders = [(axis, i, lines[axis][i]) for axis, i in around if 0 <= i < len(lines[axis])]
-    loops = []
     for ring in (oriented.exterior, *oriented.interiors):
         steps = []
         for start, stop in pairwise(map(tuple, shapely.get_coordinates(ring).tolist())):
@@ -149,5 +168,4 @@ def _cell(
                 if not line:
                     raise GeometryError(f"a trimming loop touches itself between (u, v) = {start} and {stop}")
                 steps.append(Step(start, stop, line=line[0]))
-        loops.append(tuple(steps))
-    return Cell(column, row, tuple(loops))
+        yield tuple(steps)

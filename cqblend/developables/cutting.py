@@ -31,6 +31,9 @@ CLEAR = 1e-6
 OFFSETS = np.array([0.0, *(sign * k * 0.03 for k in range(1, 7) for sign in (1, -1))])
 """Where cuts are tried, relative to the width of the part that is cut off."""
 
+NEAR = 0.1
+"""Cuts nearer than this to the ends of runs are avoided, relative to the side that parts may have: labels need room."""
+
 PARTS = 1000
 """Largest number of parts of one piece."""
 
@@ -111,8 +114,8 @@ def split(pieces: Pieces, index: int, line: Array) -> Pieces:
 def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
     """Return pieces, those cut that do not fit a size whichever way they are turned.
 
-    A piece is cut across the longer side of its least box, into as few parts as may be; near there, where the cut is
-    shortest.
+    A piece is cut across the longer side of its least box, about where that gives the fewest parts; near there, where
+    the cut is short and not close to the ends of seams.
 
     Parameters
     ----------
@@ -138,7 +141,7 @@ def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
         if fitting_turn(points, (width, height)) is not None:
             k += 1
             continue
-        if origin.count(origin[k]) >= PARTS:
+        if origin.count(origin[k]) >= PARTS or piece.area > PARTS * width * height:
             raise SizeError(
                 f"piece {origin[k]} does not fit {width:g} x {height:g} mm in {PARTS} parts: take larger sheets"
             )
@@ -202,7 +205,10 @@ def _shortest(pieces: Pieces, index: int, points: Array, side: float) -> Pieces:
     places = start + width * (1 + OFFSETS)
     feet = places[:, None] * along
     chords = shapely.linestrings(np.stack([feet - reach * across, feet + reach * across], axis=1))
+    corners = np.array([run.path.points[0] for *_, run in piece.runs()])
+    clear = np.abs(places[:, None] - corners @ along).min(axis=1)
     costs = shapely.length(shapely.intersection(shape, chords)) + 0.5 * width * np.abs(OFFSETS)
+    costs += np.maximum(NEAR * side - clear, 0.0)
     failure: CqblendError | None = None
     for k in np.argsort(costs, kind="stable"):
         try:
@@ -329,6 +335,9 @@ def _lettered(stem: str, count: int, taken: set[str]) -> list[str]:
 
 def _divided(run: Run, parts: Array, ends: Sequence[_End | None], line: _Line | None) -> Iterator[_Link]:
     """Yield the stretches of a run between parts of its length, with their ends, and their sides of the line."""
+    if line is None and len(parts) == 2:
+        yield _Link(run, ends[0])
+        return
     if run.path.length == 0:
         yield _Link(run, ends[0], 0 if line is None else line.side(run.path.points[0]))
         return

@@ -32,6 +32,7 @@ MOST = 20_000
 """Segments along a rail at most."""
 
 _CANDIDATES = 3
+_GOLDEN = (np.sqrt(5) - 1) / 2
 _BLOCK = 512
 
 
@@ -63,10 +64,10 @@ class Flat:
         (2, n - 1), mm: of the rails between nodes; arc lengths in space, or chords for ``"elber"``.
     error
         Mm. For developables the distance of the outline, of arcs between nodes, from the exact one. For twisted strips
-        also the distance between the ruled surface and triangles along it, as many as that takes: equation (4), from
-        coefficients, and the twist of each quadrilateral. They need not be between the nodes, because strips of ever
-        narrower triangles have this layout as their limit. For ``"elber"``, whose triangles are between the nodes, the
-        same distance.
+        also the distance between the ruled surface and triangles along it: equation (4), from coefficients, and the
+        twist of each quadrilateral. There are as many triangles as the tolerance takes, up to 20000 along a rail; they
+        need not be between the nodes, because strips of ever narrower triangles have this layout as their limit. For
+        ``"elber"``, whose triangles are between the nodes, the same distance.
     ruling
         Largest error of a ruling's length at a node, relative.
     strain
@@ -280,29 +281,55 @@ class _Smooth:
         found = self._solved(t[index].ravel(), t[index + 1].ravel(), np.tile(points, len(index)), size)
         along, w, off = (f.reshape(index.shape) for f in found)
         best = off.argmin(axis=0), np.arange(len(points))
-        return along[best], w[best]
+        along, w, off = along[best], w[best], off[best]
+        lost = off > 1e-9 * size
+        if lost.any():
+            near = index[0, lost]
+            found = self._solved(*self._parted(t[near], t[near + 1], points[lost]), points[lost], size)
+            better = found[2] < off[lost]
+            along[lost], w[lost] = np.where(better, found[:2], (along[lost], w[lost]))
+        return along, w
+
+    def _parted(self, low: Array, high: Array, points: Array) -> tuple[Array, Array]:
+        """Part intervals with two roots, where rulings on both sides of an edge of regression pass through a point.
+
+        The root at which the miss changes as it does within strips is on one side of its extremum, which golden section
+        finds. Where that is no root either, the interval becomes the extremum, which touches zero at the edge.
+        """
+        sign = np.sign(self._miss(low, points))
+        a, b = low, high
+        for _ in range(45):
+            c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
+            left = sign * self._miss(c, points) < sign * self._miss(d, points)
+            a, b = np.where(left, a, c), np.where(left, d, b)
+        middle = (a + b) / 2
+        crossed = sign * self._miss(middle, points) < 0
+        rising = sign * self.mirror > 0
+        return np.where(crossed & ~rising, low, middle), np.where(crossed & rising, high, middle)
 
     def _solved(self, low: Array, high: Array, points: Array, size: float) -> tuple[Array, Array, Array]:
         """Return t, w, and by how much points are off the strip there."""
         miss_low, miss_high = self._miss(low, points), self._miss(high, points)
+        t, done = high, np.zeros(len(high), dtype=bool)
         for _ in range(60):
             rise = miss_high - miss_low
             new = np.where(
                 rise == 0, (low + high) / 2, high - miss_high * (high - low) / np.where(rise == 0, 1.0, rise)
             )
-            new = np.clip(new, np.minimum(low, high), np.maximum(low, high))
-            miss = self._miss(new, points)
+            t = np.where(done, t, np.clip(new, np.minimum(low, high), np.maximum(low, high)))
+            miss = self._miss(t, points)
             stays = miss * miss_high > 0  # then the root is between low and new
             low, miss_low = np.where(stays, low, high), np.where(stays, miss_low / 2, miss_high)
-            high, miss_high = new, miss
-            if (np.abs(miss) <= 1e-15 * size**2).all():
+            high, miss_high = t, miss
+            done |= np.abs(miss) <= 1e-15 * size**2
+            if done.all():
                 break
-        first, second = self.ends(new)
+        first, second = self.ends(t)
         ruling = second - first
         square = np.abs(ruling) ** 2
         along = ((points - first) * ruling.conj()).real
-        w = np.divide(along, square, out=np.zeros(len(new)), where=square > 0)
-        return new, w, np.abs(points - first - np.clip(w, 0.0, 1.0) * ruling)
+        w = np.divide(along, square, out=np.zeros(len(t)), where=square > 0)
+        return t, w, np.abs(points - first - np.clip(w, 0.0, 1.0) * ruling)
 
     def _miss(self, t: Array, points: Array) -> Array:
         first, second = self.ends(t)
@@ -310,7 +337,7 @@ class _Smooth:
 
 
 def _nearest(points: Array, first: Array, second: Array) -> Array:
-    """Find the intervals between rulings that each point lies in, or is nearest to, (m, 3)."""
+    """Find the intervals between rulings that each point lies in, or is nearest to, best first: (m, 3)."""
     ruling = second - first
     to = points[:, None] - first
     miss = _cross(ruling, to)
@@ -322,7 +349,7 @@ def _nearest(points: Array, first: Array, second: Array) -> Array:
     square = np.abs(there) ** 2
     w = np.divide(((points[:, None] - foot) * there.conj()).real, square, out=np.zeros_like(part), where=square > 0)
     off = np.abs(points[:, None] - foot - np.clip(w, 0.0, 1.0) * there)
-    return np.asarray(np.argpartition(off, _CANDIDATES, axis=1)[:, :_CANDIDATES])
+    return np.asarray(np.argsort(off, axis=1)[:, :_CANDIDATES])
 
 
 def _sampled(
@@ -337,13 +364,14 @@ def _sampled(
 
 
 def _triangle_error(both: Curve, nodes: Array, tolerance: float) -> float:
-    """Distance of a ruled surface from triangles, of which there are as many as it takes."""
+    """Bound the distance of a ruled surface from triangles, of which there are as many as it takes, within limits."""
     while True:
         chord, quad = _chord_deviations(both, nodes), _twists(both, nodes)
         worst = float((chord + quad).max())
-        if worst <= tolerance:
+        parts = _parts(chord, quad, tolerance)
+        if worst <= tolerance or parts.sum() > MOST:
             return worst
-        nodes = _split(nodes, _parts(chord, quad, tolerance), tolerance)
+        nodes = _split(nodes, parts, tolerance)
 
 
 def _parts(chord: Array, quad: Array, tolerance: float) -> Array:

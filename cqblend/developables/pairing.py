@@ -172,12 +172,19 @@ class _Condition:
         return self(r - q / 2, r + q / 2)
 
     def slopes(self, r: Array, q: Array, side: Side) -> tuple[Array, Array]:
-        """Return q' and q'' along a path f = 0."""
-        _, fx, fy, fxx, fxy, fyy = self.jet(r - q / 2, r + q / 2, 3, side)
+        """Return q' and q'' along a path f = 0, next to it on a side."""
+        x, y = (self._snapped(rail, at) for rail, at in zip(self.rails, (r - q / 2, r + q / 2), strict=True))
+        _, fx, fy, fxx, fxy, fyy = self.jet(x, y, 3, side)
         fq = (fy - fx) / 2
         first = -(fx + fy) / fq
         second = -(fxx + 2 * fxy + fyy + (fyy - fxx) * first + (fxx - 2 * fxy + fyy) / 4 * first**2) / fq
         return first, second
+
+    def _snapped(self, rail: Curve, x: Array) -> Array:
+        """Move parameters that are breaks but for rounding to those."""
+        breaks = (rail.breaks - self.start) / self.length
+        nearest = breaks[np.abs(x[:, None] - breaks).argmin(axis=1)]
+        return np.where(np.abs(nearest - x) < _SNAP, nearest, x)
 
     def solved(self, r: Array, q: Array) -> Array:
         """Return the roots q at r next to given ones, by Newton's method."""
@@ -286,9 +293,9 @@ def _composed(rails: Rails, condition: _Condition, r: Array, q: Array, ends: tup
     kinks = _kinks(rails, condition, r, q)
     count = 8
     while True:
-        nodes = np.unique(np.concatenate([np.linspace(r[0], r[-1], count + 1), kinks]))
-        nodes = nodes[np.diff(nodes, prepend=-1.0) > 1e-9]
-        nodes[-1] = r[-1]
+        nodes = np.linspace(r[0], r[-1], count + 1)
+        apart = (np.abs(nodes[1:-1, None] - kinks) > 1e-3 / count).all(axis=1)
+        nodes = np.unique(np.concatenate([nodes[[0, -1]], nodes[1:-1][apart], kinks]))
         middle = condition.solved(nodes, np.interp(nodes, r, q))
         middle[[0, -1]] = q[[0, -1]]
         fit = _hermite(condition, nodes, middle)

@@ -70,11 +70,14 @@ class Track:
         return np.stack([turned(chord, -half), turned(chord, half)])
 
     @cached_property
+    def kinks(self) -> Array:
+        """Angles by which the tangent turns at the inner vertices, (n - 1,)."""
+        return between(self.directions[1, :-1], self.directions[0, 1:])
+
+    @cached_property
     def turns(self) -> Array:
         """Angle by which the tangent turns along each segment and, but for the last, at the vertex behind it, (n,)."""
-        along = 4 * np.arctan(self.path.bulges)
-        along[:-1] += between(self.directions[1, :-1], self.directions[0, 1:])
-        return along
+        return 4 * np.arctan(self.path.bulges) + np.append(self.kinks, 0.0)
 
     @cached_property
     def _headings(self) -> Array:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.developables.cells import Lines
 from cqblend.developables.patches import Edge, EdgeUse, Mapping
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
@@ -17,29 +18,29 @@ from cqblend.splines.bernstein import Array
 SNAP = 1e-9
 """A parameter closer to a line than this part of the lines' extent is on it."""
 
+Use = tuple[EdgeUse, Lines, tuple[float, float]]
+"""A use of an edge, the lines that its patch is cut at, and the extent of the patch's parameters."""
+
 _MOST = 20_000
 _STEEPEST = 0.13
 """Sagitta to chord of a circular arc of 60 degrees."""
 
 
-@dataclass(frozen=True, slots=True)
-class Lines:
-    """Parameter lines that the loops of a patch are cut at: values in u and in v, and the extent of both."""
+def snapped(uv: Array, lines: Lines, extent: tuple[float, float]) -> Array:
+    """Return points (n, 2) of the parameter plane of which those next to a line are put on it exactly.
 
-    values: tuple[Array, Array]
-    extent: tuple[float, float]
-
-    def snapped(self, uv: Array) -> Array:
-        """Return points (n, 2) of which those next to a line are put on it exactly."""
-        result = uv.copy()
-        for axis, (values, extent) in enumerate(zip(self.values, self.extent, strict=True)):
-            if len(values):
-                nearest = values[np.abs(uv[:, axis, None] - values).argmin(axis=1)]
-                result[:, axis] = np.where(np.abs(nearest - uv[:, axis]) <= SNAP * extent, nearest, uv[:, axis])
-        return result
+    Next to it is closer than a billionth of the extent of that parameter.
+    """
+    result = uv.copy()
+    for axis in (0, 1):
+        values = lines.values(axis)
+        if len(values):
+            nearest = values[np.abs(uv[:, axis, None] - values).argmin(axis=1)]
+            result[:, axis] = np.where(np.abs(nearest - uv[:, axis]) <= SNAP * extent[axis], nearest, uv[:, axis])
+    return result
 
 
-def crossings(use: EdgeUse, lines: Lines, t: Array) -> tuple[Array, Array, Array]:
+def crossings(use: EdgeUse, lines: Lines, extent: tuple[float, float], t: Array) -> tuple[Array, Array, Array]:
     """Find where an edge crosses lines of a patch.
 
     Parameters
@@ -52,9 +53,10 @@ def crossings(use: EdgeUse, lines: Lines, t: Array) -> tuple[Array, Array, Array
     t, axis, value
         (k,) each, unsorted: parameters of the edge, and the lines.
     """
-    uv = lines.snapped(use.pcurve(t))
+    uv = snapped(use.pcurve(t), lines, extent)
     found = [(np.empty(0), np.empty(0, dtype=int), np.empty(0))]
-    for axis, values in enumerate(lines.values):
+    for axis in (0, 1):
+        values = lines.values(axis)
         off = np.sign(uv[:, axis, None] - values)
         place, line = np.nonzero((off == 0) & ~(off == 0).all(axis=0))
         found.append((t[place], np.full(len(place), axis), values[line]))
@@ -148,13 +150,13 @@ class Samples:
     uv: tuple[Array, ...]
 
 
-def sample(edge: Edge, uses: Sequence[tuple[EdgeUse, Lines]], tolerance: float, sagitta: float) -> Samples:
+def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) -> Samples:
     """Choose the vertices along an edge.
 
     Parameters
     ----------
     uses
-        Each with the lines of its patch.
+        Each with the lines of its patch, and the extent of its parameters.
     tolerance, sagitta
         See :func:`refined`. Crossings of the two neighbours that are closer together than a thousandth of the tolerance
         are made one.
@@ -168,7 +170,7 @@ def sample(edge: Edge, uses: Sequence[tuple[EdgeUse, Lines]], tolerance: float, 
         t = refined(edge.points, edge.breaks, tolerance, sagitta)
         length = float(np.linalg.norm(np.diff(edge.points(t), axis=0), axis=1).sum())
         window = max(SNAP, 1e-3 * tolerance / max(length, 1e-300)) * (last - first)
-    met = [crossings(use, lines, t) for use, lines in uses]
+    met = [crossings(use, lines, extent, t) for use, lines, extent in uses]
     stops = merged(np.concatenate([at for at, _, _ in met]), window, ends)
     if edge.degenerate:
         t = stops
@@ -176,8 +178,8 @@ def sample(edge: Edge, uses: Sequence[tuple[EdgeUse, Lines]], tolerance: float, 
         between = t[(np.abs(t[:, None] - stops) > window).all(axis=1)]
         t = refined(edge.points, np.sort(np.concatenate([stops, between])), tolerance, sagitta)
     uv = []
-    for (use, lines), (at, axis, value) in zip(uses, met, strict=True):
-        points = lines.snapped(use.pcurve(t))
+    for (use, lines, extent), (at, axis, value) in zip(uses, met, strict=True):
+        points = snapped(use.pcurve(t), lines, extent)
         points[np.abs(t[:, None] - at).argmin(axis=0), axis] = value
         uv.append(points)
     return Samples(t, np.searchsorted(t, stops), tuple(uv))

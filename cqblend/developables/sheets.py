@@ -107,7 +107,7 @@ def arrange(
     Raises
     ------
     InputError
-        If a length is not a number or the margins leave nothing of the sheet.
+        If there are no pieces, a length is not a number, or the margins leave nothing of the sheet.
     SizeError
         If a piece is larger than the sheet, whichever way it is turned.
     InstallationError
@@ -119,6 +119,8 @@ def arrange(
     gap = millimetres("the gap between pieces", gap, zero=True)
     if packer not in ("grid", "spyrrow"):
         raise InputError(f'pieces are packed by "grid" or "spyrrow", not {shown(packer)}')
+    if not pieces.pieces:
+        raise InputError("there are no pieces to be placed")
     shapes = [_Shape(piece) for piece in pieces.pieces]
     if sheet is not None:
         sheet = checked_size(sheet)
@@ -224,8 +226,6 @@ def _packed(
     shapes: Sequence[_Shape], turns: Sequence[float], inner: Size | None, gap: float
 ) -> list[tuple[int, float, Array]]:
     """Return sheet, turn and shift of each shape; shifts are from the lower left corner within the margins."""
-    if not shapes:
-        return []
     flat = np.array([extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)])
     open_ended = inner is None
     if inner is None:

@@ -10,6 +10,7 @@ or files.
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -41,6 +42,9 @@ SHARE = 0.45
 
 MITRE = 2.0
 """A seam allowance is mitred at corners up to this multiple of its width, along the edge."""
+
+KINK = np.radians(20.0)
+"""Where a run turns by more than this at once it has a corner, at which a tab ends and another begins."""
 
 ALIKE = 0.02
 """Curves closer than this to each other, relative to the width of tabs, count as the same, or as straight."""
@@ -231,53 +235,96 @@ def _chosen(site: Site, taper: float) -> list[Flap]:
     return flaps
 
 
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """A stretch of a seam without corners: stations of its first side, and the angles inside either piece at its ends."""
+
+    start: float
+    stop: float
+    inside: tuple[Array, Array]
+    teeth: int
+
+
+def _spans(site: Site, seam: Seam) -> list[_Span]:
+    """Return the stretches of a seam between the corners of either side."""
+    tracks = [site.track(side) for side in seam.sides]
+    length = tracks[0].length
+    corners: dict[float, Array] = {}  # station of the first side: angles inside the two pieces
+    for k, (track, side) in enumerate(zip(tracks, seam.sides, strict=True)):
+        sharp = np.flatnonzero(np.abs(track.kinks) > KINK)
+        ends = site.corners(side)
+        stations = np.array([0.0, *track.stations[sharp + 1], track.length]) * (length / track.length)
+        angles = np.array([ends[0], *(np.pi - track.kinks[sharp]), ends[1]])
+        if k and seam.opposed:
+            stations, angles = length - stations[::-1], angles[::-1]
+        for station, angle in zip(stations.tolist(), angles, strict=True):
+            near = next((known for known in corners if abs(known - station) < 1e-6 * length), station)
+            corners.setdefault(near, np.full(2, np.pi))[k] = angle
+    order = sorted(corners)
+    return [
+        _Span(
+            start,
+            stop,
+            (np.array([corners[start][0], corners[stop][0]]), np.array([corners[start][1], corners[stop][1]])),
+            _teeth(site, seam, start, stop),
+        )
+        for start, stop in pairwise(order)
+    ]
+
+
 def _along(site: Site, number: int, side: int, style: Style, taper: float) -> list[Flap]:
     """Return the flaps of one side of a seam."""
     seam = site.pieces.seams[number]
     place, other = seam.sides[side], seam.sides[1 - side]
     length = site.track(place).length
-    own, their = np.array(site.corners(place)), np.array(site.corners(other)[:: -1 if seam.opposed else 1])
     outside, beneath = Zone(place, True), Zone(other, False, back=seam.opposed)
-    around = SHARE * (2 * np.pi - own)
-    zones: tuple[Zone, ...]
-    match style:
-        case "allowance":
-            mitre = np.maximum(_cot((2 * np.pi - own) / 2), np.where(_joined_corners(site, place), -MITRE, 0.0))
-            ends = (float(mitre[0]), float(mitre[1]))
-            return [Flap(number, side, 0.0, length, ends, ends, site.width, (outside,), divisible=False)]
-        case "both":
-            zones, limit = (outside,), around
-        case "strips":
-            zones, limit = (Zone(place, False), beneath), np.minimum(own, their) / 2
-        case _:
-            zones, limit = (outside, beneath), np.minimum(around, their / 2)
-    limit = np.clip(limit, SHALLOWEST, np.pi / 2)
-    count = _teeth(site, seam)
-    if style == "strips" and _alike(site, seam):
-        first, last = site.track(place).path.points[[0, -1]]
-        count = 2 if np.linalg.norm(last - first) < 2 * site.width else 1  # the ends of a ring would touch
-    kept = range(count)
-    if style == "alternating":
-        count = max(count, int(np.ceil(length / site.pitch)), 2)
-        kept = range(side if side == 0 or not seam.opposed else count % 2, count, 2)
-    cuts = np.linspace(0.0, length, count + 1)
-    slopes, steepest = np.full((count, 2), site.slope), np.full((count, 2), site.steepest)
-    for row, column, end in ((0, 0, 0), (-1, 1, 1)):
-        slopes[row, column] = _cot(min(taper, limit[end]))
-        steepest[row, column] = _cot(limit[end])
-    return [
-        Flap(
-            number,
-            side,
-            float(cuts[k]),
-            float(cuts[k + 1]),
-            (float(slopes[k, 0]), float(slopes[k, 1])),
-            (float(steepest[k, 0]), float(steepest[k, 1])),
-            site.width,
-            zones,
-        )
-        for k in kept
-    ]
+    if style == "allowance":
+        around = (2 * np.pi - np.array(site.corners(place))) / 2
+        mitre = np.maximum(_cot(around), np.where(_joined_corners(site, place), -MITRE, 0.0))
+        ends = (float(mitre[0]), float(mitre[1]))
+        return [Flap(number, side, 0.0, length, ends, ends, site.width, (outside,), divisible=False)]
+    zones = {"both": (outside,), "strips": (Zone(place, False), beneath)}.get(style, (outside, beneath))
+    spans = _spans(site, seam)
+    alike = style == "strips" and len(spans) == 1 and _alike(site, seam)
+    flaps: list[Flap] = []
+    done = 0
+    for span in spans:
+        own, their = span.inside[side], span.inside[1 - side]
+        around = SHARE * (2 * np.pi - own)
+        limit = {"both": around, "strips": np.minimum(own, their) / 2}.get(style, np.minimum(around, their / 2))
+        limit = np.clip(limit, SHALLOWEST, np.pi / 2)
+        count = span.teeth
+        if alike:
+            first, last = site.track(place).path.points[[0, -1]]
+            count = 2 if np.linalg.norm(last - first) < 2 * site.width else 1  # the ends of a ring would touch
+        if style == "alternating":
+            count = max(count, int(np.ceil((span.stop - span.start) / site.pitch - 1e-9)), 3 - len(spans))
+        cuts = np.linspace(span.start, span.stop, count + 1).tolist()
+        slopes, steepest = np.full((count, 2), site.slope), np.full((count, 2), site.steepest)
+        slopes[0, 0], slopes[-1, 1] = _cot(np.minimum(taper, limit))
+        steepest[0, 0], steepest[-1, 1] = _cot(limit)
+        for k in range(count):
+            if style != "alternating" or (done + k) % 2 == side:
+                wanted, least = slopes[k].tolist(), steepest[k].tolist()
+                flaps.append(Flap(number, side, *cuts[k : k + 2], (*wanted,), (*least,), site.width, zones))
+        done += count
+    if side == 0:
+        return flaps
+    scale = length / site.track(other).length
+    return [_seen_from_other(flap, scale, length if seam.opposed else None) for flap in flaps]
+
+
+def _seen_from_other(flap: Flap, scale: float, length: float | None) -> Flap:
+    """Return a flap with its stations on the other side of the seam: scaled, counted back from a length if given."""
+    if length is None:
+        return replace(flap, start=flap.start * scale, stop=flap.stop * scale)
+    return replace(
+        flap,
+        start=length - flap.stop * scale,
+        stop=length - flap.start * scale,
+        slopes=flap.slopes[::-1],
+        steepest=flap.steepest[::-1],
+    )
 
 
 def _cot(angle: Array | float) -> Array:
@@ -291,18 +338,27 @@ def _joined_corners(site: Site, place: Place) -> tuple[bool, bool]:
     return loop[at - 1].seam is not None, loop[(at + 1) % len(loop)].seam is not None
 
 
-def _teeth(site: Site, seam: Seam) -> int:
-    """Return into how many teeth the tabs of a seam are cut: one where it is straight in the plane and in space."""
-    tracks = [site.track(side) for side in seam.sides]
-    length = tracks[0].length
-    turn = max(float(np.abs(track.turns).sum()) for track in tracks)
-    chords = [track.path.points[[0, -1]] for track in tracks] + [site.pieces.run(side).space for side in seam.sides]
+def _teeth(site: Site, seam: Seam, start: float, stop: float) -> int:
+    """Return into how many teeth a tab is cut between two stations: one if straight in the plane and in space."""
+    turn, excess, length = 0.0, 0.0, site.track(seam.sides[0]).length
+    for k, side in enumerate(seam.sides):
+        run, track = site.pieces.run(side), site.track(side)
+        ends = np.array([start, stop]) * (track.length / length)
+        if k and seam.opposed:
+            ends = track.length - ends[::-1]
+        stretch = track.stretch(max(ends[0], 0.0), min(ends[1], track.length))
+        turn = max(turn, float(np.abs(Track(stretch).turns).sum()))
+        stations = np.append(0.0, np.cumsum(run.path.lengths))
+        vertices = np.abs(stations - ends[:, None]).argmin(axis=1)
+        chord = float(np.linalg.norm(np.diff(run.space[vertices], axis=0)))
+        if np.abs(stations[vertices] - ends).max() < 1e-6 * length and np.isfinite(chord):
+            excess = max(excess, stop - start - chord)
     # a bow of height h is longer than its chord by 8 h^2 / 3 chord
-    excess = max(length - float(np.linalg.norm(ends[-1] - ends[0])) for ends in chords if np.isfinite(ends).all())
-    if turn * length / 8 < ALIKE * site.width and np.sqrt(0.375 * length * max(excess, 0.0)) < ALIKE * site.width:
+    straight = max(turn * (stop - start) / 8, np.sqrt(0.375 * (stop - start) * max(excess, 0.0))) < ALIKE * site.width
+    if straight:
         return 1
-    shortest = max(1, int(length / (site.width / 2)))
-    return max(int(np.ceil(length / site.pitch)), min(int(np.ceil(turn / BEND)), shortest))
+    shortest = max(1, int((stop - start) / (site.width / 2)))
+    return max(int(np.ceil((stop - start) / site.pitch - 1e-9)), min(int(np.ceil(turn / BEND)), shortest))
 
 
 def _alike(site: Site, seam: Seam) -> bool:
