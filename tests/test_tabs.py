@@ -312,6 +312,31 @@ def test_a_piece_that_overlaps_itself_gets_no_tabs():
     assert tabs.pieces.pieces[0].tabs is None
 
 
+def plug(size: float = 30.0) -> Pieces:
+    """A square in a square hole, each a single run with corners inside."""
+    square = size / 2 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+    space = np.column_stack([square, np.zeros(5)])
+    inner = Piece("A", ((Run(Path.straight(square), space, "trim", 0),),))
+    border = Run(Path.straight(3 * square), 3 * space, "trim")
+    outer = Piece("B", ((border,), (Run(Path.straight(square[::-1]), space[::-1], "trim", 0),)))
+    return Pieces((inner, outer), (Seam("1", (Place(0, 0, 0), Place(1, 1, 0)), angle=0.0),))
+
+
+def test_a_run_with_corners_has_tabs_that_end_there():
+    pieces = plug()
+    for style in STYLES:
+        tabs = fitted_tabs(pieces, style=style, width=4.0)
+        assert_sound(pieces, tabs.pieces)
+        assert tabs.coverage[0] == pytest.approx(1.0)
+        assert tabs.heights[0] == 4.0
+    one = with_tabs(pieces, width=4.0)
+    assert sum(path.area for path in one.pieces[0].cuts) == pytest.approx(900 + 4 * (30 - 4) * 4, rel=1e-12)
+    assert len(with_tabs(pieces, style="strips", width=4.0).pieces) == 2 + 4
+    plain = with_tabs(pieces, style="allowance", width=4.0)
+    assert [path.area for path in plain.pieces[0].cuts] == pytest.approx([38**2], rel=1e-12)
+    assert plain.pieces[1].cuts[1].area == pytest.approx(-(22**2), rel=1e-12)
+
+
 def test_degenerate_runs_are_passed_over():
     pieces = valley()
     first = pieces.pieces[0]

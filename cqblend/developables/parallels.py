@@ -85,13 +85,16 @@ class Track:
         return np.concatenate([[0.0], np.cumsum(self.turns)])
 
     def bend(self, start: Array | float, stop: Array | float) -> Array:
-        """Return the mean curvature between pairs of stations, 1/mm, positive to the left; kinks between them count."""
+        """Return the mean curvature between pairs of stations, 1/mm, positive to the left; kinks within count."""
         start, stop = np.broadcast_arrays(np.asarray(start, dtype=np.float64), np.asarray(stop, dtype=np.float64))
         heading = []
-        for station in (start, stop):
+        near = 1e-9 * self.length
+        for station in (start + near, stop - near):
             which, part = self.segment(station)
             heading.append(self._headings[which] + part * 4 * np.arctan(self.path.bulges[which]))
-        return np.divide(heading[1] - heading[0], stop - start, out=np.zeros(start.shape), where=stop > start)
+        return np.divide(
+            heading[1] - heading[0], stop - start, out=np.zeros(start.shape), where=stop - start > 4 * near
+        )
 
     def tangent(self, station: Array | float) -> Array:
         """Return the unit tangents at stations, (..., 2); at a kink, that behind it."""

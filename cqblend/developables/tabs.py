@@ -237,7 +237,7 @@ def _chosen(site: Site, taper: float) -> list[Flap]:
 
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """A stretch of a seam without corners: stations of its first side, and the angles inside either piece at its ends."""
+    """A stretch of a seam without corners: stations of the first side, the angles inside either piece at its ends."""
 
     start: float
     stop: float
@@ -305,8 +305,8 @@ def _along(site: Site, number: int, side: int, style: Style, taper: float) -> li
         steepest[0, 0], steepest[-1, 1] = _cot(limit)
         for k in range(count):
             if style != "alternating" or (done + k) % 2 == side:
-                wanted, least = slopes[k].tolist(), steepest[k].tolist()
-                flaps.append(Flap(number, side, *cuts[k : k + 2], (*wanted,), (*least,), site.width, zones))
+                legs = [(float(each[k, 0]), float(each[k, 1])) for each in (slopes, steepest)]
+                flaps.append(Flap(number, side, cuts[k], cuts[k + 1], legs[0], legs[1], site.width, zones))
         done += count
     if side == 0:
         return flaps
