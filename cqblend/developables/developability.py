@@ -9,6 +9,7 @@ References
 G. Elber: Model fabrication using surface layout projection (1995), lemma 1 and equations (1), (2).
 """
 
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -288,9 +289,11 @@ def check_rails(rails: Rails) -> Rails:
         weight = rail.coefs[:, 3] if rail.rational else None
         if weight is not None and weight.min() <= 0:
             raise InputError(f"a rail has the weight coefficient {weight.min():.3g}: they must be positive")
-    return rails
+    first, second = rails
+    return rails if isinstance(rails, tuple) else (first, second)
 
 
+@lru_cache(maxsize=16)
 def together(rails: Rails) -> Curve:
     """Return (C1, C2 - C1) as one curve of dim 6, with the cancellation in the coefficients."""
     both = Curve.stack(rails)
@@ -301,6 +304,7 @@ def together(rails: Rails) -> Curve:
     return Curve(both.breaks, coefs, rational=both.rational, continuity=both.continuity)
 
 
+@lru_cache(maxsize=16)
 def _numerators(rails: Rails) -> tuple[float, Array, Array, Array]:
     """Size; homogeneous C1 and C2 - C1, (p+1, 4, n) each, about the centre of all poles; that centre.
 
