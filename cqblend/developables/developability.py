@@ -293,7 +293,7 @@ def check_rails(rails: Rails) -> Rails:
     return rails if isinstance(rails, tuple) else (first, second)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=1)
 def together(rails: Rails) -> Curve:
     """Return (C1, C2 - C1) as one curve of dim 6, with the cancellation in the coefficients."""
     both = Curve.stack(rails)
@@ -304,7 +304,7 @@ def together(rails: Rails) -> Curve:
     return Curve(both.breaks, coefs, rational=both.rational, continuity=both.continuity)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=1)
 def _numerators(rails: Rails) -> tuple[float, Array, Array, Array]:
     """Size; homogeneous C1 and C2 - C1, (p+1, 4, n) each, about the centre of all poles; that centre.
 
