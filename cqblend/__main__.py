@@ -1,7 +1,8 @@
 """The command line.
 
-Exists so that a STEP file can be blended and measured without a script. Holds the arguments, the exit codes and what is
-printed where: results on stdout, progress and errors on stderr. Starts fast: OCCT is loaded when there is work for it.
+Exists so that a STEP file can be blended, measured and unrolled without a script. Holds the arguments, the exit codes
+and what is printed where: results on stdout, progress and errors on stderr. Starts fast: OCCT is loaded when there is
+work for it.
 """
 
 import argparse
@@ -22,9 +23,11 @@ Command = Callable[[argparse.Namespace], None]
 
 _EPILOG = f"""exit codes:
   {OK}  done
-  {FAILED}  the shape could not be blended or measured; one line on stderr says why
+  {FAILED}  the shape could not be blended, measured or unrolled; one line on stderr says why
   {USAGE}  wrong usage, or a file that is missing, damaged or cannot be written
 """
+
+_DEFAULT = "default: %(default)s"
 
 _PATIENCE = 1.0
 """Seconds after which a step announces itself."""
@@ -57,7 +60,7 @@ def _failed(error: CqblendError, code: int) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cqblend",
-        description="Exactly smooth blends on the edges of STEP solids.",
+        description="Exactly smooth blends on the edges of STEP solids, and patterns of their faces for flat stock.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -71,16 +74,46 @@ def _parser() -> argparse.ArgumentParser:
     size = blend.add_mutually_exclusive_group(required=True)
     size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
     size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
-    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), default="G1", help="default: %(default)s")
-    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help="default: %(default)s")
+    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), default="G1", help=_DEFAULT)
+    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
     continuity.add_argument("input", type=Path, metavar="FILE.step")
     _add_near(continuity, repeatable=False)
 
+    _add_unroll(commands)
+
     demo = _command(commands, "demo", _demo, "blend the Utah teapot: certificate, teapot.step and teapot.png")
     demo.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: the working directory")
     return parser
+
+
+def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    unroll = _command(commands, "unroll", _unroll, "unroll faces to developable strips, and write what is to be cut")
+    unroll.add_argument("input", type=Path, metavar="IN.step")
+    unroll.add_argument(
+        "output", type=Path, metavar="OUT.dxf", help="or .svg, .pdf, .json; replaced only when complete"
+    )
+    unroll.add_argument("--tolerance", type=float, metavar="T", required=True, help="between shape and strips, mm")
+    unroll.add_argument(
+        "--near",
+        type=_point,
+        metavar="X,Y,Z",
+        action="append",
+        help="only the face nearest to this point, mm; may be repeated",
+    )
+    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT)
+    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT)
+    unroll.add_argument(
+        "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
+    )
+    unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
+    unroll.add_argument("--tab-width", type=float, metavar="W", default=6.0, help="mm; default: %(default)g")
+    unroll.add_argument(
+        "--sheet", type=_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
+    )
+    unroll.add_argument("--kerf", type=float, metavar="K", default=0.0, help="of the cutter, mm; default: %(default)g")
+    unroll.add_argument("--strips", type=Path, metavar="OUT.step", help="write the strips in space, too")
 
 
 def _command(
@@ -113,6 +146,14 @@ def _point(text: str) -> tuple[float, float, float]:
     if not all(map(math.isfinite, (x, y, z))):
         raise argparse.ArgumentTypeError(f"the numbers must be finite, not {text!r}")
     return x, y, z
+
+
+def _size(text: str) -> tuple[float, float]:
+    try:
+        width, height = map(float, text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected two numbers WxH, not {text!r}") from None
+    return width, height
 
 
 def _attached(arguments: Sequence[str]) -> list[str]:
@@ -160,6 +201,52 @@ def _continuity(options: argparse.Namespace) -> None:
         measured = continuity(shape, picked.edge)
     print(f"edge {picked.index}, {picked.distance:.3g} mm from the point")
     print(measured)
+
+
+def _unroll(options: argparse.Namespace) -> None:
+    from cqblend.developables.files import checked_path
+    from cqblend.occ.picking import nearest_face
+    from cqblend.occ.step import read_step, write_step
+    from cqblend.patterns import unroll
+
+    checked_path(options.output)
+    with _step(f"reading {options.input}"):
+        shape = read_step(options.input)
+    faces = []
+    for point in options.near or ():
+        picked = nearest_face(shape, point)
+        print(f"face {picked.index}, {picked.distance:.3g} mm from the point")
+        faces.append(picked.face)
+    pattern = unroll(
+        faces or shape,
+        options.tolerance,
+        method=options.method,
+        direction=options.direction,
+        developable=options.developable,
+        progress=_Progress(),
+    )
+    if options.tabs:
+        with _step("adding tabs"):
+            pattern = pattern.with_tabs(options.tab_width, style=options.tabs)
+    with _step(f"placing the pieces and writing {options.output}"):
+        pattern.export(options.output, sheet=options.sheet, kerf=options.kerf)
+    if options.strips:
+        with _step(f"writing {options.strips}"):
+            write_step(pattern.strips_3d(), options.strips)
+    print(pattern.report)
+
+
+class _Progress:
+    """Tells on stderr how far long work has come, once a second at most, and nothing of short work."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def __call__(self, part: float, what: str) -> None:
+        now = time.monotonic()
+        if now - self.last > _PATIENCE:
+            self.last = now
+            print(f"cqblend: {part:4.0%} {what}", file=sys.stderr, flush=True)
 
 
 def _demo(options: argparse.Namespace) -> None:

@@ -5,7 +5,7 @@ back shapes of the same library, or files. Must not compute anything.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from cqblend.developables import assembly, cutting, files, sheets
@@ -14,7 +14,7 @@ from cqblend.developables.carrying import Wishes
 from cqblend.developables.division import Direction, Method
 from cqblend.developables.natural import natural
 from cqblend.developables.pieces import Piece, Pieces, Seam
-from cqblend.developables.tabs import Style, with_tabs
+from cqblend.developables.tabs import Style, Tabs, fitted_tabs, with_tabs
 from cqblend.errors import InputError, UnrollError, shown
 from cqblend.native import skins_of, wrapped_like
 from cqblend.report import Report
@@ -43,13 +43,16 @@ class Pattern:
         The pieces and the seams between them.
     report : Report
         How far all this is from the shape. ``print`` it.
+    tabs : Tabs or None
+        How far the tabs are what was asked for; ``tabs.missing`` and ``tabs.narrowed`` name seams.
     """
 
     pieces: Pieces
     report: Report
+    tabs: Tabs | None
     _unrolled: Unrolled
     _model: Any
-    _tabs: dict[str, Any] | None = None
+    _wanted: dict[str, Any] = field(default_factory=dict)  # of the tabs
 
     @property
     def strips(self) -> tuple[Piece, ...]:
@@ -135,8 +138,9 @@ class Pattern:
         pitch : float, optional
             Length of the teeth that tabs are cut into where a seam is curved, mm.
         """
-        tabs = {"style": style, "width": width, "taper": taper, "pitch": pitch}
-        return replace(self, pieces=with_tabs(self._unrolled.pieces, **tabs), _tabs=tabs)
+        wanted = {"style": style, "width": width, "taper": taper, "pitch": pitch}
+        tabs = fitted_tabs(self._unrolled.pieces, **wanted)
+        return replace(self, pieces=tabs.pieces, tabs=tabs, _wanted=wanted)
 
     def export(
         self,
@@ -213,10 +217,9 @@ class Pattern:
 
     def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
-        room = 0.0 if self._tabs is None else self._tabs["width"]
-        inner = sheets.usable(sheets.checked_size(sheet), margin + room)
+        inner = sheets.usable(sheets.checked_size(sheet), margin + self._wanted.get("width", 0.0))
         bare = cutting.within(self._unrolled.pieces, inner)
-        return bare if self._tabs is None else with_tabs(bare, **self._tabs)
+        return with_tabs(bare, **self._wanted) if self._wanted else bare
 
 
 def unroll(
@@ -303,7 +306,7 @@ def unroll(
         model, parts = skins_of(shape)
         skin = read(parts)
     unrolled = assembly.unroll(skin, wishes, progress)
-    pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), unrolled, model)
+    pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), None, unrolled, model)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
         some = pattern if pattern.strips else None

@@ -1,4 +1,4 @@
-"""From a point in space to the edge that is meant.
+"""From a point in space to the edge or face that is meant.
 
 Exists for the command line, where nobody can click on an edge but everybody can read off coordinates. Must not know
 what the edge is wanted for.
@@ -10,9 +10,9 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
-from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.errors import CqblendError, SelectionError
@@ -31,6 +31,36 @@ class PickedEdge:
     edge: TopoDS_Edge
     index: int
     distance: float
+
+
+@dataclass(frozen=True, slots=True)
+class PickedFace:
+    """A face, its 1-based index in the shape's face map, and its distance from the point it was picked by, mm."""
+
+    face: TopoDS_Face
+    index: int
+    distance: float
+
+
+def nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
+    """Return the face nearest to a point.
+
+    Raises
+    ------
+    SelectionError
+        The shape has no face.
+    """
+    vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
+    index = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, TopAbs_FACE, index)
+    faces = [TopoDS.Face_s(index.FindKey(i)) for i in range(1, index.Extent() + 1)]
+    if not faces:
+        raise SelectionError("the shape has no faces")
+    picked = [
+        PickedFace(face, number, BRepExtrema_DistShapeShape(vertex, face).Value())
+        for number, face in enumerate(faces, 1)
+    ]
+    return min(picked, key=lambda one: one.distance)
 
 
 def nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
