@@ -141,7 +141,7 @@ def _paired(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) -> di
     backward = np.array([_direction(uses[i], 1) for i in incoming])
     ahead = np.array([_direction(uses[i], 0) for i in outgoing])
     turns = np.mod(ahead - backward[:, None], 2 * np.pi)
-    pairs = {}
+    pairs: dict[int, int] = {}
     for flat in np.argsort(turns, axis=None):
         i, j = divmod(int(flat), len(outgoing))
         if incoming[i] not in pairs and outgoing[j] not in pairs.values():

@@ -93,6 +93,15 @@ def read(
         There is no face in it, or a face is not of the whole shape.
     TopologyError
         More than two faces meet at an edge.
+
+    Examples
+    --------
+    >>> import cadquery as cq
+    >>> skin = read(cq.Workplane().cylinder(2.0, 1.0).val().wrapped)
+    >>> [(patch.index, patch.kind, len(patch.loops[0])) for patch in skin.patches]
+    [(1, 'cylinder', 4), (2, 'plane', 1), (3, 'plane', 1)]
+    >>> sorted(edge.faces for edge in skin.edges.values())
+    [(1, 1), (1, 2), (1, 3)]
     """
     shapes = [source] if isinstance(source, TopoDS_Shape) else list(source)
     for shape in shapes:

@@ -110,6 +110,13 @@ def planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_
     ------
     GeometryError
         OCCT finds a face invalid; the message names the piece.
+
+    Examples
+    --------
+    >>> disc = Path(np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]]), np.array([1.0, 1.0]))
+    >>> (face,) = planar_faces([Piece("1", (), (disc,))], tabs=True)
+    >>> face.ShapeType().name
+    'TopAbs_FACE'
     """
     plane = Geom_Plane(gp_Ax3())
     faces = []
@@ -134,6 +141,12 @@ def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoD
         Of dim 3, mm: the borders of strips, or those parts of them that trimming has left.
     tolerance
         How close ends have to be to meet, mm.
+
+    Examples
+    --------
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
+    >>> [former.ShapeType().name for former in sections([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
+    ['TopAbs_FACE']
     """
     chains = _chains(_distinct([rail for rail in rails if _extent(rail) > tolerance], tolerance), tolerance)
     return [_former(chain, tolerance) for chain in chains]
