@@ -148,7 +148,7 @@ def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
         count = len(pieces.pieces)
         pieces = _shortest(pieces, k, points, max(width, height))
         origin[k : k + 1] = [origin[k]] * (1 + len(pieces.pieces) - count)
-    return _renamed(pieces, names, labels)
+    return _renamed(pieces, names, labels) if len(origin) > len(names) else pieces
 
 
 def _renamed(pieces: Pieces, names: set[str], labels: set[str]) -> Pieces:

@@ -32,8 +32,8 @@ CELLS = 500
 FINE = 1e-3
 """Arcs are replaced by polygons within this tolerance to see whether pieces overlap, mm."""
 
-DENSITY = 0.7
-"""What part of a sheet without given size is expected to be covered."""
+WIDTHS = (0.7, 0.85, 1.0, 1.2)
+"""Widths that are tried of a sheet without given size, relative to the square of the area of all boxes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +129,7 @@ def arrange(
     if packer == "spyrrow":
         placed = nesting.packed([shape.polygon for shape in shapes], turns, inner, gap, seconds)
     else:
-        placed = _packed(shapes, turns, inner, gap)
+        placed = _packed(shapes, turns, inner, gap) if inner else _packed_freely(shapes, turns, gap)
     lower = np.full(2, margin)
     moved = [piece.moved(turn, shift + lower) for piece, (_, turn, shift) in zip(pieces.pieces, placed, strict=True)]
     numbers = tuple(number for number, _, _ in placed)
@@ -222,30 +222,45 @@ def _turn(shape: _Shape, inner: Size | None) -> float:
     return turn
 
 
-def _packed(
-    shapes: Sequence[_Shape], turns: Sequence[float], inner: Size | None, gap: float
-) -> list[tuple[int, float, Array]]:
-    """Return sheet, turn and shift of each shape; shifts are from the lower left corner within the margins."""
+_Spots = list[tuple[int, float, Array]]
+"""Sheet, turn (rad) and shift of each shape; shifts are from the lower left corner within the margins."""
+
+
+def _packed_freely(shapes: Sequence[_Shape], turns: Sequence[float], gap: float) -> _Spots:
+    """Return shapes packed on one sheet, of the width among some that gives the least area, and not far from square."""
     flat = np.array([extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)])
-    open_ended = inner is None
-    if inner is None:
-        wide = max(float(flat.max()), float(np.sqrt(flat.prod(axis=1).sum() / DENSITY)))
-        inner = (wide, wide)
-    cell = max(inner) / CELLS
+    square = float(np.sqrt((flat + gap).prod(axis=1).sum()))
+
+    def cost(spots: _Spots) -> float:
+        corners = [
+            shape.hull @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + shift
+            for shape, (_, turn, shift) in zip(shapes, spots, strict=True)
+        ]
+        width, height = np.concatenate(corners).max(axis=0)
+        return float(width * height + (width - height) ** 2 / 10)
+
+    widths = {max(float(flat.max()), square * width) for width in WIDTHS}
+    return min((_packed(shapes, turns, (width, np.inf), gap) for width in sorted(widths)), key=cost)
+
+
+def _packed(shapes: Sequence[_Shape], turns: Sequence[float], inner: Size, gap: float) -> _Spots:
+    """Return shapes packed on sheets, the largest first; a sheet may be open upwards."""
+    flat = np.array([extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)])
+    cell = max(side for side in inner if np.isfinite(side)) / CELLS
     # a cell that touches a piece has its centre within half a diagonal of it; 1.01 makes up for the polygons of buffers
     around = 1.01 * (gap / 2 + cell / np.sqrt(2))
     grids: list[_Grid] = []
-    placed: list[tuple[int, float, Array]] = [(0, 0.0, np.zeros(2))] * len(shapes)
+    placed: _Spots = [(0, 0.0, np.zeros(2))] * len(shapes)
     for k in sorted(range(len(shapes)), key=lambda k: (-shapes[k].size, k)):
         shape, turn = shapes[k], turns[k]
         masks = []
         for quarter in range(4):
             extent = flat[k][:: -1 if quarter % 2 else 1]
-            if open_ended or (extent <= np.asarray(inner) * (1 + 1e-12)).all():
+            if (extent <= np.asarray(inner) * (1 + 1e-12)).all():
                 masks.append(_Mask(shape.polygon, turn + quarter * np.pi / 2, around, cell))
         for number in count():
             if number == len(grids):
-                grids.append(_Grid(inner, around, cell, open_ended))
+                grids.append(_Grid(inner, around, cell))
             found = grids[number].take(masks)
             if found is not None:
                 mask, place = found
@@ -289,10 +304,9 @@ class _Mask:
 class _Grid:
     """The cells of a sheet that are taken; one integer per row, from below."""
 
-    def __init__(self, inner: Size, around: float, cell: float, open_ended: bool) -> None:
+    def __init__(self, inner: Size, around: float, cell: float) -> None:
         self.cell = cell
         self.extent = np.array(inner) + 2 * around
-        self.open_ended = open_ended
         self.rows: list[int] = []
 
     def take(self, masks: Sequence[_Mask]) -> tuple[_Mask, Array] | None:
@@ -315,13 +329,9 @@ class _Grid:
 
     def _place(self, mask: _Mask, top: int | None) -> tuple[int, int] | None:
         """Return column and row of the lowest, then leftmost free place of a mask whose upper border is below a row."""
-        places = np.floor((self.extent - mask.extent) / self.cell + 1e-9).astype(int)
-        if places[0] < 0 or (places[1] < 0 and not self.open_ended):
-            return None
-        last = len(self.rows) if self.open_ended else int(places[1])
-        if top is not None:
-            last = min(last, top - len(mask.runs))
-        everywhere = (1 << (int(places[0]) + 1)) - 1
+        columns, rows = np.floor((self.extent - mask.extent) / self.cell + 1e-9)
+        last = int(min(rows, len(self.rows), np.inf if top is None else top - len(mask.runs)))
+        everywhere = (1 << (int(columns) + 1)) - 1
         for row in range(last + 1):
             blocked = 0
             for taken, runs in zip(self.rows[row:], mask.runs, strict=False):

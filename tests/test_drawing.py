@@ -1,0 +1,140 @@
+"""What drawings consist of: closed outlines, each once, in order; kerf; labels; scores."""
+
+import numpy as np
+import pieces_cases as cases
+import pytest
+import shapely
+
+from cqblend.developables.drawing import FIT, STYLES, Layer, beside, draw
+from cqblend.developables.kerf import compensated
+from cqblend.developables.paths import Path
+from cqblend.developables.pieces import Piece, Pieces, Run
+from cqblend.developables.sheets import arrange
+from cqblend.developables.tabs import with_tabs
+from cqblend.errors import InputError, SizeError
+
+ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
+
+
+def polygon(path, tolerance=1e-4):
+    return shapely.Polygon(path.sampled(tolerance))
+
+
+@pytest.mark.parametrize("case", ALL)
+def test_each_outline_is_cut_once_holes_first(case):
+    pieces = case()
+    sheets = arrange(pieces)
+    (drawing,) = draw(sheets)
+    cuts = drawing.on(Layer.CUT)
+    assert len(cuts) == sum(len(piece.loops) for piece in pieces.pieces)
+    assert all(path.closed for path in cuts)
+    area = sum(piece.area for piece in pieces.pieces)
+    assert sum(path.area for path in cuts) == pytest.approx(area, abs=FIT * sum(path.length for path in cuts) / 2)
+    (exact,) = draw(sheets, fit=0.0, height=None)
+    assert sum(path.area for path in exact.on(Layer.CUT)) == pytest.approx(area, rel=1e-9)
+    assert [path.area > 0 for path in cuts] == [
+        k == 0 for piece in pieces.pieces for k in range(len(piece.loops))[::-1]
+    ]
+    middles = [tuple(np.round(path.points.mean(axis=0), 6)) for path in cuts]
+    assert len(set(middles)) == len(middles)
+    assert all((path.points >= 0).all() and (path.points <= drawing.size).all() for path in cuts)
+
+
+@pytest.mark.parametrize("case", ALL)
+def test_kerf_moves_outlines_away_from_the_piece_and_keeps_the_twin(case):
+    pieces, kerf = case(), 0.4
+    (drawing,) = draw(arrange(pieces), kerf=kerf)
+    cuts, twins = drawing.on(Layer.CUT), drawing.on(Layer.GUIDE)
+    assert len(cuts) == len(twins)
+    outer = [path for path in twins if path.area > 0]
+    for path in cuts:
+        assert path.closed
+        lines = shapely.MultiLineString([twin.sampled(1e-4) for twin in twins])
+        samples = path.sampled(1e-4)
+        distance = shapely.distance(shapely.points(samples), lines)
+        assert np.abs(distance - kerf / 2).max() < 3e-3
+        inside = shapely.contains_xy(shapely.unary_union([polygon(one) for one in outer]), *samples.T)
+        assert inside.all() == (path.area < 0)
+        assert inside.any() == (path.area < 0)
+
+
+def test_kerf_keeps_arcs():
+    (drawing,) = draw(arrange(cases.cone()), kerf=0.2)
+    disc = min(drawing.on(Layer.CUT), key=lambda path: path.length)
+    assert len(disc.bulges) <= 3
+    assert disc.area == pytest.approx(np.pi * 20.1**2, rel=1e-4)
+
+
+def test_holes_keep_their_order_and_narrow_ones_are_refused():
+    plate = Path.straight([[0, 0], [40, 0], [40, 10], [0, 10], [0, 0]])
+    holes = [cases.circle(r, (x, 5.0), clockwise=True) for r, x in ((1.0, 5.0), (3.0, 15.0), (2.0, 30.0))]
+    lines = compensated([plate, *holes], 0.2, 1e-3, name="1")
+    assert [line.area for line in lines[1:]] == pytest.approx([-np.pi * (r - 0.1) ** 2 for r in (1, 3, 2)], rel=1e-3)
+    with pytest.raises(SizeError, match="piece 7 has a hole or a slit that is narrower than the kerf of 2 mm"):
+        compensated([plate, *holes], 2.0, 1e-3, name="7")
+
+
+def test_labels_are_on_both_sides_of_each_seam():
+    pieces = cases.box()
+    (drawing,) = draw(arrange(pieces))
+    (plain,) = draw(arrange(pieces), height=None)
+    assert drawing.notes == ()
+    assert drawing.on(Layer.ENGRAVE)
+    assert not plain.on(Layer.ENGRAVE)
+    inside = shapely.unary_union([polygon(path) for path in drawing.on(Layer.CUT)])
+    assert all(inside.contains(shapely.linestrings(path.points)) for path in drawing.on(Layer.ENGRAVE))
+
+
+def test_labels_without_room_are_noted_and_written_above():
+    pieces = cases.box(40.0, 40.0, 1.0)
+    (drawing,) = draw(arrange(pieces))
+    assert drawing.notes
+    page = beside([drawing])
+    assert page.size[1] > drawing.size[1]
+    highest = max(path.points[:, 1].max() for path in page.on(Layer.GUIDE))
+    assert drawing.size[1] < highest <= page.size[1]
+
+
+def test_scores_of_tabs_are_on_their_layers():
+    pieces = with_tabs(cases.valley(), width=5.0)
+    (drawing,) = draw(arrange(pieces))
+    scores = [score for piece in pieces.pieces for score in piece.scores]
+    assert scores
+    drawn = len(drawing.on(Layer.SCORE_MOUNTAIN)) + len(drawing.on(Layer.SCORE_VALLEY))
+    assert drawn == len(scores)
+    cut = sum(path.area for path in drawing.on(Layer.CUT))
+    assert cut == pytest.approx(sum(path.area for piece in pieces.pieces for path in piece.cuts), rel=1e-4)
+
+
+def test_flattened_rails_become_few_arcs_and_keep_their_length():
+    angle = np.linspace(0, 1.5, 301)
+    inner, outer = (r * np.column_stack([np.cos(angle), 0.8 * np.sin(angle)]) for r in (60.0, 80.0))
+    corners = [outer, [outer[-1], inner[-1]], inner[::-1], [inner[0], outer[0]]]
+    runs = tuple(Run(Path.straight(c), np.zeros((len(c), 3)), "rail") for c in corners)
+    pieces = Pieces((Piece("1", (runs,)),), ())
+    (few,) = draw(arrange(pieces))
+    (all_,) = draw(arrange(pieces), fit=0.0)
+    assert len(all_.on(Layer.CUT)[0].bulges) == 602
+    assert len(few.on(Layer.CUT)[0].bulges) < 20
+    assert few.stretch < 1e-6
+    assert few.on(Layer.CUT)[0].area == pytest.approx(pieces.pieces[0].area, rel=1e-5)
+
+
+def test_sheets_beside_each_other_are_framed():
+    drawings = draw(arrange(cases.box(), (100.0, 60.0)))
+    assert len(drawings) == 3
+    page = beside(drawings)
+    assert page.size == (3 * 100.0 + 2 * 10.0, 60.0)
+    assert len(page.on(Layer.GUIDE)) == 3
+    assert len(page.on(Layer.CUT)) == 6
+
+
+def test_bad_lengths_are_refused():
+    sheets = arrange(cases.box())
+    for wrong in ({"kerf": -0.1}, {"kerf": np.nan}, {"fit": -1.0}, {"height": 0.0}):
+        with pytest.raises(InputError):
+            draw(sheets, **wrong)
+
+
+def test_every_layer_has_a_style():
+    assert set(STYLES) == set(Layer)
