@@ -5,7 +5,8 @@ back shapes of the same library, or files. Must not compute anything.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from cqblend.developables import assembly, cutting, files, sheets
@@ -14,7 +15,7 @@ from cqblend.developables.carrying import Wishes
 from cqblend.developables.division import Direction, Method
 from cqblend.developables.natural import natural
 from cqblend.developables.pieces import Piece, Pieces, Seam
-from cqblend.developables.tabs import Style, Tabs, fitted_tabs, with_tabs
+from cqblend.developables.tabs import Style, Tabs, fitted_tabs
 from cqblend.errors import InputError, UnrollError, shown
 from cqblend.native import skins_of, wrapped_like
 from cqblend.report import Report
@@ -52,7 +53,7 @@ class Pattern:
     tabs: Tabs | None
     _unrolled: Unrolled
     _model: Any
-    _wanted: dict[str, Any] = field(default_factory=dict)  # of the tabs
+    _fit: Callable[[Pieces], Tabs] | None = None
 
     @property
     def strips(self) -> tuple[Piece, ...]:
@@ -138,9 +139,9 @@ class Pattern:
         pitch : float, optional
             Length of the teeth that tabs are cut into where a seam is curved, mm.
         """
-        wanted = {"style": style, "width": width, "taper": taper, "pitch": pitch}
-        tabs = fitted_tabs(self._unrolled.pieces, **wanted)
-        return replace(self, pieces=tabs.pieces, tabs=tabs, _wanted=wanted)
+        fit = partial(fitted_tabs, style=style, width=width, taper=taper, pitch=pitch)
+        tabs = fit(self._unrolled.pieces)
+        return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
 
     def export(
         self,
@@ -217,9 +218,9 @@ class Pattern:
 
     def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
-        inner = sheets.usable(sheets.checked_size(sheet), margin + self._wanted.get("width", 0.0))
+        inner = sheets.usable(sheets.checked_size(sheet), margin + (self.tabs.width if self.tabs else 0.0))
         bare = cutting.within(self._unrolled.pieces, inner)
-        return with_tabs(bare, **self._wanted) if self._wanted else bare
+        return self._fit(bare).pieces if self._fit else bare
 
 
 def unroll(
