@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 FINER = 10.0
 """By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
 
+_SEWING = 2.5
+"""Strips on both sides of an edge are as far from it as the tolerance allows, and their borders are polygons."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pattern:
@@ -83,7 +86,7 @@ class Pattern:
         from cqblend.occ.patterns import strips_3d
 
         trims = [source.trim() for source in self._unrolled.sources]
-        return wrapped_like(self._model, strips_3d(trims, self.report.tolerance))
+        return wrapped_like(self._model, strips_3d(trims, _SEWING * self.report.tolerance))
 
     def cross_sections(self) -> list[Any]:
         """Return the formers over which strips are assembled: faces through their planar rails, wires through others.

@@ -66,14 +66,15 @@ def test_a_piece_that_fits_only_aslant_is_laid_aslant():
     assert arrange(long, (110.0, 90.0)).count == 1
 
 
-def test_half_rings_lie_in_each_other():
-    outer, inner = cases.arc(50.0, 0.0, np.pi, 2), cases.arc(40.0, np.pi, 0.0, 2)
+def test_ring_sectors_lie_in_each_other():
+    outer, inner = cases.arc(80.0, 0.0, np.pi / 2), cases.arc(70.0, np.pi / 2, 0.0)
     ends = Path.straight([outer.points[-1], inner.points[0]]), Path.straight([inner.points[-1], outer.points[0]])
     runs = tuple(Run(p, np.zeros((len(p.points), 3)), "rail") for p in (outer, ends[0], inner, ends[1]))
-    pieces = Pieces(tuple(Piece(str(k), (runs,)) for k in range(4)), ())
-    sheets = arrange(pieces)
+    pieces = Pieces(tuple(Piece(str(k), (runs,)) for k in range(6)), ())
+    sheets = arrange(pieces, margin=0.0)
     check(sheets, pieces)
-    assert np.prod(sheets.size) < 0.75 * 4 * 100.0 * 50.0
+    wide, high = 80 * np.sqrt(2), 80 - 70 * np.sqrt(0.5)
+    assert np.prod(sheets.size) < 0.75 * 6 * wide * high
 
 
 def test_small_pieces_go_into_holes():

@@ -209,7 +209,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         ordinals[id(one.sheet)] += 1
         index = one.sheet.patch.index
         name = f"{index}.{ordinals[id(one.sheet)]}" if counts[id(one.sheet)] > 1 else str(index)
-        loops = [tuple(_run(one, draft, numbers.get(draft.key)) for draft in _runs(loop)) for loop in one.loops]
+        loops = [tuple(_run(draft, numbers.get(draft.key)) for draft in _runs(loop)) for loop in one.loops]
         piece = Piece(name, tuple(loops))
         pieces.append(piece)
         records.append(_record(one, piece))
@@ -224,11 +224,9 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
     )
 
 
-def _run(one: Laid, draft: Draft, seam: int | None) -> Run:
-    path, space = draft.path(), draft.space
-    if draft.kind == "end" and one.laying is not None and len(space) > 2:
-        space = np.concatenate([space[:1], one.laying.flat.fold(path.points[1:-1]), space[-1:]])
-    return Run(path, space, draft.kind, seam)
+def _run(draft: Draft, seam: int | None) -> Run:
+    final = draft.straightened() if draft.kind == "end" else draft
+    return Run(final.path(), final.space, final.kind, seam)
 
 
 def _runs(loop: Sequence[Draft]) -> list[Draft]:

@@ -113,15 +113,25 @@ class Draft:
 
     def turned(self) -> "Draft":
         """Return the same run backwards."""
-        return Draft(
-            self.key,
-            self.kind,
-            self.points[::-1],
-            self.middles[::-1],
-            self.space[::-1],
-            self.places[::-1],
-            self.lengths[::-1],
-            not self.rising,
+        return replace(
+            self,
+            points=self.points[::-1],
+            middles=self.middles[::-1],
+            space=self.space[::-1],
+            places=self.places[::-1],
+            lengths=self.lengths[::-1],
+            rising=not self.rising,
+        )
+
+    def straightened(self) -> "Draft":
+        """Return the run without its inner vertices, as long as before."""
+        return replace(
+            self,
+            points=self.points[[0, -1]],
+            middles=self.points[[0, -1]].mean(axis=0)[None],
+            space=self.space[[0, -1]],
+            places=self.places[[0, -1]],
+            lengths=self.lengths.sum()[None],
         )
 
     @property
@@ -132,16 +142,11 @@ class Draft:
     def path(self) -> Path:
         """Return the run with each segment bowed to its length, outwards where nothing tells the side.
 
-        The end of a strip is straight, and bowed as a whole; inwards if it is to follow another end.
+        The end of a strip is straight, and becomes one arc: inwards if it is to follow another end.
         """
         if self.kind == "end":
-            ends, total = self.points[[0, -1]], self.lengths.sum()
-            sense = -1.0 if self.inward else 1.0
-            bow = Path(ends, sense * paths.bulges(np.linalg.norm(np.diff(ends, axis=0), axis=1), total))
-            part = np.append(0.0, np.cumsum(self.lengths)) / total
-            inner = bow.at(np.zeros(len(part) - 2, dtype=int), part[1:-1])
-            angles = np.arctan(bow.bulges) * np.diff(part)
-            return Path(np.concatenate([ends[:1], inner, ends[1:]]), np.tan(angles))
+            bow = paths.bulges(np.linalg.norm(np.diff(self.points, axis=0), axis=1), self.lengths)
+            return Path(self.points, -bow if self.inward else bow)
         chord, arm = np.diff(self.points, axis=0), self.middles - self.points[:-1]
         inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         bent = self.lengths - self.chords > _STRAIGHT * self.lengths

@@ -32,7 +32,7 @@ CELLS = 500
 FINE = 1e-3
 """Arcs are replaced by polygons within this tolerance to see whether pieces overlap, mm."""
 
-WIDTHS = (0.7, 0.85, 1.0, 1.2)
+WIDTHS = (0.7, 0.85, 1.05, 1.25)
 """Widths that are tried of a sheet without given size, relative to the square of the area of all boxes."""
 
 
