@@ -348,6 +348,7 @@ class _Carrier:
             drafts = [draft.turned() for draft in reversed(drafts)]
         for draft, after in zip(drafts, [*drafts[1:], drafts[0]], strict=True):
             draft.points = np.concatenate([draft.points[:-1], after.points[:1]])
+            draft.space = np.concatenate([draft.space[:-1], after.space[:1]])
         return drafts
 
     def _groups(self, steps: Sequence[Step]) -> list[list[Step]]:

@@ -190,11 +190,12 @@ def _cone(rails: Rails) -> Development:
             "rails; divide it there"
         )
     outward = 1.0 if (second - first).sum() > 0 else -1.0
+    origin = 1j * outward * radii(both(both.breaks[:1]))[0]  # the strip may be far from its apex
 
     def ends(t: Array) -> tuple[Array, Array]:
         first, second = radii(both(t))
         direction = 1j * outward * np.exp(-1j * outward * angle(t))
-        return first * direction, second * direction
+        return first * direction - origin, second * direction - origin
 
     return ends
 

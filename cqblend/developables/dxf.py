@@ -25,6 +25,19 @@ def write_dxf(drawing: Drawing, path: File) -> None:
 
     Layers are those of :class:`~cqblend.developables.drawing.Layer`; every entity is an LWPOLYLINE.
     """
+    import ezdxf
+
+    options = ezdxf.options  # type: ignore[attr-defined]  # its documented place
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True  # neither the time nor random numbers
+    try:
+        _document(drawing).saveas(path)
+    finally:
+        options.write_fixed_meta_data_for_testing = before
+
+
+def _document(drawing: Drawing) -> "Document":
+    """Return a drawing as ezdxf has it."""
     from ezdxf.filemanagement import new
 
     document = new("R2010", setup=["linetypes"])
@@ -42,17 +55,4 @@ def write_dxf(drawing: Drawing, path: File) -> None:
         vertices = np.column_stack([entity.path.points, np.append(entity.path.bulges, 0.0)])
         line = space.add_lwpolyline(vertices[:-1] if closed else vertices, format="xyb", close=closed)
         line.dxf.layer = entity.layer.value
-    _saved(document, path)
-
-
-def _saved(document: "Document", path: File) -> None:
-    """Write a document without the time and the random numbers that ezdxf puts into it."""
-    import ezdxf
-
-    options = ezdxf.options  # type: ignore[attr-defined]  # its documented place
-    before = options.write_fixed_meta_data_for_testing
-    options.write_fixed_meta_data_for_testing = True
-    try:
-        document.saveas(path)
-    finally:
-        options.write_fixed_meta_data_for_testing = before
+    return document
