@@ -349,6 +349,7 @@ class _Carrier:
         for draft, after in zip(drafts, [*drafts[1:], drafts[0]], strict=True):
             draft.points = np.concatenate([draft.points[:-1], after.points[:1]])
             draft.space = np.concatenate([draft.space[:-1], after.space[:1]])
+            draft.places = np.concatenate([draft.places[:-1], after.places[:1]])
         return drafts
 
     def _groups(self, steps: Sequence[Step]) -> list[list[Step]]:
