@@ -84,42 +84,52 @@ def _longest(track: Track, samples: Array, start: int, end: int, tolerance: floa
     that of two arcs does, by 1/16 of what their sagittae differ by over the whole segment, which is at most twice 8/9.
     """
 
-    def bulge(stop: int) -> float | None:
-        inner = samples[PARTS * start : PARTS * stop + 1]
-        return _bulge(inner, track.stations[stop] - track.stations[start], 8 / 9 * tolerance)
+    def passes(stop: int) -> bool:
+        least, greatest = _halves(samples[PARTS * start : PARTS * stop + 1], 8 / 9 * tolerance)
+        return least <= greatest
 
-    best, found = start + 1, float(track.path.bulges[start])
-    if (whole := bulge(end)) is not None and end > best:
-        return end, whole
+    best = start + 1
+    if end > best and passes(end):
+        best = end
     failed, step = end, 1
     while best < failed - 1:
         stop = min(best + step, failed - 1) if step else (best + failed) // 2
-        value = bulge(stop)
-        if value is None:
-            failed, step = stop, 0
+        if passes(stop):
+            best, step = stop, 2 * step
         else:
-            best, found, step = stop, value, 2 * step
-    return best, found
+            failed, step = stop, 0
+    if best == start + 1:
+        return best, float(track.path.bulges[start])
+    length = float(track.stations[best] - track.stations[start])
+    return best, _bulge(samples[PARTS * start : PARTS * best + 1], length, 8 / 9 * tolerance)
 
 
-def _bulge(points: Array, length: float, tolerance: float) -> float | None:
-    """Return the bulge of the arc from the first to the last point that passes all within a tolerance, if there is."""
+def _halves(points: Array, tolerance: float) -> tuple[float, float]:
+    """Return least and greatest half angle of the arcs from the first to the last point that pass all others.
+
+    The least exceeds the greatest if there are none.
+    """
     along = points[-1] - points[0]
     chord = float(np.hypot(*along))
     if chord == 0.0:
-        return None
+        return 0.0, -np.inf
     base = points[1:-1] - (points[0] + points[-1]) / 2
-    c = chord / 2
-    y = (base @ np.array([-along[1], along[0]])) / chord
-    cos, sin = c * c + tolerance * tolerance - (base**2).sum(axis=1), -chord * y
+    y = base @ np.array([-along[1], along[0]]) / chord
+    cos, sin = chord * chord / 4 + tolerance * tolerance - (base * base).sum(axis=1), -chord * y
     reach = chord * tolerance / np.maximum(np.hypot(cos, sin), np.finfo(float).tiny)
     slack = np.where(reach < 1, np.arcsin(np.minimum(reach, 1)), np.inf)  # near an end, every arc passes
     psi = np.arctan2(sin, cos)
-    least, greatest = max((psi - slack).max(), -np.pi / 2), min((psi + slack).min(), np.pi / 2)
-    if least > greatest:
-        return None
-    same = 2 * np.arctan(bulges(np.array([chord]), np.array([length]))[0]) * -np.sign(y.sum())
-    half = float(np.clip(same, least, greatest))
-    if c * abs(np.tan(half / 2)) < 1e-3 * tolerance and least <= 0 <= greatest:
+    return max(float((psi - slack).max()), -np.pi / 2), min(float((psi + slack).min()), np.pi / 2)
+
+
+def _bulge(points: Array, length: float, tolerance: float) -> float:
+    """Return the bulge of the arc that passes all points, as nearly as it may be of a length."""
+    least, greatest = _halves(points, tolerance)
+    along = points[-1] - points[0]
+    chord = float(np.hypot(*along))
+    left = np.sign(((points - points[0]) @ np.array([-along[1], along[0]])).sum())
+    same = -left * 2 * np.arctan(bulges(np.array([chord]), np.array([length]))[0])
+    bulge = float(np.tan(np.clip(same, least, greatest) / 2))
+    if least <= 0 <= greatest and chord / 2 * abs(bulge) < 1e-3 * tolerance:
         return 0.0
-    return float(np.tan(half / 2))
+    return bulge

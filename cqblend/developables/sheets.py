@@ -35,6 +35,9 @@ FINE = 1e-3
 WIDTHS = (0.7, 0.85, 1.05, 1.25)
 """Widths that are tried of a sheet without given size, relative to the square of the area of all boxes."""
 
+MANY = 60
+"""Of more pieces than these only one width is tried, and two of their four quarter turns."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheets:
@@ -239,7 +242,8 @@ def _packed_freely(shapes: Sequence[_Shape], turns: Sequence[float], gap: float)
         width, height = np.concatenate(corners).max(axis=0)
         return float(width * height + (width - height) ** 2 / 10)
 
-    widths = {max(float(flat.max()), square * width) for width in WIDTHS}
+    tried = WIDTHS if len(shapes) <= MANY else (1.05,)
+    widths = {max(float(flat.max()), square * width) for width in tried}
     return min((_packed(shapes, turns, (width, np.inf), gap) for width in sorted(widths)), key=cost)
 
 
@@ -254,7 +258,7 @@ def _packed(shapes: Sequence[_Shape], turns: Sequence[float], inner: Size, gap: 
     for k in sorted(range(len(shapes)), key=lambda k: (-shapes[k].size, k)):
         shape, turn = shapes[k], turns[k]
         masks = []
-        for quarter in range(4):
+        for quarter in range(4 if len(shapes) <= MANY else 2):
             extent = flat[k][:: -1 if quarter % 2 else 1]
             if (extent <= np.asarray(inner) * (1 + 1e-12)).all():
                 masks.append(_Mask(shape.polygon, turn + quarter * np.pi / 2, around, cell))
@@ -287,18 +291,28 @@ class _Mask:
         low, high = np.reshape(turned.bounds, (2, 2))
         self.corner = low - around
         self.extent = high - low + 2 * around
-        columns, rows = np.maximum(np.ceil(self.extent / cell - 1e-9), 1).astype(int)
-        x = self.corner[0] + (np.arange(columns) + 0.5) * cell
-        y = self.corner[1] + (np.arange(rows) + 0.5) * cell
         blown = shapely.buffer(shapely.simplify(turned, 0.01 * cell), around + 0.01 * cell)
-        shapely.prepare(blown)
-        taken = shapely.contains_xy(blown, *(values.ravel() for values in np.meshgrid(x, y)))
-        self.taken = taken.reshape(rows, columns)
-        edges = np.diff(self.taken.astype(np.int8), axis=1, prepend=0, append=0)
-        self.runs = [
-            list(zip(starts.tolist(), (stops - starts).tolist(), strict=True))
-            for starts, stops in ((np.flatnonzero(row > 0), np.flatnonzero(row < 0)) for row in edges)
-        ]
+        self.runs = _runs(blown, self.corner, cell, int(max(np.ceil(self.extent[1] / cell - 1e-9), 1)))
+
+
+def _runs(polygon: Any, corner: Array, cell: float, rows: int) -> list[list[tuple[int, int]]]:
+    """Return the runs, first cell and number, of cells in each row whose centres are in a polygon."""
+    points, ring = shapely.get_coordinates(shapely.get_rings(polygon), return_index=True)
+    places = (points - corner) / cell - 0.5  # centres of cells are whole numbers
+    edges = np.stack([places[:-1], places[1:]], axis=1)[ring[1:] == ring[:-1]]
+    first, stop = np.clip(np.ceil(np.sort(edges[:, :, 1], axis=1)).astype(int).T, 0, rows)
+    counts = stop - first
+    which = np.repeat(np.arange(len(edges)), counts)
+    row = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts) + first[which]
+    (x0, y0), (x1, y1) = edges[which].transpose(1, 2, 0)
+    x = x0 + (row - y0) / (y1 - y0) * (x1 - x0)
+    order = np.lexsort([x, row])
+    row, cells = row[order][::2], np.maximum(np.ceil(x[order]).astype(int), 0)
+    found: list[list[tuple[int, int]]] = [[] for _ in range(rows)]
+    for r, begin, end in zip(row.tolist(), cells[::2].tolist(), cells[1::2].tolist(), strict=True):
+        if end > begin:
+            found[r].append((begin, end - begin))
+    return found
 
 
 class _Grid:
