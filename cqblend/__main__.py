@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cqblend import __version__
-from cqblend.errors import CqblendError, InputError, InstallationError, StepError
+from cqblend.errors import CqblendError, FileError, InputError, InstallationError, StepError
 
 OK, FAILED, USAGE = 0, 1, 2
 
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
     try:
         options.run(options)
-    except (StepError, InputError) as error:
+    except (StepError, FileError, InputError) as error:
         return _failed(error, USAGE)
     except CqblendError as error:
         return _failed(error, FAILED)

@@ -93,6 +93,7 @@ def unroll(
     *,
     method: str = "longest",
     direction: str = "auto",
+    layout: str = "smooth",
     developable: bool = False,
     even: bool = False,
     least_width: float | None = None,
@@ -134,6 +135,7 @@ def unroll(
         tolerance,
         method=method,  # type: ignore[arg-type]
         direction=direction,  # type: ignore[arg-type]
+        layout=layout,  # type: ignore[arg-type]
         developable=developable,
         even=even,
         least_width=least_width,

@@ -68,6 +68,10 @@ class StepError(CqblendError, OSError):
     """A STEP file is missing, damaged, empty, or could not be written."""
 
 
+class FileError(CqblendError, OSError):
+    """A pattern could not be written."""
+
+
 class InstallationError(CqblendError, ImportError):
     """The installation is broken; the message names the repair."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from cqblend.developables import assembly, cutting, files, sheets
 from cqblend.developables.assembly import Unrolled
-from cqblend.developables.carrying import Wishes
+from cqblend.developables.carrying import Layout, Wishes
 from cqblend.developables.division import Direction, Method
 from cqblend.developables.natural import natural
 from cqblend.developables.pieces import Piece, Pieces, Seam
@@ -203,11 +203,7 @@ class Pattern:
             A piece cannot be cut so that it fits the sheet.
         """
         target = files.checked_path(path)
-        pieces = (
-            self.pieces
-            if sheet is None
-            else cutting.within(self.pieces, sheets.usable(sheets.checked_size(sheet), margin))
-        )
+        pieces = self.pieces if sheet is None else self._within(sheet, margin)
         placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
         return files.export(
             placed,
@@ -232,6 +228,7 @@ def unroll(
     *,
     method: Method = "longest",
     direction: Direction = "auto",
+    layout: Layout = "smooth",
     developable: bool = False,
     even: bool = False,
     least_width: float | None = None,
@@ -250,11 +247,14 @@ def unroll(
     tolerance : float
         Largest distance between the shape and the strips, both ways, mm.
     method : {"longest", "elber", "curvature"}
-        How freeform faces are divided: longest strip first against a certified bound; the paper's algorithm 1 and its
-        triangles; or at the ridges of the normal curvature first (equations 5 to 7).
+        How freeform faces are divided: longest strip first against a certified bound; by the paper's algorithm 1; or at
+        the ridges of the normal curvature first (equations 5 to 7).
     direction : {"auto", "rings", "u", "v"}
         Parameter that the rulings run along: the one with fewer strips, the one that makes rings of a closed face, or a
         given one.
+    layout : {"smooth", "triangles"}
+        How strips are laid flat: so that rails and rulings keep their lengths, or as the paper's triangles along one
+        diagonal. Triangles keep chords, so seams between different faces match to `flat_tolerance` only.
     developable : bool
         Whether rulings of twisted strips are paired anew, so that the strips are truly developable, wherever such a
         pairing exists within the tolerance.
@@ -294,6 +294,7 @@ def unroll(
         flat=allowed / FINER if flat_tolerance is None else positive("flat_tolerance", flat_tolerance),
         method=choice("method", method, get_args(Method)),
         direction=choice("direction", direction, get_args(Direction)),
+        layout=choice("layout", layout, get_args(Layout)),
         developable=flag("developable", developable),
         even=flag("even", even),
         least_width=None if least_width is None else positive("least_width", least_width),

@@ -4,6 +4,7 @@ Holds frozen records of numbers that somebody else measured or proved, and print
 """
 
 from dataclasses import dataclass
+from math import isnan
 
 from cqblend.developables.assembly import Record, Unrolled
 from cqblend.developables.carrying import Wishes
@@ -18,7 +19,7 @@ class Report:
     tolerance, flat : float
         Asked for, between shape and strips, and between strips and flat pieces, mm.
     strips : int
-        Number of pieces, N.
+        Number of strips, N, a plane being one. Trimming may part a strip into several pieces.
     elber : int
         Number of strips that Elber's algorithm 1 takes for the same faces, directions and tolerance; faces that are
         ruled and developable by nature count once.
@@ -32,7 +33,8 @@ class Report:
     flattening : float
         Largest distance between a strip in space and its flat piece folded, mm.
     strain : float
-        Largest change of a length inside a strip, relative; rails and rulings keep theirs. 0 on developable strips.
+        Largest change of a length inside a strip, relative; rails and rulings keep theirs. 0 on developable strips,
+        nan where they were laid flat as triangles.
     area_change : float
         Largest change of a strip's area by laying it flat, relative.
     area : float
@@ -70,7 +72,7 @@ class Report:
         return cls(
             tolerance=wishes.tolerance,
             flat=wishes.flat,
-            strips=len(records),
+            strips=unrolled.strips,
             elber=unrolled.elber,
             ideal=unrolled.ideal,
             deviation=max((one.bound for one in records), default=0.0),
@@ -90,14 +92,16 @@ class Report:
         for record in self.pieces:
             kinds[record.kind] = kinds.get(record.kind, 0) + 1
         kind = ", ".join(f"{count} {name}" for name, count in sorted(kinds.items(), key=lambda item: -item[1]))
+        strain = "" if isnan(self.strain) else f"; lengths inside change by {self.strain:.2g} at most"
         how = "certified" if self.certified else "measured"
         rows = (
-            ("pieces", f"{self.strips} ({kind}); Elber's algorithm {self.elber}, ideal {self.ideal:.1f}"),
+            ("pieces", f"{len(self.pieces)} ({kind})"),
+            ("strips", f"{self.strips}; by Elber's algorithm {self.elber}, ideal {self.ideal:.1f}"),
             (
                 "shape to strips",
                 f"{self.deviation:.3g} mm, {how}; asked {self.tolerance:.3g} mm",
             ),
-            ("strips to flat", f"{self.flattening:.3g} mm; lengths inside change by {self.strain:.2g} at most"),
+            ("strips to flat", f"{self.flattening:.3g} mm{strain}"),
             ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
             ("seams", f"{self.seams}; lengths of their sides differ by {self.seam_mismatch:.1g} at most"),
             ("overlap", f"{self.overlap:.3g} mm2"),

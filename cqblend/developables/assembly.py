@@ -22,8 +22,10 @@ from cqblend.splines.bernstein import Array
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""
 
-_ROUNDS = 8
-"""A piece that covers itself is halved so often at most."""
+_CUTS = 32
+"""A strip is cut across so often at most."""
+
+_COVERS = "a strip still covers itself after {} cuts across it: divide face {} in the other direction"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +113,10 @@ class Unrolled:
 
     Attributes
     ----------
+    strips
+        Number of strips, N, a plane being one; trimming may part a strip into several pieces, or leave nothing of it.
     elber
-        Number of strips by Elber's algorithm 1, in the same directions.
+        The same by Elber's algorithm 1, in the same directions.
     ideal
         N*, summed over the faces.
     """
@@ -121,6 +125,7 @@ class Unrolled:
     records: tuple[Record, ...]
     sources: tuple[Source, ...]
     failures: tuple[Failure, ...]
+    strips: int
     elber: int
     ideal: float
 
@@ -129,11 +134,6 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
     """Unroll patches to pieces.
 
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
-
-    Raises
-    ------
-    GeometryError
-        A piece still covers itself after eight cuts.
     """
     tell = progress or _silent
     sheets: list[Sheet] = []
@@ -143,8 +143,8 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
         try:
             sheets.append(_divided(patch, wishes))
         except CqblendError as error:
-            failures.append(Failure(patch.faces, error))
-    for _ in range(_ROUNDS):
+            failures.append(_failure(patch, error))
+    while True:
         edges = Edges(skin, sheets, wishes)
         laid: list[Laid] = []
         for i, sheet in enumerate(tuple(sheets)):
@@ -152,13 +152,24 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
             try:
                 laid += carried(sheet, edges, wishes)
             except CqblendError as error:
-                failures.append(Failure(sheet.patch.faces, error))
+                failures.append(_failure(sheet.patch, error))
                 sheets.remove(sheet)
         result = _joined(skin, laid, tuple(failures), wishes)
-        if not _cut_where_covered(result, laid):
+        covering = _covering(result, laid)
+        if not covering:
             return result
-    faces = ", ".join(str(sheet.patch.index) for sheet in sheets if sheet.cuts)
-    raise GeometryError(f"pieces of face {faces} still cover themselves after {_ROUNDS} cuts; take a larger tolerance")
+        for one in covering:
+            if one.sheet in sheets and len(one.sheet.cuts.get(one.row, ())) >= _CUTS:
+                failures.append(_failure(one.sheet.patch, GeometryError(_COVERS.format(_CUTS, one.sheet.patch.index))))
+                sheets.remove(one.sheet)
+            one.sheet.cut(one.row, (one.span[0] + one.span[1]) / 2)
+
+
+def _failure(patch: Patch, error: CqblendError) -> Failure:
+    """Name the face in an error, unless it is named already."""
+    text = str(error)
+    named = text.startswith("face ")
+    return Failure(patch.faces, error if named else type(error)(f"face {patch.index}: {text}"))
 
 
 def _silent(part: float, what: str) -> None:
@@ -189,7 +200,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
     seams: list[Seam] = []
     numbers: dict[Hashable, int] = {}
     for key, sides in members.items():
-        if wishes.layout == "elber":
+        if wishes.layout == "triangles":
             for _, draft in sides:
                 draft.lengths = draft.chords
         elif isinstance(key, tuple) and key[0] == "edge":
@@ -219,6 +230,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         tuple(records),
         tuple(_source(one) for one in laid),
         failures,
+        sum(max(len(sheet.strips), 1) for sheet in sheets),
         sum(sheet.elber for sheet in sheets),
         sum(sheet.ideal for sheet in sheets),
     )
@@ -285,10 +297,7 @@ def _source(one: Laid) -> Source:
     return Source(one.sheet.patch, one.laying, one.sheet.upward, loops)
 
 
-def _cut_where_covered(result: Unrolled, laid: Sequence[Laid]) -> bool:
-    """Mark cuts across strips whose pieces cover themselves, and tell whether there are any."""
-    covered = [one for one, piece in zip(laid, result.pieces.pieces, strict=True) if overlap(piece).area > 0]
-    for one in covered:
-        one.sheet.cuts.setdefault(one.row, []).append((one.span[0] + one.span[1]) / 2)
-        one.sheet.cuts[one.row].sort()
-    return bool(covered)
+def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[Laid]:
+    """Return what has become pieces that cover themselves. In a plane nothing does."""
+    pieces = zip(laid, result.pieces.pieces, strict=True)
+    return [one for one, piece in pieces if one.laying is not None and overlap(piece)]

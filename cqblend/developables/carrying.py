@@ -7,9 +7,10 @@ drafts are bowed and joined.
 """
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -17,16 +18,21 @@ from cqblend.developables import cells, paths
 from cqblend.developables.arclength import ArcLength
 from cqblend.developables.cells import Cell, Lines, Side, Step
 from cqblend.developables.division import Direction, Method
-from cqblend.developables.flattening import Flat, Layout, flatten
+from cqblend.developables.flattening import Flat, flatten
 from cqblend.developables.pairing import pair
-from cqblend.developables.patches import Patch, Skin
+from cqblend.developables.patches import Edge, Patch, Skin
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import RunKind
 from cqblend.developables.ruled import Strip
 from cqblend.developables.sampling import Samples, Use, sample
-from cqblend.errors import GeometryError
+from cqblend.errors import CqblendError, GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
+
+Layout = Literal["smooth", "triangles"]
+"""Rails and rulings with all their lengths, or the paper's triangles along one diagonal, with chords."""
+
+_METHODS: dict[Layout, Literal["smooth", "elber"]] = {"smooth": "smooth", "triangles": "elber"}
 
 _STRAIGHT = 1e-13
 """An arc that is longer than its chord by this part only is straight: the rest is rounding."""
@@ -49,11 +55,7 @@ class Wishes:
     even: bool
     least_width: float | None
     developable: bool
-
-    @property
-    def layout(self) -> Layout:
-        """How strips are laid flat."""
-        return "elber" if self.method == "elber" else "smooth"
+    layout: Layout
 
 
 @dataclass(slots=True, eq=False)
@@ -70,6 +72,10 @@ class Sheet:
     def lines(self) -> Lines:
         """Return the parameter lines that the patch's loops are cut at."""
         return Lines(self.across, np.array([strip.span[1] for strip in self.strips[:-1]]), self.cuts)
+
+    def cut(self, row: int, value: float) -> None:
+        """Cut a strip across."""
+        self.cuts[row] = sorted([*self.cuts.get(row, ()), value])
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -225,24 +231,40 @@ class Edges:
         self.samples: dict[int, Samples] = {}
         self.uv: dict[int, Array] = {}  # by identity of the use
         self.lengths: dict[int, Array] = {}
+        self.refused: dict[int, CqblendError] = {}
         for number, uses in users.items():
             edge = skin.edges[number]
-            samples = sample(edge, uses, wishes.flat, wishes.tolerance / 2 if number in bent else np.inf)
-            self.samples[number] = samples
-            self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
-            if edge.degenerate:
-                self.lengths[number] = np.zeros(len(samples.t) - 1)
-            elif edge.curve is None:
-                raise GeometryError(f"edge {number} has no curve in space, only curves on its faces; export it anew")
-            else:
-                self.lengths[number] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
+            try:
+                self._sample(edge, uses, wishes.flat, wishes.tolerance / 2 if number in bent else np.inf)
+            except CqblendError as error:
+                self.refused[number] = error
+
+    def _sample(self, edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) -> None:
+        samples = sample(edge, uses, tolerance, sagitta)
+        self.samples[edge.index] = samples
+        self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
+        if edge.degenerate:
+            self.lengths[edge.index] = np.zeros(len(samples.t) - 1)
+        elif edge.curve is None:
+            raise GeometryError("it has no curve in space, only curves on its faces; export the shape anew")
+        else:
+            self.lengths[edge.index] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
 
     def sides(self, patch: Patch) -> list[list[Side]]:
-        """Return the loops of a patch in its parameter plane; a side's `use` counts the uses of the patch."""
+        """Return the loops of a patch in its parameter plane; a side's `use` counts the uses of the patch.
+
+        Raises
+        ------
+        CqblendError
+            One of its edges could not be sampled.
+        """
         loops, count = [], 0
         for loop in patch.loops:
             sides = []
             for use in loop:
+                if use.edge in self.refused:
+                    error = self.refused[use.edge]
+                    raise type(error)(f"edge {use.edge}: {error}")
                 uv = self.uv[id(use)]
                 sides.append(Side(count, uv if use.forward else uv[::-1]))
                 count += 1
@@ -262,24 +284,32 @@ def _inverse(function: Curve, values: Array) -> Array:
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
 
 
-def _laying(sheet: Sheet, row: int, t: Array, across: Array, wishes: Wishes) -> Laying:
-    """Lay a strip flat, with nodes at the vertices (t, across) of its cells."""
+def _laying(sheet: Sheet, row: int, vertices: Array, nodes: Array, wishes: Wishes) -> Laying:
+    """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
     strip = sheet.strips[row]
-    rails, parameters, bound = strip.rails, None, strip.bound
-    start, stop = rails[0].domain
-    if wishes.developable and (np.isin(across, strip.span) | np.isin(t, (start, stop))).all():
-        pairing = pair(rails)
-        if pairing.rails is not None and pairing.parameters is not None and pairing.rails is not rails:
-            found = _MARGIN * _deviation(strip, pairing.rails, pairing.parameters)
-            if found <= wishes.tolerance:
-                rails, parameters, bound = pairing.rails, pairing.parameters, found
-    proven = parameters is None
-    if parameters is None:
-        nodes = np.unique(t)
-    else:
-        nodes = np.unique(np.concatenate([_inverse(one, np.unique(t)) for one in parameters]))
-    flat = flatten(rails, wishes.flat, nodes=nodes, flip=not sheet.upward, method=wishes.layout)
-    return Laying(strip, rails, parameters, bound, proven, flat)
+    t, across = vertices.T
+    if wishes.developable and (np.isin(across, strip.span) | np.isin(t, strip.rails[0].domain)).all():
+        paired = _paired(sheet, strip, t, wishes)
+        if paired is not None:
+            return paired
+    nodes = np.unique(np.append(t, nodes))
+    flat = flatten(strip.rails, wishes.flat, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout])
+    return Laying(strip, strip.rails, None, strip.bound, True, flat)
+
+
+def _paired(sheet: Sheet, strip: Strip, t: Array, wishes: Wishes) -> Laying | None:
+    """Pair the rulings of a strip anew, so that it is developable; None if that cannot be done within the tolerance."""
+    pairing = pair(strip.rails)
+    if pairing.rails is None or pairing.parameters is None or pairing.rails is strip.rails:
+        return None
+    bound = _MARGIN * _deviation(strip, pairing.rails, pairing.parameters)
+    if bound > wishes.tolerance:
+        return None
+    nodes = np.unique([_inverse(one, np.unique(t)) for one in pairing.parameters])
+    flat = flatten(pairing.rails, wishes.flat, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout])
+    if flat.kind == "twisted":
+        return None
+    return Laying(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
 def _deviation(strip: Strip, rails: tuple[Curve, Curve], parameters: tuple[Curve, Curve]) -> float:
@@ -310,25 +340,39 @@ def carried(sheet: Sheet, edges: Edges, wishes: Wishes) -> list[Laid]:
     rows: dict[int, list[Cell]] = defaultdict(list)
     for cell in found:
         rows[cell.row].append(cell)
+    layings = _layings(sheet, rows, breaks, wishes) if sheet.strips else {}
     laid = []
     for row, members in sorted(rows.items()):
-        steps = [step for cell in members for loop in cell.loops for step in loop]
-        t, across = sheet.oriented(np.array([step.start for step in steps]))
-        laying = None
-        if sheet.strips:
-            borders = [
-                (x, end)
-                for end, i in zip(sheet.strips[row].span, (row - 1, row), strict=True)
-                for x in breaks[sheet.across, i]
-            ]
-            more = np.array(borders).reshape(-1, 2)
-            laying = _laying(sheet, row, np.append(t, more[:, 0]), np.append(across, more[:, 1]), wishes)
+        laying = layings.get(row)
         carrier = _Carrier(sheet, row, laying, edges, breaks)
         for cell in members:
             loops = [carrier.loop(loop) for loop in cell.loops]
             corners = sheet.oriented(np.array([step.start for step in cell.loops[0]]))[0]
             laid.append(Laid(sheet, row, (float(corners.min()), float(corners.max())), laying, loops))
     return laid
+
+
+def _layings(
+    sheet: Sheet, rows: Mapping[int, Sequence[Cell]], breaks: Mapping[tuple[int, int], set[float]], wishes: Wishes
+) -> dict[int, Laying]:
+    """Lay flat the strips that have cells.
+
+    Triangles have the nodes of all strips of the face: the chords of a rail are the same on both sides.
+    """
+    vertices = {}
+    for row, members in rows.items():
+        corners = np.array([step.start for cell in members for loop in cell.loops for step in loop])
+        borders = zip(sheet.strips[row].span, (row - 1, row), strict=True)
+        broken = [(x, end) for end, i in borders for x in breaks[sheet.across, i]]
+        vertices[row] = np.concatenate([np.stack(sheet.oriented(corners), axis=-1), np.reshape(broken, (-1, 2))])
+    nodes = np.empty(0)
+    if wishes.layout == "triangles":
+        nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
+    found = {row: _laying(sheet, row, corners, nodes, wishes) for row, corners in vertices.items()}
+    if wishes.layout == "triangles":
+        finest = max((laying.flat.nodes for laying in found.values()), key=len)
+        found = {row: _laying(sheet, row, corners, finest, wishes) for row, corners in vertices.items()}
+    return found
 
 
 class _Carrier:

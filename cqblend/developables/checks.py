@@ -22,7 +22,7 @@ def millimetres(name: str, value: object, *, zero: bool = False) -> float:
     >>> millimetres("the width of a tab", 5)
     5.0
     """
-    if isinstance(value, Real) and not isinstance(value, bool):
+    if not isinstance(value, bool) and isinstance(value, Real):
         number = float(value)
         if math.isfinite(number) and (number > 0 or (zero and number == 0)):
             return number

@@ -6,8 +6,8 @@ what a format looks like inside.
 
 import os
 import tempfile
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path as File
 from typing import Any
 
@@ -17,7 +17,7 @@ from cqblend.developables.pdf import Page, paper, write_pdf
 from cqblend.developables.record import write_json
 from cqblend.developables.sheets import Sheets
 from cqblend.developables.svg import write_svg
-from cqblend.errors import InputError, shown
+from cqblend.errors import FileError, InputError, shown
 
 SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
 
@@ -56,7 +56,7 @@ def export(
     ------
     InputError
         If the suffix is another one, the folder does not exist, or a number makes no sense.
-    OSError
+    FileError
         If the file cannot be written.
     """
     target = checked_path(path)
@@ -64,18 +64,29 @@ def export(
     drawings = () if suffix == ".json" else draw(sheets, kerf=kerf, fit=fit, height=height)
     if suffix == ".pdf":
         paper(page)
-    handle, name = tempfile.mkstemp(suffix=suffix, prefix=f".{target.stem}-", dir=target.parent)
+    try:
+        with _whole(target) as whole:
+            if suffix == ".dxf":
+                write_dxf(beside(drawings), whole)
+            elif suffix == ".svg":
+                write_svg(beside(drawings), whole)
+            elif suffix == ".pdf":
+                write_pdf(drawings, whole, page=page)
+            else:
+                write_json(sheets, whole, report)
+    except OSError as error:
+        raise FileError(f"{target} cannot be written: {error.strerror or error}") from error
+    return target
+
+
+@contextmanager
+def _whole(target: File) -> Iterator[File]:
+    """Give a file to be written that takes the place of another one when it is whole."""
+    handle, name = tempfile.mkstemp(suffix=target.suffix, prefix=f".{target.stem}-", dir=target.parent)
     os.close(handle)
     whole = File(name)
     try:
-        if suffix == ".dxf":
-            write_dxf(beside(drawings), whole)
-        elif suffix == ".svg":
-            write_svg(beside(drawings), whole)
-        elif suffix == ".pdf":
-            write_pdf(drawings, whole, page=page)
-        else:
-            write_json(sheets, whole, report)
+        yield whole
         umask = os.umask(0)
         os.umask(umask)
         whole.chmod(0o666 & ~umask)  # temporary files are private
@@ -84,7 +95,6 @@ def export(
         with suppress(OSError):
             whole.unlink()
         raise
-    return target
 
 
 def checked_path(path: str | os.PathLike[str]) -> File:
