@@ -6,6 +6,7 @@ away are still understood. Must not know what is done with the shapes.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from cqblend.errors import InputError, shown, with_article
@@ -85,17 +86,21 @@ def faces_of(things: Any) -> "list[TopoDS_Face]":
     return [face_of(thing, "faces") for thing in things]
 
 
-def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape]]":
+def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None]":
     """Return what is to be unrolled: faces, shells, solids and compounds, in one of those or an iterable of them.
 
-    Of a Workplane, what is on its stack. The first thing is returned, too: `wrapped_like` takes it as a model.
+    Of a Workplane, what is on its stack, and the solid that it may be of. The first thing is returned, too:
+    `wrapped_like` takes it as a model.
 
     Raises
     ------
     InputError
         There is none, or something else among them.
     """
+    whole = None
     if _is_workplane(things):
+        with suppress(ValueError):
+            whole = _topods(things.findSolid())
         things = things.vals()
     elif _topods(things) is not None:
         things = [things]
@@ -108,7 +113,7 @@ def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape]]":
             raise InputError(f"faces, shells or solids are unrolled, not {_shown(thing)}")
     if not found:
         raise InputError("nothing is selected: select at least one face")
-    return found[0], [to_topods(thing) for thing in found]
+    return found[0], [to_topods(thing) for thing in found], whole
 
 
 def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:

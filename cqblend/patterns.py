@@ -16,7 +16,7 @@ from cqblend.developables.division import Direction, Method
 from cqblend.developables.natural import natural
 from cqblend.developables.pieces import Piece, Pieces, Seam
 from cqblend.developables.tabs import Style, Tabs, fitted_tabs
-from cqblend.errors import InputError, UnrollError, shown
+from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.native import skins_of, wrapped_like
 from cqblend.report import Report
 from cqblend.request import choice, flag, positive
@@ -304,12 +304,15 @@ def unroll(
     if isinstance(shape, Surface):
         import cadquery
 
-        model, skin = cadquery.Shape, natural(shape)
+        model, skin = cadquery.Compound.makeCompound([]), natural(shape)
     else:
         from cqblend.occ.patches import read
 
-        model, parts = skins_of(shape)
-        skin = read(parts)
+        model, parts, whole = skins_of(shape)
+        try:
+            skin = read(parts, whole=whole)
+        except SelectionError:  # the solid in the chain is another one
+            skin = read(parts)
     unrolled = assembly.unroll(skin, wishes, progress)
     pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), None, unrolled, model)
     if unrolled.failures:

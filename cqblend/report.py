@@ -32,6 +32,10 @@ class Report:
         Whether that is proven for all pieces; strips whose rulings were paired anew are measured.
     flattening : float
         Largest distance between a strip in space and its flat piece folded, mm.
+    twist : float
+        Largest angle by which the normal of a strip turns along a ruling, bounded, rad; 0 if all are developable.
+    ruling : float
+        Largest change in the length of a ruling, relative.
     strain : float
         Largest change of a length inside a strip, relative; rails and rulings keep theirs. 0 on developable strips,
         nan where they were laid flat as triangles.
@@ -57,6 +61,8 @@ class Report:
     deviation: float
     certified: bool
     flattening: float
+    twist: float
+    ruling: float
     strain: float
     area_change: float
     area: float
@@ -78,6 +84,8 @@ class Report:
             deviation=max((one.bound for one in records), default=0.0),
             certified=all(one.proven for one in records),
             flattening=max((one.error for one in records), default=0.0),
+            twist=max((one.twist for one in records), default=0.0),
+            ruling=max((one.ruling for one in records), default=0.0),
             strain=max((one.strain for one in records), default=0.0),
             area_change=max((abs(one.flat_area / one.area - 1) for one in records if one.area > 0), default=0.0),
             area=sum(piece.area for piece in pieces.pieces),
@@ -92,7 +100,7 @@ class Report:
         for record in self.pieces:
             kinds[record.kind] = kinds.get(record.kind, 0) + 1
         kind = ", ".join(f"{count} {name}" for name, count in sorted(kinds.items(), key=lambda item: -item[1]))
-        strain = "" if isnan(self.strain) else f"; lengths inside change by {self.strain:.2g} at most"
+        strain = "" if isnan(self.strain) else f", inside strips by {self.strain:.2g}"
         how = "certified" if self.certified else "measured"
         rows = (
             ("pieces", f"{len(self.pieces)} ({kind})"),
@@ -101,7 +109,11 @@ class Report:
                 "shape to strips",
                 f"{self.deviation:.3g} mm, {how}; asked {self.tolerance:.3g} mm",
             ),
-            ("strips to flat", f"{self.flattening:.3g} mm{strain}"),
+            ("twist", f"{self.twist:.2g} rad along a ruling, at most"),
+            (
+                "strips to flat",
+                f"{self.flattening:.3g} mm; lengths of rulings change by {self.ruling:.1g} at most{strain}",
+            ),
             ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
             ("seams", f"{self.seams}; lengths of their sides differ by {self.seam_mismatch:.1g} at most"),
             ("overlap", f"{self.overlap:.3g} mm2"),

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.developables.carrying import Draft, Edges, Laid, Laying, Sheet, Wishes, carried
+from cqblend.developables.developability import twist_between
 from cqblend.developables.division import divide
 from cqblend.developables.overlap import overlap
 from cqblend.developables.patches import Patch, Skin, Trim
@@ -46,6 +47,11 @@ class Record:
         Whether the bound is certified; a strip whose rulings were paired anew is measured.
     error
         Distance between the strip in space and the flat piece folded, mm.
+    twist
+        Proven bound of the angle by which the normal turns along a ruling, rad, see
+        :func:`cqblend.developables.developability.twist`; 0 if the strip is developable.
+    ruling
+        Largest change in length of a ruling, relative.
     strain
         By how much lengths inside the strip change, relative, at most; 0 if it is developable. Rails and rulings keep
         theirs.
@@ -59,6 +65,8 @@ class Record:
     bound: float
     proven: bool
     error: float
+    twist: float
+    ruling: float
     strain: float
     area: float
     flat_area: float
@@ -277,7 +285,7 @@ def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
 def _record(one: Laid, piece: Piece) -> Record:
     faces, laying = one.sheet.patch.faces, one.laying
     if laying is None:
-        return Record(piece.name, faces, "plane", 0.0, True, 0.0, 0.0, piece.area, piece.area)
+        return Record(piece.name, faces, "plane", 0.0, True, 0.0, 0.0, 0.0, 0.0, piece.area, piece.area)
     flat = laying.flat
     return Record(
         name=piece.name,
@@ -286,6 +294,8 @@ def _record(one: Laid, piece: Piece) -> Record:
         bound=laying.bound,
         proven=laying.proven,
         error=flat.error,
+        twist=twist_between(laying.rails) if flat.kind == "twisted" else 0.0,
+        ruling=flat.ruling,
         strain=flat.strain,
         area=flat.area_space,
         flat_area=flat.area_flat,
