@@ -1,9 +1,9 @@
-"""Exactly smooth freeform blends for CadQuery and build123d, certified and out to STEP.
+"""Exactly smooth freeform blends and patterns for flat stock, for CadQuery and build123d, certified.
 
 >>> import cadquery as cq, cqblend
 >>> part = cq.Workplane().box(30, 20, 10).edges("|Z and >X and >Y").blend(2)
 
-Light to import: a public name is loaded when it is first used, and ``Workplane.blend`` is registered when CadQuery is
+Light to import: a public name is loaded when it is first used, and ``Workplane.blend`` and ``.unroll`` are registered when CadQuery is
 imported, before cqblend or after it.
 """
 

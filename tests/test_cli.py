@@ -1,5 +1,7 @@
 """The command line: what it prints where, and its exit codes."""
 
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -53,7 +55,13 @@ def test_help_and_version_do_not_load_occt():
 
 
 def test_help_documents_the_exit_codes(capsys):
-    for arguments in (["--help"], ["blend", "--help"], ["continuity", "--help"], ["demo", "--help"]):
+    for arguments in (
+        ["--help"],
+        ["blend", "--help"],
+        ["continuity", "--help"],
+        ["unroll", "--help"],
+        ["demo", "--help"],
+    ):
         code, out, _ = run(capsys, *arguments)
         assert code == 0
         assert "exit codes:" in out
@@ -102,6 +110,59 @@ def test_continuity(capsys, box):
     code, out, err = run(capsys, "continuity", box, "--near", CORNER)
     assert (code, err) == (0, "")
     assert "angle 1.6 rad" in out
+
+
+@pytest.mark.parametrize("suffix", ["dxf", "svg", "pdf", "json"])
+def test_unroll(capsys, box, tmp_path, suffix):
+    pattern, strips = tmp_path / f"pattern.{suffix}", tmp_path / "strips.step"
+    code, out, err = run(capsys, "unroll", box, pattern, "--tolerance", 0.1, "--tabs", "one", "--strips", strips)
+    assert (code, err) == (0, "")
+    assert "6 plane" in out
+    assert "seams            12" in out
+    assert pattern.stat().st_size > 1000
+    assert cq.importers.importStep(str(strips)).val().Area() == pytest.approx(2 * (600 + 300 + 200), rel=1e-9)
+
+
+def test_unroll_faces_near_points(capsys, box, tmp_path):
+    pattern = tmp_path / "pattern.json"
+    near = ["--near", "15,10,99", "--near", "-9,10,5", "--sheet", "100x50", "--kerf", "0.2"]
+    code, out, _ = run(capsys, "unroll", box, pattern, "--tolerance", "0.1", *near)
+    assert code == 0
+    chosen = [line for line in out.splitlines() if line.startswith("face ")]
+    assert [line.split(", ")[1] for line in chosen] == ["89 mm from the point", "9 mm from the point"]
+    record = json.loads(pattern.read_text())
+    assert sorted(piece["area"] for piece in record["pieces"]) == pytest.approx([200, 600])
+    assert len(record["seams"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--tolerance", "0"], "tolerance must be above 0"),
+        (["--tolerance", "nan"], "tolerance must be finite"),
+        (["--tolerance", ".1", "--tabs", "one", "--tab-width", "-1"], "the width of tabs"),
+        (["--tolerance", ".1", "--kerf", "-1"], "kerf"),
+    ],
+)
+def test_unroll_with_bad_numbers(capsys, box, tmp_path, options, reason):
+    code, out, err = run(capsys, "unroll", box, tmp_path / "pattern.dxf", *options)
+    assert (code, out) == (2, "")
+    assert reason in one_line(err)
+    assert not (tmp_path / "pattern.dxf").exists()
+
+
+@pytest.mark.parametrize("name", ["pattern", "pattern.png", "no/such/folder.dxf"])
+def test_unroll_to_a_file_that_cannot_be(capsys, box, tmp_path, name):
+    code, _, err = run(capsys, "unroll", box, tmp_path / name, "--tolerance", "0.1")
+    assert code == 2
+    one_line(err)
+
+
+def test_unroll_tells_how_far_long_work_has_come(capsys, box, tmp_path, monkeypatch):
+    monkeypatch.setattr("cqblend.__main__._PATIENCE", 0.0)
+    code, _, err = run(capsys, "unroll", box, tmp_path / "pattern.svg", "--tolerance", "0.1")
+    assert code == 0
+    assert re.search(r"^cqblend: +\d+% ", err, re.MULTILINE)
 
 
 def test_demo(capsys, tmp_path):

@@ -69,6 +69,28 @@ assert len({{round(shape.Volume(), 9) for shape in shown}}) == 1
     assert done.stdout.count("valid blend, exact") == 6
 
 
+def test_a_pattern_renders_again_and_again(tmp_path):
+    script = tmp_path / "ball.py"
+    script.write_text(
+        """
+import cadquery as cq, cqblend
+def report(pattern):
+    for suffix in ("dxf", "svg", "pdf", "json"):
+        pattern.with_tabs(2).export(f"FOLDER/pattern.{suffix}")
+show_object(cq.Workplane().sphere(10).unroll(0.3, report=report), name="flat")
+""".replace("FOLDER", str(tmp_path))
+    )
+    code = """
+for _ in range(3):
+    render(sys.argv[1])
+reload_cadquery()
+render(sys.argv[1])
+assert len({tuple(round(face.Area(), 9) for face in flat.faces().vals()) for flat in shown}) == 1
+"""
+    done = run(code, script)
+    assert done.returncode == 0, done.stderr
+
+
 def test_scripts_that_import_cqblend_first(tmp_path):
     """The hook waits for CadQuery; of two that wait, the later one wins."""
     code = """
