@@ -3,8 +3,8 @@
 >>> import cadquery as cq, cqblend
 >>> part = cq.Workplane().box(30, 20, 10).edges("|Z and >X and >Y").blend(2)
 
-Light to import: a public name is loaded when it is first used, and ``Workplane.blend`` and ``.unroll`` are registered when CadQuery is
-imported, before cqblend or after it.
+Light to import: a public name is loaded when it is first used, and ``Workplane.blend`` and ``Workplane.unroll`` are
+registered when CadQuery is imported, before cqblend or after it.
 """
 
 from importlib import import_module
