@@ -12,6 +12,7 @@ from cqblend import demo
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SOLIDS = [path for path in EXAMPLES if re.search("^result = ", path.read_text(encoding="utf-8"), re.MULTILINE)]
+UNROLLED = [path for path in EXAMPLES if "unroll_models." in path.read_text(encoding="utf-8")]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
@@ -49,6 +50,27 @@ assert made["result"].certificate.angle <= 1e-5
     assert done.returncode == 0, done.stderr
     assert "valid blend, " in done.stdout
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("path", UNROLLED, ids=lambda path: path.stem)
+def test_unrolled(path, tmp_path):
+    """From the shell: the files that it names are in the folder in which it is run."""
+    done = subprocess.run(
+        [sys.executable, str(path)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        env={"PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr
+    text = path.read_text(encoding="utf-8")
+    written = {file.name: file.stat().st_size for file in tmp_path.iterdir()}
+    assert written
+    assert min(written.values()) > 1000
+    assert set(re.findall(r'"(\w+\.(?:dxf|pdf|step|svg))"', text)) <= set(written)
+    reports = done.stdout.count("overlap          0 mm2")
+    assert reports == done.stdout.count("certified; asked") >= 1
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
