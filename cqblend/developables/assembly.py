@@ -7,7 +7,7 @@ bowed to it. Holds the order of the steps, and what is known of every piece. Mus
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from cqblend.developables.developability import twist_between
 from cqblend.developables.division import divide
 from cqblend.developables.overlap import overlap
 from cqblend.developables.patches import Patch, Skin, Trim
+from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.splines.bernstein import Array
@@ -26,7 +27,8 @@ Progress = Callable[[float, str], object]
 _CUTS = 32
 """A strip is cut across so often at most."""
 
-_COVERS = "a strip still covers itself after {} cuts across it: divide face {} in the other direction"
+_FINER, _FINEST = 4.0, 300.0
+"""Where bows make a piece cover itself, its face is divided with tolerances finer by this, and by that at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +168,14 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
         covering = _covering(result, laid)
         if not covering:
             return result
-        for one in covering:
-            if one.sheet in sheets and len(one.sheet.cuts.get(one.row, ())) >= _CUTS:
-                failures.append(_failure(one.sheet.patch, GeometryError(_COVERS.format(_CUTS, one.sheet.patch.index))))
-                sheets.remove(one.sheet)
-            one.sheet.cut(one.row, (one.span[0] + one.span[1]) / 2)
+        for sheet in {id(one.sheet): one.sheet for one, _ in covering}.values():
+            rows = [(one.row, sum(one.span) / 2) for one, bent in covering if one.sheet is sheet and not bent]
+            place = sheets.index(sheet)
+            try:
+                sheets[place] = _cut(sheet, rows) if rows else _divided(sheet.patch, wishes, _FINER * sheet.finer)
+            except CqblendError as error:
+                failures.append(_failure(sheet.patch, error))
+                sheets.remove(sheet)
 
 
 def _failure(patch: Patch, error: CqblendError) -> Failure:
@@ -184,18 +189,30 @@ def _silent(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _divided(patch: Patch, wishes: Wishes) -> Sheet:
+def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0) -> Sheet:
+    if finer > _FINEST:
+        raise GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
     if patch.kind == "plane":
-        return Sheet(patch)
+        return Sheet(patch, finer=finer)
     division = divide(
         patch.surface,
-        wishes.tolerance,
+        wishes.tolerance / finer,
         direction="v" if patch.kind in ("cylinder", "cone", "extrusion") else wishes.direction,
         method=wishes.method,
         even=wishes.even,
         least_width=wishes.least_width,
     )
-    return Sheet(patch, division.strips, division.direction == "u", division.elber, max(division.ideal, 1.0))
+    ideal = max(division.ideal, 1.0)
+    return Sheet(patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer)
+
+
+def _cut(sheet: Sheet, rows: Sequence[tuple[int, float]]) -> Sheet:
+    """Cut strips across, each at a given parameter."""
+    for row, value in rows:
+        if len(sheet.cuts.get(row, ())) >= _CUTS:
+            raise GeometryError(f"a strip still covers itself after {_CUTS} cuts; divide it in the other direction")
+        sheet.cut(row, value)
+    return sheet
 
 
 def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wishes: Wishes) -> Unrolled:
@@ -307,7 +324,13 @@ def _source(one: Laid) -> Source:
     return Source(one.sheet.patch, one.laying, one.sheet.upward, loops)
 
 
-def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[Laid]:
-    """Return what has become pieces that cover themselves. In a plane nothing does."""
+def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[tuple[Laid, bool]]:
+    """Return what has become pieces that cover themselves, and whether they do so only because of their bows."""
     pieces = zip(laid, result.pieces.pieces, strict=True)
-    return [one for one, piece in pieces if one.laying is not None and overlap(piece)]
+    return [(one, not overlap(_unbowed(piece))) for one, piece in pieces if overlap(piece)]
+
+
+def _unbowed(piece: Piece) -> Piece:
+    """Return a piece with straight segments between its vertices."""
+    loops = [[replace(run, path=Path.straight(run.path.points)) for run in loop] for loop in piece.loops]
+    return replace(piece, loops=tuple(map(tuple, loops)))

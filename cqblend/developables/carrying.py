@@ -60,7 +60,10 @@ class Wishes:
 
 @dataclass(slots=True, eq=False)
 class Sheet:
-    """A patch with its strips (none on a plane), and the cuts across them at which a piece would cover itself."""
+    """A patch with its strips (none on a plane), and what keeps its pieces from covering themselves.
+
+    That is cuts across strips, and by how much all tolerances are finer than asked.
+    """
 
     patch: Patch
     strips: tuple[Strip, ...] = ()
@@ -68,6 +71,7 @@ class Sheet:
     elber: int = 1
     ideal: float = 1.0
     cuts: dict[int, list[float]] = field(default_factory=dict)
+    finer: float = 1.0
 
     def lines(self) -> Lines:
         """Return the parameter lines that the patch's loops are cut at."""
@@ -221,13 +225,15 @@ class Edges:
     def __init__(self, skin: Skin, sheets: Sequence[Sheet], wishes: Wishes) -> None:
         self.edges = skin.edges
         users: dict[int, list[Use]] = defaultdict(list)
-        bent: set[int] = set()
+        sagittas: dict[int, float] = defaultdict(lambda: np.inf)
+        finer: dict[int, float] = defaultdict(lambda: 1.0)
         for sheet in sheets:
             lines = sheet.lines()
             for use in (use for loop in sheet.patch.loops for use in loop):
                 users[use.edge].append((use, lines, sheet.extent))
+                finer[use.edge] = max(finer[use.edge], sheet.finer)
                 if sheet.strips:
-                    bent.add(use.edge)
+                    sagittas[use.edge] = min(sagittas[use.edge], wishes.tolerance / sheet.finer / 2)
         self.samples: dict[int, Samples] = {}
         self.uv: dict[int, Array] = {}  # by identity of the use
         self.lengths: dict[int, Array] = {}
@@ -235,7 +241,7 @@ class Edges:
         for number, uses in users.items():
             edge = skin.edges[number]
             try:
-                self._sample(edge, uses, wishes.flat, wishes.tolerance / 2 if number in bent else np.inf)
+                self._sample(edge, uses, wishes.flat / finer[number], sagittas[number])
             except CqblendError as error:
                 self.refused[number] = error
 
@@ -250,16 +256,18 @@ class Edges:
         else:
             self.lengths[edge.index] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
 
-    def sides(self, patch: Patch) -> list[list[Side]]:
+    def sides(self, sheet: Sheet) -> list[list[Side]]:
         """Return the loops of a patch in its parameter plane; a side's `use` counts the uses of the patch.
+
+        Where a side ends on a line, the next one begins there.
 
         Raises
         ------
         CqblendError
             One of its edges could not be sampled.
         """
-        loops, count = [], 0
-        for loop in patch.loops:
+        loops, count, lines = [], 0, sheet.lines()
+        for loop in sheet.patch.loops:
             sides = []
             for use in loop:
                 if use.edge in self.refused:
@@ -268,6 +276,11 @@ class Edges:
                 uv = self.uv[id(use)]
                 sides.append(Side(count, uv if use.forward else uv[::-1]))
                 count += 1
+            for side, after in zip(sides, [*sides[1:], sides[0]], strict=True):
+                for axis in (0, 1):
+                    here, there = side.points[-1, axis], after.points[0, axis]
+                    after.points[0, axis] = here if here in lines.values(axis) else there
+                    side.points[-1, axis] = after.points[0, axis]
             loops.append(sides)
         return loops
 
@@ -293,7 +306,9 @@ def _laying(sheet: Sheet, row: int, vertices: Array, nodes: Array, wishes: Wishe
         if paired is not None:
             return paired
     nodes = np.unique(np.append(t, nodes))
-    flat = flatten(strip.rails, wishes.flat, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout])
+    flat = flatten(
+        strip.rails, wishes.flat / sheet.finer, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout]
+    )
     return Laying(strip, strip.rails, None, strip.bound, True, flat)
 
 
@@ -306,7 +321,9 @@ def _paired(sheet: Sheet, strip: Strip, t: Array, wishes: Wishes) -> Laying | No
     if bound > wishes.tolerance:
         return None
     nodes = np.unique([_inverse(one, np.unique(t)) for one in pairing.parameters])
-    flat = flatten(pairing.rails, wishes.flat, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout])
+    flat = flatten(
+        pairing.rails, wishes.flat / sheet.finer, nodes=nodes, flip=not sheet.upward, method=_METHODS[wishes.layout]
+    )
     if flat.kind == "twisted":
         return None
     return Laying(strip, pairing.rails, pairing.parameters, bound, False, flat)
@@ -329,7 +346,7 @@ def carried(sheet: Sheet, edges: Edges, wishes: Wishes) -> list[Laid]:
     """Cut a patch's loops into the cells of its strips and carry them to the plane."""
     lines = sheet.lines()
     values = (lines.values(0), lines.values(1))
-    found = cells.cut(edges.sides(sheet.patch), lines)
+    found = cells.cut(edges.sides(sheet), lines)
     breaks: dict[tuple[int, int], set[float]] = defaultdict(set)
     for step in (step for cell in found for loop in cell.loops for step in loop):
         for axis in (0, 1):
