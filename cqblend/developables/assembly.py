@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.developables.carrying import Draft, Edges, Laid, Laying, Sheet, Wishes, carried
 from cqblend.developables.developability import twist_between
 from cqblend.developables.division import divide
-from cqblend.developables.overlap import overlap
+from cqblend.developables.overlap import covers
 from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
@@ -26,6 +26,9 @@ Progress = Callable[[float, str], object]
 
 _CUTS = 32
 """A strip is cut across so often at most."""
+
+_BOW = 1.1
+"""Length to chord of an arc of 86 degrees. Samples of edges are closer."""
 
 _FINER, _FINEST = 4.0, 300.0
 """Where bows make a piece cover itself, its face is divided with tolerances finer by this, and by that at most."""
@@ -272,12 +275,16 @@ def _runs(loop: Sequence[Draft]) -> list[Draft]:
 
 
 def _agree(drafts: Sequence[Draft]) -> None:
-    """Give the segments along an edge one length on all sides: that of the edge, or of the longest chord."""
-    rising = [draft.lengths if draft.rising else draft.lengths[::-1] for draft in drafts]
-    chords = [draft.chords if draft.rising else draft.chords[::-1] for draft in drafts]
-    lengths = np.max([*rising, *chords], axis=0)
-    for draft in drafts:
-        draft.lengths = lengths if draft.rising else lengths[::-1]
+    """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
+
+    A segment becomes as long as its part of the edge, where that is not much longer than its chord; where a strip is
+    much shorter than the face, as next to a pole, it would be a balloon. What is missing then is shared by all.
+    """
+    natural = [np.clip(draft.lengths, draft.chords, _BOW * draft.chords) for draft in drafts]
+    total = max(float(drafts[0].lengths.sum()), *(float(lengths.sum()) for lengths in natural))
+    for draft, lengths in zip(drafts, natural, strict=True):
+        whole = float(lengths.sum())
+        draft.lengths = lengths * (total / whole) if whole > 0 else lengths
 
 
 def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
@@ -327,7 +334,7 @@ def _source(one: Laid) -> Source:
 def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[tuple[Laid, bool]]:
     """Return what has become pieces that cover themselves, and whether they do so only because of their bows."""
     pieces = zip(laid, result.pieces.pieces, strict=True)
-    return [(one, not overlap(_unbowed(piece))) for one, piece in pieces if overlap(piece)]
+    return [(one, not covers(_unbowed(piece))) for one, piece in pieces if covers(piece)]
 
 
 def _unbowed(piece: Piece) -> Piece:

@@ -20,6 +20,9 @@ from cqblend.splines.bernstein import Array
 FINENESS = 1e-6
 """Arcs are replaced by chords this close to them, relative to the size."""
 
+COARSENESS = 1e-3
+"""The same for a first look."""
+
 SLIVER = 1e-9
 """Areas that are thinner than this, relative to the size, are rounding of touching borders."""
 
@@ -67,17 +70,26 @@ def overlap(piece: Piece) -> Overlap:
     return covered_wrongly(piece.outlines)
 
 
-def covered_wrongly(paths: Sequence[Path]) -> Overlap:
+def covers(piece: Piece) -> bool:
+    """Return whether a piece covers itself anywhere: soon where it does so for the most part, as coils do."""
+    paths = piece.outlines
+    size = float(np.linalg.norm(np.ptp(np.concatenate([path.points for path in paths]), axis=0)))
+    blurred = 2 * COARSENESS * size * sum(path.length for path in paths)
+    return covered_wrongly(paths, COARSENESS).area > blurred or bool(overlap(piece))
+
+
+def covered_wrongly(paths: Sequence[Path], fineness: float = FINENESS) -> Overlap:
     """Return where closed paths do not wind once or not at all.
 
-    With outlines counterclockwise and holes clockwise, a point of the piece has winding number 1, one outside it or in
-    a hole 0. More is covered twice; less is a hole outside the outline, or an outline that runs the wrong way.
+    Arcs are replaced by chords that are as close as the fineness says, relative to the size. With outlines
+    counterclockwise and holes clockwise, a point of the piece has winding number 1, one outside it or in a hole 0.
+    More is covered twice; less is a hole outside the outline, or an outline that runs the wrong way.
     """
     corners = np.concatenate([path.points for path in paths])
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
     if size == 0:
         return Overlap()
-    loops = [_closed(path.sampled(FINENESS * size)) for path in paths]
+    loops = [_closed(path.sampled(fineness * size)) for path in paths]
     if _sound(loops):
         return Overlap()
     lines = shapely.linestrings(np.concatenate(loops), indices=np.repeat(np.arange(len(loops)), [*map(len, loops)]))
