@@ -13,7 +13,7 @@ import numpy as np
 
 from cqblend.developables.carrying import Draft, Edges, Laid, Laying, Sheet, Wishes, carried
 from cqblend.developables.developability import twist_between
-from cqblend.developables.division import divide
+from cqblend.developables.division import Direction, divide
 from cqblend.developables.overlap import covers
 from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.paths import Path
@@ -30,7 +30,7 @@ _CUTS = 32
 _BOW = 1.1
 """Length to chord of an arc of 86 degrees. Samples of edges are closer."""
 
-_FINER, _FINEST = 4.0, 300.0
+_FINER, _FINEST = 4.0, 64.0
 """Where bows make a piece cover itself, its face is divided with tolerances finer by this, and by that at most."""
 
 
@@ -175,7 +175,7 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
             rows = [(one.row, sum(one.span) / 2) for one, bent in covering if one.sheet is sheet and not bent]
             place = sheets.index(sheet)
             try:
-                sheets[place] = _cut(sheet, rows) if rows else _divided(sheet.patch, wishes, _FINER * sheet.finer)
+                sheets[place] = _cut(sheet, rows) if rows else _finer(sheet, wishes)
             except CqblendError as error:
                 failures.append(_failure(sheet.patch, error))
                 sheets.remove(sheet)
@@ -192,21 +192,32 @@ def _silent(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0) -> Sheet:
-    if finer > _FINEST:
-        raise GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
+def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direction | None = None) -> Sheet:
+    """Divide a patch with tolerances finer than asked by a factor, in the direction asked or another one."""
     if patch.kind == "plane":
         return Sheet(patch, finer=finer)
+    ruled = patch.kind in ("cylinder", "cone", "extrusion")
     division = divide(
         patch.surface,
         wishes.tolerance / finer,
-        direction="v" if patch.kind in ("cylinder", "cone", "extrusion") else wishes.direction,
+        direction="v" if ruled else direction or wishes.direction,
         method=wishes.method,
         even=wishes.even,
         least_width=wishes.least_width,
     )
     ideal = max(division.ideal, 1.0)
-    return Sheet(patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer)
+    turned = ruled or wishes.direction != "auto" or direction is not None
+    return Sheet(patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer, turned=turned)
+
+
+def _finer(sheet: Sheet, wishes: Wishes) -> Sheet:
+    """Divide a patch again, since bows make a piece cover itself: finer, at last in the other direction."""
+    direction: Direction = "u" if sheet.transposed else "v"
+    if sheet.finer < _FINEST:
+        return _divided(sheet.patch, wishes, _FINER * sheet.finer, direction if sheet.turned else None)
+    if sheet.turned:
+        raise GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
+    return _divided(sheet.patch, wishes, 1.0, "v" if sheet.transposed else "u")
 
 
 def _cut(sheet: Sheet, rows: Sequence[tuple[int, float]]) -> Sheet:

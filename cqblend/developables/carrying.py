@@ -62,7 +62,7 @@ class Wishes:
 class Sheet:
     """A patch with its strips (none on a plane), and what keeps its pieces from covering themselves.
 
-    That is cuts across strips, and by how much all tolerances are finer than asked.
+    That is cuts across strips, by how much all tolerances are finer than asked, and whether no other direction is left.
     """
 
     patch: Patch
@@ -72,6 +72,7 @@ class Sheet:
     ideal: float = 1.0
     cuts: dict[int, list[float]] = field(default_factory=dict)
     finer: float = 1.0
+    turned: bool = False
 
     def lines(self) -> Lines:
         """Return the parameter lines that the patch's loops are cut at."""
