@@ -18,6 +18,7 @@ from unroll_witness import (
     area,
     bareness,
     chain_gap,
+    edge_length,
     faces_of,
     facing,
     fold_error,
@@ -270,7 +271,7 @@ def test_an_extruded_spline_is_a_rectangle():
     pattern = cqblend.unroll(face, 0.01)
     (piece,) = pattern.strips
     assert pattern.report.pieces[0].kind == "cylinder"
-    around = max(edge.Length() for edge in face.Edges())
+    around = max(edge_length(edge.wrapped) for edge in face.Edges())
     assert piece.area == pytest.approx(8 * around, rel=1e-9)
     found = sorted(length(run.path.points, run.path.bulges) for _, _, run in piece.runs())
     assert found == pytest.approx([8, 8, around, around], rel=1e-9)

@@ -133,6 +133,10 @@ def outward(face, point):
     return (-normal if face.Orientation() == TopAbs_REVERSED else normal) / np.linalg.norm(normal)
 
 
+def edge_length(edge):
+    return GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge), 1e-10)
+
+
 def shared_lengths(shape, owner):
     """Length of all edges between two pieces' faces, by pair of owners; `owner` maps face numbers to a key."""
     faces = TopTools_IndexedMapOfShape()
@@ -144,7 +148,7 @@ def shared_lengths(shape, owner):
         edge = TopoDS.Edge_s(edges.FindKey(i))
         owners = sorted({owner[faces.FindIndex(face)] for face in edges.FindFromIndex(i)})
         if len(owners) == 2 and not BRep_Tool.Degenerated_s(edge):
-            found[tuple(owners)] += GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge), 1e-10)
+            found[tuple(owners)] += edge_length(edge)
     return dict(found)
 
 
@@ -160,27 +164,38 @@ def seam_mismatch(pattern):
 
 def seam_gap(pattern, count=33):
     """Largest distance between points of the two sides of a seam, rolled, at the same parts of their length."""
+    spread = folded(pattern, lambda run: evenly(run.path, count))
     worst = 0.0
     for seam in pattern.seams:
-        here, there = (_rolled(pattern, side, count) for side in seam.sides)
+        here, there = (spread[side.piece, side.loop, side.run] for side in seam.sides)
         worst = max(worst, np.linalg.norm(here - (there[::-1] if seam.opposed else there), axis=1).max())
     return worst
 
 
-def _rolled(pattern, side, count):
-    path = pattern.pieces.run(side).path
-    points = dense(path.points, path.bulges)
+def evenly(path, count):
+    """Points at equal parts of a path's length."""
     reached = np.append(0.0, np.cumsum(np.repeat(lengths(path.points, path.bulges).astype(float) / 16, 16)))
     at = np.linspace(0, reached[-1], count)
-    return pattern.fold(side.piece, np.stack([np.interp(at, reached, x) for x in points.T], axis=-1))
+    return np.stack([np.interp(at, reached, x) for x in dense(path.points, path.bulges, 16).T], axis=-1)
+
+
+def folded(pattern, points_of):
+    """Points of each run rolled back, by (piece, loop, run)."""
+    found = {}
+    for i, piece in enumerate(pattern.strips):
+        places, flat = zip(*(((i, loop, run), points_of(one)) for loop, run, one in piece.runs()), strict=True)
+        space = pattern.fold(i, np.concatenate(flat))
+        found |= zip(places, np.split(space, np.cumsum([*map(len, flat)])[:-1]), strict=True)
+    return found
 
 
 def fold_error(pattern):
     """Largest distance of vertices rolled back from where they are said to be."""
+    spread = folded(pattern, lambda run: run.path.points)
     return max(
-        np.abs(pattern.fold(i, run.path.points) - run.space).max()
+        np.abs(spread[i, loop, run] - one.space).max()
         for i, piece in enumerate(pattern.strips)
-        for _, _, run in piece.runs()
+        for loop, run, one in piece.runs()
     )
 
 
