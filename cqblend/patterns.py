@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+import numpy as np
+
 from cqblend.developables import assembly, cutting, files, sheets
 from cqblend.developables.assembly import Unrolled
 from cqblend.developables.carrying import Layout, Wishes
@@ -20,6 +22,7 @@ from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.native import skins_of, wrapped_like
 from cqblend.report import Report
 from cqblend.request import choice, flag, positive
+from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
 
 if TYPE_CHECKING:
@@ -112,10 +115,19 @@ class Pattern:
         -------
         array
             (.., 3), mm.
-        """
-        import numpy as np
 
-        return self._unrolled.sources[strip].fold(np.asarray(points, dtype=np.float64))
+        Raises
+        ------
+        InputError
+            There is no such piece, or these are no points.
+        """
+        sources = self._unrolled.sources
+        if isinstance(strip, bool) or not isinstance(strip, int) or not 0 <= strip < len(sources):
+            raise InputError(f"strip is an index from 0 to {len(sources) - 1}, not {shown(strip)}")
+        flat = door.numbers("points", points)
+        if flat.ndim == 0 or flat.shape[-1] != 2 or not np.isfinite(flat).all():
+            raise InputError(f"points are pairs of finite coordinates, not {shown(points)}")
+        return sources[strip].fold(flat)
 
     def with_tabs(
         self,

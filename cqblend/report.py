@@ -47,6 +47,9 @@ class Report:
         Number of seams.
     seam_mismatch : float
         Largest difference in length between the two sides of a seam, relative to its length.
+    seam_stretch : float
+        By how much a seam along an edge is longer than the edge, relative, at most: on a strip that is longer than the
+        face there, both sides are.
     overlap : float
         Largest area that a piece covers twice, mm^2; always 0: pieces that cover themselves are cut.
     pieces : tuple of Record
@@ -68,6 +71,7 @@ class Report:
     area: float
     seams: int
     seam_mismatch: float
+    seam_stretch: float
     overlap: float
     pieces: tuple[Record, ...]
 
@@ -91,6 +95,7 @@ class Report:
             area=sum(piece.area for piece in pieces.pieces),
             seams=len(pieces.seams),
             seam_mismatch=pieces.mismatch(),
+            seam_stretch=unrolled.stretch,
             overlap=0.0,
             pieces=records,
         )
@@ -115,7 +120,10 @@ class Report:
                 f"{self.flattening:.3g} mm; lengths of rulings change by {self.ruling:.1g} at most{strain}",
             ),
             ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
-            ("seams", f"{self.seams}; lengths of their sides differ by {self.seam_mismatch:.1g} at most"),
+            (
+                "seams",
+                f"{self.seams}; their sides differ by {self.seam_mismatch:.1g}, from edges by {self.seam_stretch:.1g}",
+            ),
             ("overlap", f"{self.overlap:.3g} mm2"),
         )
         width = max(len(name) for name, _ in rows)

@@ -19,6 +19,7 @@ from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.errors import CqblendError, GeometryError
+from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
 Progress = Callable[[float, str], object]
@@ -98,13 +99,13 @@ class Source:
     upward
         Whether R_t x R_w of the strip points to the outer side.
     loops
-        Its boundary, run by run, as points (n + 1, 2) on the ruled strip, (t, w), or in the plane's coordinates.
+        Its boundary, run by run, as a curve or as points (n + 1, 2) on the ruled strip, (t, w), or in the plane.
     """
 
     patch: Patch
     laying: Laying | None
     upward: bool
-    loops: tuple[tuple[Array, ...], ...]
+    loops: tuple[tuple[Array | Curve, ...], ...]
 
     def trim(self) -> Trim:
         """Return the piece in space: a ruled surface or a plane, and what is kept of it."""
@@ -126,6 +127,8 @@ class Unrolled:
 
     Attributes
     ----------
+    stretch
+        By how much a seam is longer than the edge that it stands for, relative, at most.
     strips
         Number of strips, N, a plane being one; trimming may part a strip into several pieces, or leave nothing of it.
     elber
@@ -138,6 +141,7 @@ class Unrolled:
     records: tuple[Record, ...]
     sources: tuple[Source, ...]
     failures: tuple[Failure, ...]
+    stretch: float
     strips: int
     elber: int
     ideal: float
@@ -238,12 +242,13 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
                 members[draft.key].append((Place(i, j, k), draft))
     seams: list[Seam] = []
     numbers: dict[Hashable, int] = {}
+    stretch = 0.0
     for key, sides in members.items():
         if wishes.layout == "triangles":
             for _, draft in sides:
                 draft.lengths = draft.chords
         elif isinstance(key, tuple) and key[0] == "edge":
-            _agree([draft for _, draft in sides])
+            stretch = max(stretch, _agree([draft for _, draft in sides]))
         if len(sides) == 2:
             numbers[key] = len(seams)
             (first, here), (second, there) = sides
@@ -269,6 +274,7 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         tuple(records),
         tuple(_source(one) for one in laid),
         failures,
+        stretch,
         sum(max(len(sheet.strips), 1) for sheet in sheets),
         sum(sheet.elber for sheet in sheets),
         sum(sheet.ideal for sheet in sheets),
@@ -285,17 +291,20 @@ def _runs(loop: Sequence[Draft]) -> list[Draft]:
     return [draft for draft in loop if draft.key is not None]
 
 
-def _agree(drafts: Sequence[Draft]) -> None:
+def _agree(drafts: Sequence[Draft]) -> float:
     """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
 
-    A segment becomes as long as its part of the edge, where that is not much longer than its chord; where a strip is
-    much shorter than the face, as next to a pole, it would be a balloon. What is missing then is shared by all.
+    Returns by how much that is longer than the edge, relative to it. A segment becomes as long as its part of the
+    edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next to a
+    pole, it would be a balloon. What is missing then is shared by all.
     """
     natural = [np.clip(draft.lengths, draft.chords, _BOW * draft.chords) for draft in drafts]
-    total = max(float(drafts[0].lengths.sum()), *(float(lengths.sum()) for lengths in natural))
+    edge = float(drafts[0].lengths.sum())
+    total = max(edge, *(float(lengths.sum()) for lengths in natural))
     for draft, lengths in zip(drafts, natural, strict=True):
         whole = float(lengths.sum())
         draft.lengths = lengths * (total / whole) if whole > 0 else lengths
+    return total / edge - 1 if edge > 0 else 0.0
 
 
 def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
@@ -338,7 +347,7 @@ def _record(one: Laid, piece: Piece) -> Record:
 
 
 def _source(one: Laid) -> Source:
-    loops = tuple(tuple(draft.places for draft in loop) for loop in one.loops)
+    loops = tuple(tuple(draft.trim() for draft in loop) for loop in one.loops)
     return Source(one.sheet.patch, one.laying, one.sheet.upward, loops)
 
 

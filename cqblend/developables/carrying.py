@@ -40,6 +40,9 @@ _STRAIGHT = 1e-13
 _MARGIN = 1.05
 """What a sampled deviation is multiplied by before it counts."""
 
+_JOINT = 1e-8
+"""Mm: a tenth of the tolerance that OCCT's vertices have."""
+
 _NEAR = 1e-9
 """Vertices closer together than this part of their run are one."""
 
@@ -109,7 +112,7 @@ class Draft:
 
     Its vertices and points about half-way between them, both flat; the vertices in space, and their parameters on the
     strip or the plane; the lengths that its segments stand for. `rising` tells whether it runs in the sense of its key.
-    A pole has no key.
+    A pole has no key. On planes it may be `drawn` exactly.
     """
 
     key: Hashable | None
@@ -121,6 +124,7 @@ class Draft:
     lengths: Array
     rising: bool
     inward: bool = False
+    drawn: Curve | None = None
 
     def turned(self) -> "Draft":
         """Return the same run backwards."""
@@ -132,6 +136,7 @@ class Draft:
             places=self.places[::-1],
             lengths=self.lengths[::-1],
             rising=not self.rising,
+            drawn=self.drawn and self.drawn.reverse(),
         )
 
     def straightened(self) -> "Draft":
@@ -145,6 +150,14 @@ class Draft:
             lengths=self.lengths.sum()[None],
         )
 
+    def trim(self) -> Array | Curve:
+        """Return the run in the parameters of the strip or plane, as it is drawn if that joins the next runs."""
+        if self.drawn is not None:
+            apart = np.abs(self.drawn(self.drawn.breaks[[0, -1]]) - self.places[[0, -1]]).max()
+            if apart < _JOINT:
+                return self.drawn
+        return self.places
+
     @property
     def chords(self) -> Array:
         """Lengths of the chords, (n,)."""
@@ -155,13 +168,12 @@ class Draft:
 
         The end of a strip is straight, and becomes one arc: inwards if it is to follow another end.
         """
-        if self.kind == "end":
-            bow = paths.bulges(np.linalg.norm(np.diff(self.points, axis=0), axis=1), self.lengths)
-            return Path(self.points, -bow if self.inward else bow)
-        chord, arm = np.diff(self.points, axis=0), self.middles - self.points[:-1]
-        inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         bent = self.lengths - self.chords > _STRAIGHT * self.lengths
         bows = np.where(bent, paths.bulges(self.chords, self.lengths), 0.0)
+        if self.kind == "end":
+            return Path(self.points, -bows if self.inward else bows)
+        chord, arm = np.diff(self.points, axis=0), self.middles - self.points[:-1]
+        inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         return Path(self.points, np.where(inwards, -bows, bows))
 
 
@@ -473,6 +485,8 @@ class _Carrier:
         lengths = self.edges.lengths[use.edge][low:high]
         key = None if edge.degenerate else ("edge", use.edge, low, high)
         draft = Draft(key, kind, points, middles, space, places, lengths, True)
+        if self.sheet.patch.frame is not None and edge.curve is not None:
+            draft.drawn = self.sheet.patch.frame.drawn(edge.curve.clip(*edge.parameter(t[[0, -1]])))
         return draft if rising else draft.turned()
 
     def _flat(self, uv: Array) -> tuple[Array, Array]:

@@ -123,11 +123,17 @@ def _round(five: Array, tolerance: float, sagitta: float) -> Array:
     arm = five[:, 1:4] - five[:, :1]
     along = np.einsum("nki,ni->nk", arm, chord) / square[:, None]
     off = arm - along[..., None] * chord[:, None]
-    height = 4 * along * (1 - along)
-    middle = off[:, 1] / np.maximum(height[:, 1], 0.1)[:, None]
-    wrong = np.linalg.norm(off[:, [0, 2]] - height[:, [0, 2], None] * middle[:, None], axis=-1).max(axis=-1)
+    # the circle through both ends and the middle point, in terms of parts of the chord: y at x
+    x, middle = along[:, [0, 2]], off[:, 1]
+    sagitta_square = np.minimum((middle**2).sum(axis=-1) / square, 1e6)  # a closed edge has no chord
+    span = along[:, 1] * (1 - along[:, 1]) - sagitta_square
+    rise = x * (1 - x)
+    height = (
+        2 * rise / (span[:, None] + np.sqrt(np.maximum(span[:, None] ** 2 + 4 * sagitta_square[:, None] * rise, 0)))
+    )
+    wrong = np.linalg.norm(off[:, [0, 2]] - height[..., None] * middle[:, None], axis=-1).max(axis=-1)
     bow = np.linalg.norm(off, axis=-1).max(axis=-1)
-    inside = ((along > 0) & (along < 1)).all(axis=-1)
+    inside = ((along > 0) & (along < 1)).all(axis=-1) & (span > 0)
     return (wrong <= tolerance) & (bow <= np.minimum(sagitta, _STEEPEST * np.sqrt(square))) & inside
 
 
