@@ -13,8 +13,9 @@ import numpy as np
 
 from cqblend.developables import assembly, cutting, files, sheets
 from cqblend.developables.assembly import Unrolled
-from cqblend.developables.carrying import Layout, Wishes
 from cqblend.developables.division import Direction, Method
+from cqblend.developables.flattening import Layout
+from cqblend.developables.layings import Wishes
 from cqblend.developables.natural import natural
 from cqblend.developables.pieces import Piece, Pieces, Seam
 from cqblend.developables.tabs import Style, Tabs, fitted_tabs

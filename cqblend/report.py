@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isnan
 
 from cqblend.developables.assembly import Record, Unrolled
-from cqblend.developables.carrying import Wishes
+from cqblend.developables.layings import Wishes
 
 
 @dataclass(frozen=True, slots=True)

@@ -276,7 +276,7 @@ def to_triangles(points, corners):
 @pytest.mark.parametrize("name", ["saddle", "cubics", "rational"])
 def test_the_error_of_triangles_is_a_bound(name):
     rails = TWISTED[name]
-    flat = flatten(rails, 0.02, method="elber")
+    flat = flatten(rails, 0.02, layout="triangles")
     a, b = rails[0](flat.nodes), rails[1](flat.nodes)
     corners = np.concatenate([np.stack([a[:-1], a[1:], b[1:]], axis=1), np.stack([a[:-1], b[1:], b[:-1]], axis=1)])
     t, w = grid(rails, 41, 9)
@@ -311,7 +311,7 @@ def test_teapot():
 
 def test_elber():
     rails = TWISTED["cubics"]
-    flat = flatten(rails, 5e-3, method="elber")
+    flat = flatten(rails, 5e-3, layout="triangles")
     n = len(flat.nodes)
     assert np.ptp(np.diff(flat.nodes)) < 1e-15
     a, b = rails[0](flat.nodes), rails[1](flat.nodes)
@@ -332,7 +332,7 @@ def test_elber():
     assert abs(flat.area_flat / triangles - 1) < 1e-12
     np.testing.assert_allclose(flat(flat.nodes, 0.0), flat.first, atol=1e-13)
     np.testing.assert_allclose(flat(flat.nodes, 1.0), flat.second, atol=1e-13)
-    mirrored = flatten(rails, 5e-3, method="elber", flip=True)
+    mirrored = flatten(rails, 5e-3, layout="triangles", flip=True)
     np.testing.assert_allclose(mirrored.first, flat.first * [-1, 1], atol=1e-15)
     assert mirrored.area_flat == pytest.approx(flat.area_flat)
     assert n == 2 ** int(np.log2(n - 1)) + 1
@@ -342,12 +342,12 @@ def test_elber():
 
 
 @pytest.mark.parametrize("name", DEVELOPABLE | TWISTED)
-@pytest.mark.parametrize("method", ["smooth", "elber"])
+@pytest.mark.parametrize("layout", ["smooth", "triangles"])
 @pytest.mark.parametrize("flip", [False, True])
-def test_fold(name, method, flip):
+def test_fold(name, layout, flip):
     rails = (DEVELOPABLE | TWISTED)[name]
-    flat = flatten(rails, 3e-2, method=method, flip=flip)
-    if method == "smooth":
+    flat = flatten(rails, 3e-2, layout=layout, flip=flip)
+    if layout == "smooth":
         t, w = grid(rails)
         assert np.abs(flat.fold(flat(t, w)) - ruled(rails, t, w)).max() < 1e-9
     for side, points in ((0, flat.first), (1, flat.second)):
@@ -374,7 +374,7 @@ def test_cylinders_and_cones_rolled_by_hand():
 @pytest.mark.parametrize("name", ["saddle", "cubics", "cone", "tangent"])
 def test_triangles_rolled_by_their_dihedral_angles(name):
     rails = (DEVELOPABLE | TWISTED)[name]
-    flat = flatten(rails, 3e-2, method="elber")
+    flat = flatten(rails, 3e-2, layout="triangles")
     strip, plane = np.empty((2 * len(flat.nodes), 3)), np.zeros((2 * len(flat.nodes), 3))
     # b0, a0, b1, a1, ..: every three of them are a triangle
     strip[::2], strip[1::2] = rails[1](flat.nodes), rails[0](flat.nodes)
@@ -434,8 +434,8 @@ def test_what_is_refused():
     for tolerance in (0, -1.0, np.nan, np.inf, "1"):
         with pytest.raises(InputError, match="tolerance"):
             flatten(CYLINDER, tolerance)
-    with pytest.raises(InputError, match="method"):
-        flatten(CYLINDER, 1.0, method="lscm")
+    with pytest.raises(InputError, match="layout"):
+        flatten(CYLINDER, 1.0, layout="lscm")
     for nodes in ([1.5], [np.nan]):
         with pytest.raises(InputError, match="nodes"):
             flatten(CYLINDER, 1.0, nodes=nodes)
@@ -444,7 +444,7 @@ def test_what_is_refused():
     with pytest.raises(GeometryError, match="same curve"):
         flatten((QUARTER, QUARTER), 1.0)
     with pytest.raises(GeometryError, match="more than 20000"):
-        flatten(SADDLE, 1e-9, method="elber")
+        flatten(SADDLE, 1e-9, layout="triangles")
     assert 1e-9 < flatten(SADDLE, 1e-9).error < 2e-4  # with as many triangles as are taken
     through = QUARTER, moved(QUARTER * -1, [0, 0, 2])  # all rulings meet at (0, 0, 1)
     with pytest.raises(GeometryError, match=r"t = .*rulings meet"):

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.developables.carrying import Draft, Edges, Laid, Laying, Sheet, Wishes, carried
+from cqblend.developables.carrying import Draft, Edges, Laid, carried
 from cqblend.developables.developability import twist_between
 from cqblend.developables.division import Direction, divide
+from cqblend.developables.layings import DividedPatch, Laying, Wishes
 from cqblend.developables.overlap import covers
 from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.paths import Path
@@ -153,36 +154,36 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
     """
     tell = progress or _silent
-    sheets: list[Sheet] = []
+    faces: list[DividedPatch] = []
     failures = [Failure((face,), error) for face, error in skin.refused.items()]
     for i, patch in enumerate(skin.patches):
         tell(0.6 * i / len(skin.patches), f"dividing face {patch.index}")
         try:
-            sheets.append(_divided(patch, wishes))
+            faces.append(_divided(patch, wishes))
         except CqblendError as error:
             failures.append(_failure(patch, error))
     while True:
-        edges = Edges(skin, sheets, wishes)
+        edges = Edges(skin, faces, wishes)
         laid: list[Laid] = []
-        for i, sheet in enumerate(tuple(sheets)):
-            tell(0.6 + 0.4 * i / len(sheets), f"laying face {sheet.patch.index} flat")
+        for i, face in enumerate(tuple(faces)):
+            tell(0.6 + 0.4 * i / len(faces), f"laying face {face.patch.index} flat")
             try:
-                laid += carried(sheet, edges, wishes)
+                laid += carried(face, edges, wishes)
             except CqblendError as error:
-                failures.append(_failure(sheet.patch, error))
-                sheets.remove(sheet)
+                failures.append(_failure(face.patch, error))
+                faces.remove(face)
         result = _joined(skin, laid, tuple(failures), wishes)
         covering = _covering(result, laid)
         if not covering:
             return result
-        for sheet in {id(one.sheet): one.sheet for one, _ in covering}.values():
-            rows = [(one.row, sum(one.span) / 2) for one, bent in covering if one.sheet is sheet and not bent]
-            place = sheets.index(sheet)
+        for face in {id(one.face): one.face for one, _ in covering}.values():
+            rows = [(one.row, sum(one.span) / 2) for one, bent in covering if one.face is face and not bent]
+            place = faces.index(face)
             try:
-                sheets[place] = _cut(sheet, rows) if rows else _finer(sheet, wishes)
+                faces[place] = _cut(face, rows) if rows else _finer(face, wishes)
             except CqblendError as error:
-                failures.append(_failure(sheet.patch, error))
-                sheets.remove(sheet)
+                failures.append(_failure(face.patch, error))
+                faces.remove(face)
 
 
 def _failure(patch: Patch, error: CqblendError) -> Failure:
@@ -196,10 +197,10 @@ def _silent(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direction | None = None) -> Sheet:
+def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direction | None = None) -> DividedPatch:
     """Divide a patch with tolerances finer than asked by a factor, in the direction asked or another one."""
     if patch.kind == "plane":
-        return Sheet(patch, finer=finer)
+        return DividedPatch(patch, finer=finer)
     ruled = patch.kind in ("cylinder", "cone", "extrusion")
     division = divide(
         patch.surface,
@@ -211,26 +212,28 @@ def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direct
     )
     ideal = max(division.ideal, 1.0)
     turned = ruled or wishes.direction != "auto" or direction is not None
-    return Sheet(patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer, turned=turned)
+    return DividedPatch(
+        patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer, turned=turned
+    )
 
 
-def _finer(sheet: Sheet, wishes: Wishes) -> Sheet:
+def _finer(face: DividedPatch, wishes: Wishes) -> DividedPatch:
     """Divide a patch again, since bows make a piece cover itself: finer, at last in the other direction."""
-    direction: Direction = "u" if sheet.transposed else "v"
-    if sheet.finer < _FINEST:
-        return _divided(sheet.patch, wishes, _FINER * sheet.finer, direction if sheet.turned else None)
-    if sheet.turned:
+    direction: Direction = "u" if face.transposed else "v"
+    if face.finer < _FINEST:
+        return _divided(face.patch, wishes, _FINER * face.finer, direction if face.turned else None)
+    if face.turned:
         raise GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
-    return _divided(sheet.patch, wishes, 1.0, "v" if sheet.transposed else "u")
+    return _divided(face.patch, wishes, 1.0, "v" if face.transposed else "u")
 
 
-def _cut(sheet: Sheet, rows: Sequence[tuple[int, float]]) -> Sheet:
+def _cut(face: DividedPatch, rows: Sequence[tuple[int, float]]) -> DividedPatch:
     """Cut strips across, each at a given parameter."""
     for row, value in rows:
-        if len(sheet.cuts.get(row, ())) >= _CUTS:
+        if len(face.cuts.get(row, ())) >= _CUTS:
             raise GeometryError(f"a strip still covers itself after {_CUTS} cuts; divide it in the other direction")
-        sheet.cut(row, value)
-    return sheet
+        face.cut(row, value)
+    return face
 
 
 def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wishes: Wishes) -> Unrolled:
@@ -257,27 +260,27 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
             seams.append(Seam(str(len(seams) + 1), (first, second), here.rising != there.rising, angle))
     counts: dict[int, int] = defaultdict(int)
     for one in laid:
-        counts[id(one.sheet)] += 1
+        counts[id(one.face)] += 1
     pieces, records = [], []
     ordinals: dict[int, int] = defaultdict(int)
     for one in laid:
-        ordinals[id(one.sheet)] += 1
-        index = one.sheet.patch.index
-        name = f"{index}.{ordinals[id(one.sheet)]}" if counts[id(one.sheet)] > 1 else str(index)
+        ordinals[id(one.face)] += 1
+        index = one.face.patch.index
+        name = f"{index}.{ordinals[id(one.face)]}" if counts[id(one.face)] > 1 else str(index)
         loops = [tuple(_run(draft, numbers.get(draft.key)) for draft in _runs(loop)) for loop in one.loops]
         piece = Piece(name, tuple(loops))
         pieces.append(piece)
         records.append(_record(one, piece))
-    sheets = {id(one.sheet): one.sheet for one in laid}.values()
+    faces = {id(one.face): one.face for one in laid}.values()
     return Unrolled(
         Pieces(tuple(pieces), tuple(seams)),
         tuple(records),
         tuple(_source(one) for one in laid),
         failures,
         stretch,
-        sum(max(len(sheet.strips), 1) for sheet in sheets),
-        sum(sheet.elber for sheet in sheets),
-        sum(sheet.ideal for sheet in sheets),
+        sum(max(len(face.strips), 1) for face in faces),
+        sum(face.elber for face in faces),
+        sum(face.ideal for face in faces),
     )
 
 
@@ -316,10 +319,10 @@ def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
         return 0.0
     lower, upper = sorted((first, second), key=lambda one: one.row)
     t = (key[4] + key[5]) / 2
-    below, above = lower.sheet.strips[lower.row].rails, upper.sheet.strips[upper.row].rails
+    below, above = lower.face.strips[lower.row].rails, upper.face.strips[upper.row].rails
     tangent = above[0](t, 1)
     down, up = below[1](t) - below[0](t), above[1](t) - above[0](t)
-    sign = 1.0 if lower.sheet.upward else -1.0
+    sign = 1.0 if lower.face.upward else -1.0
     normals = [sign * np.cross(tangent, ruling) for ruling in (down, up)]
     before, after = (n / max(float(np.linalg.norm(n)), 1e-300) for n in normals)
     angle = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
@@ -327,7 +330,7 @@ def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
 
 
 def _record(one: Laid, piece: Piece) -> Record:
-    faces, laying = one.sheet.patch.faces, one.laying
+    faces, laying = one.face.patch.faces, one.laying
     if laying is None:
         return Record(piece.name, faces, "plane", 0.0, True, 0.0, 0.0, 0.0, 0.0, piece.area, piece.area)
     flat = laying.flat
@@ -348,7 +351,7 @@ def _record(one: Laid, piece: Piece) -> Record:
 
 def _source(one: Laid) -> Source:
     loops = tuple(tuple(draft.trim() for draft in loop) for loop in one.loops)
-    return Source(one.sheet.patch, one.laying, one.sheet.upward, loops)
+    return Source(one.face.patch, one.laying, one.face.upward, loops)
 
 
 def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[tuple[Laid, bool]]:

@@ -1,7 +1,7 @@
 r"""Ruled strips laid flat, at nodes chosen so that what lies between them is within a tolerance, and rolled back.
 
 The default lays rails and rulings flat with all their lengths (see :mod:`cqblend.developables.development`), exactly on
-developables. ``method="elber"`` is the paper's strip of triangles. Must not know neighbours, trimming, or pieces.
+developables. ``layout="triangles"`` is the paper's strip of triangles. Must not know neighbours, trimming, or pieces.
 
 References
 ----------
@@ -25,7 +25,7 @@ from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate
 from cqblend.splines.evaluation import locate
 
-Layout = Literal["smooth", "elber"]
+Layout = Literal["smooth", "triangles"]
 """How a strip is laid flat: rails and rulings with their lengths, or the paper's triangles."""
 
 MOST = 20_000
@@ -54,25 +54,25 @@ class Flat:
     ----------
     kind
         Of the ruled surface.
-    method
-        ``"smooth"`` or ``"elber"``.
+    layout
+        ``"smooth"`` or ``"triangles"``.
     nodes
         (n,) increasing parameters along the rails.
     first, second
         (n, 2), mm: the rails at the nodes, in the plane.
     lengths
-        (2, n - 1), mm: of the rails between nodes; arc lengths in space, or chords for ``"elber"``.
+        (2, n - 1), mm: of the rails between nodes; arc lengths in space, or chords for ``"triangles"``.
     error
         Mm. For developables the distance of the outline, of arcs between nodes, from the exact one. For twisted strips
         also the distance between the ruled surface and triangles along it: equation (4), from coefficients, and the
         twist of each quadrilateral. There are as many triangles as the tolerance takes, up to 20000 along a rail; they
         need not be between the nodes, because strips of ever narrower triangles have this layout as their limit. For
-        ``"elber"``, whose triangles are between the nodes, the same distance.
+        ``"triangles"``, whose triangles are between the nodes, the same distance.
     ruling
         Largest error of a ruling's length at a node, relative.
     strain
         By how much a length inside the strip is too long in the plane, relative, at most: 1 - cos(phi / 2), where the
-        velocities of the two rails across a ruling make the angle phi. Zero for developables; nan for ``"elber"``.
+        velocities of the two rails across a ruling make the angle phi. Zero for developables; nan for ``"triangles"``.
     area_space, area_flat
         Mm^2: of the ruled surface, and of the flat strip.
     chart
@@ -80,7 +80,7 @@ class Flat:
     """
 
     kind: Kind
-    method: Layout
+    layout: Layout
     nodes: Array
     first: Array
     second: Array
@@ -109,7 +109,7 @@ class Flat:
     def rail(self, side: int) -> Path:
         """Return the first (0) or second (1) rail through its nodes: arcs of the rail's lengths, or straight chords."""
         points = self.second if side else self.first
-        if self.method == "elber":
+        if self.layout == "triangles":
             return Path.straight(points)
         middle = self((self.nodes[:-1] + self.nodes[1:]) / 2, float(side))
         return Path(points, _bulges(points, middle, self.lengths[side]))
@@ -122,7 +122,7 @@ def flatten(
     nodes: ArrayLike = (),
     kind: Kind | None = None,
     flip: bool = False,
-    method: Layout = "smooth",
+    layout: Layout = "smooth",
 ) -> Flat:
     r"""Lay the ruled strip between two rails flat.
 
@@ -139,8 +139,8 @@ def flatten(
     flip
         The strip shows the side to which R_t x R_w points, with t to the right and w up where it starts. True mirrors
         it, to show the other side.
-    method
-        ``"smooth"``: rails and rulings keep their lengths; isometric if the strip is developable. ``"elber"``: the
+    layout
+        ``"smooth"``: rails and rulings keep their lengths; isometric if the strip is developable. ``"triangles"``: the
         paper's 2 n triangles between equidistant parameters, one diagonal, chords.
 
     Raises
@@ -164,8 +164,8 @@ def flatten(
     rails = check_rails(rails)
     if not (isinstance(tolerance, (int, float)) and isfinite(tolerance) and tolerance > 0):
         raise InputError(f"tolerance {shown(tolerance)}: it must be a positive number")
-    if method not in ("smooth", "elber"):
-        raise InputError(f"method {shown(method)}: choose 'smooth' or 'elber'")
+    if layout not in ("smooth", "triangles"):
+        raise InputError(f"layout {shown(layout)}: choose 'smooth' or 'triangles'")
     both = together(rails)
     start, end = both.domain
     wanted = np.asarray(nodes, dtype=np.float64).ravel()
@@ -178,7 +178,7 @@ def flatten(
     areas = Integral(lambda t: np.dot([1.0, 1j], motion.area_rates(t)), both.breaks)  # flat, and in space
     space, plane = float(areas.values[-1].imag), float(areas.values[-1].real)
     mirror = -1.0 if flip else 1.0
-    if method == "elber":
+    if layout == "triangles":
         return _triangulated(both, initial, tolerance, known, mirror, space)
     smooth = _Smooth(both, develop(rails, known), mirror)
     lengths = ArcLength(rails[0]), ArcLength(rails[1])
@@ -189,7 +189,7 @@ def flatten(
     rulings = np.linalg.norm(both(at)[:, 3:], axis=1)
     return Flat(
         kind=known,
-        method=method,
+        layout=layout,
         nodes=at,
         first=_pairs(first),
         second=_pairs(second),
@@ -487,7 +487,7 @@ def _triangulated(both: Curve, nodes: Array, tolerance: float, kind: Kind, mirro
     quads = _cross(flat[0, 1:] - flat[1, :-1], flat[1, 1:] - flat[0, :-1])
     return Flat(
         kind=kind,
-        method="elber",
+        layout="triangles",
         nodes=nodes,
         first=_pairs(flat[0]),
         second=_pairs(flat[1]),

@@ -1,0 +1,193 @@
+"""Strips of a face laid flat, with their rulings as they are or paired anew.
+
+Exists because a strip that is paired anew is another ruled surface between the same rails, over another parameter: who
+carries trimming curves to the plane asks here where a point of the face has got to. Must not know trimming.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cqblend.developables.cells import Lines
+from cqblend.developables.division import Direction, Method
+from cqblend.developables.flattening import Flat, Layout, flatten
+from cqblend.developables.pairing import pair
+from cqblend.developables.patches import Patch
+from cqblend.developables.ruled import Strip
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
+
+_MARGIN = 1.05
+"""What a sampled deviation is multiplied by before it counts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wishes:
+    """What is asked of a pattern; see :func:`cqblend.unroll`."""
+
+    tolerance: float
+    flat: float
+    method: Method
+    direction: Direction
+    even: bool
+    least_width: float | None
+    developable: bool
+    layout: Layout
+
+
+@dataclass(slots=True, eq=False)
+class DividedPatch:
+    """A patch with its strips, none on a plane, and what keeps its pieces from covering themselves.
+
+    That is cuts across strips, by how much all tolerances are finer than asked, and whether no other direction is left.
+    """
+
+    patch: Patch
+    strips: tuple[Strip, ...] = ()
+    transposed: bool = False
+    elber: int = 1
+    ideal: float = 1.0
+    cuts: dict[int, list[float]] = field(default_factory=dict)
+    finer: float = 1.0
+    turned: bool = False
+
+    def lines(self) -> Lines:
+        """Return the parameter lines that the patch's loops are cut at."""
+        return Lines(self.across, np.array([strip.span[1] for strip in self.strips[:-1]]), self.cuts)
+
+    def cut(self, row: int, value: float) -> None:
+        """Cut a strip across."""
+        self.cuts[row] = sorted([*self.cuts.get(row, ()), value])
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """How far both parameters reach."""
+        (u0, u1), (v0, v1) = self.patch.surface.domain
+        return u1 - u0, v1 - v0
+
+    def oriented(self, uv: Array) -> tuple[Array, Array]:
+        """Return the parameters along the rails and across them of points (n, 2)."""
+        return (uv[:, 1], uv[:, 0]) if self.transposed else (uv[:, 0], uv[:, 1])
+
+    @property
+    def across(self) -> int:
+        """The axis of the parameter plane that runs across the strips."""
+        return 0 if self.transposed else 1
+
+    @property
+    def upward(self) -> bool:
+        """Whether R_t x R_w of the strips points to the outer side."""
+        return self.patch.outward != self.transposed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Laying:
+    """A strip laid flat, as it is or with its rulings paired anew.
+
+    Attributes
+    ----------
+    strip
+        As it was divided.
+    rails
+        Between which it is ruled now, over a parameter r.
+    parameters
+        The strip's own parameter t on both rails as functions of r; None where r is t.
+    bound
+        Distance from the surface, both ways, mm.
+    proven
+        Whether the bound is certified. That of a new pairing is the largest of a grid of samples.
+    flat
+        The strip in the plane.
+    """
+
+    strip: Strip
+    rails: tuple[Curve, Curve]
+    parameters: tuple[Curve, Curve] | None
+    bound: float
+    proven: bool
+    flat: Flat
+
+    def ruled(self) -> Surface:
+        """Return the strip as a surface (r, w)."""
+        return replace(self.strip, rails=self.rails).ruled()
+
+    def locate(self, t: Array, across: Array) -> tuple[Array, Array]:
+        """Return r and the fraction of the ruling of points given by the strip's own parameters.
+
+        Of a strip that is paired anew only points on its rails and at its ends can be located.
+        """
+        start, stop = self.strip.rails[0].domain
+        t = np.clip(t, start, stop)
+        w = self.strip.fraction(t, np.clip(across, *self.strip.span))
+        if self.parameters is None:
+            return t, w
+        return np.where(w < 1, _inverse(self.parameters[0], t), _inverse(self.parameters[1], t)), w
+
+
+def _inverse(function: Curve, values: Array) -> Array:
+    """Return where a function that never decreases takes values; the first and the last at its ends."""
+    start, stop = function.domain
+    low, high = np.full(values.shape, start), np.full(values.shape, stop)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = function(middle)[..., 0] < values
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    ends = function(np.array([start, stop]))[:, 0]
+    return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
+
+
+def laid_flat(face: DividedPatch, vertices: Mapping[int, Array], wishes: Wishes) -> dict[int, Laying]:
+    """Lay strips flat, by row, with nodes at given vertices (t, across) on each and on its borders.
+
+    Triangles have the nodes of all strips of the face: the chords of a rail are the same on both sides.
+    """
+    nodes = np.empty(0)
+    if wishes.layout == "triangles":
+        nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
+    found = {row: _laying(face, row, corners, nodes, wishes) for row, corners in vertices.items()}
+    if wishes.layout == "triangles":
+        finest = max((laying.flat.nodes for laying in found.values()), key=len)
+        found = {row: _laying(face, row, corners, finest, wishes) for row, corners in vertices.items()}
+    return found
+
+
+def _laying(face: DividedPatch, row: int, vertices: Array, nodes: Array, wishes: Wishes) -> Laying:
+    """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
+    strip = face.strips[row]
+    t, across = vertices.T
+    if wishes.developable and (np.isin(across, strip.span) | np.isin(t, strip.rails[0].domain)).all():
+        paired = _paired(face, strip, t, wishes)
+        if paired is not None:
+            return paired
+    nodes = np.unique(np.append(t, nodes))
+    flat = flatten(strip.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=wishes.layout)
+    return Laying(strip, strip.rails, None, strip.bound, True, flat)
+
+
+def _paired(face: DividedPatch, strip: Strip, t: Array, wishes: Wishes) -> Laying | None:
+    """Pair the rulings of a strip anew, so that it is developable; None if that cannot be done within the tolerance."""
+    pairing = pair(strip.rails)
+    if pairing.rails is None or pairing.parameters is None or pairing.rails is strip.rails:
+        return None
+    bound = _MARGIN * _deviation(strip, pairing.rails, pairing.parameters)
+    if bound > wishes.tolerance:
+        return None
+    nodes = np.unique([_inverse(one, np.unique(t)) for one in pairing.parameters])
+    flat = flatten(pairing.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=wishes.layout)
+    if flat.kind == "twisted":
+        return None
+    return Laying(strip, pairing.rails, pairing.parameters, bound, False, flat)
+
+
+def _deviation(strip: Strip, rails: tuple[Curve, Curve], parameters: tuple[Curve, Curve]) -> float:
+    """Return the largest distance found between a strip paired anew and points of the surface at like places."""
+    r, w = np.linspace(*rails[0].domain, 97)[:, None], np.linspace(0.0, 1.0, 17)[1:-1]
+    points = rails[0](r) * (1 - w[:, None]) + rails[1](r) * w[:, None]
+    u = parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
+    low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
+    for _ in range(40):
+        middle = (low + high) / 2
+        below = strip.fraction(u, middle) < w
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return float(np.linalg.norm(strip.surface(u, high) - points, axis=-1).max())
