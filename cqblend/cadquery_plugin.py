@@ -94,6 +94,7 @@ def unroll(
     method: str = "longest",
     direction: str = "auto",
     layout: str = "smooth",
+    strain: float = 0.01,
     developable: bool = False,
     even: bool = False,
     least_width: float | None = None,
@@ -136,6 +137,7 @@ def unroll(
         method=method,  # type: ignore[arg-type]
         direction=direction,  # type: ignore[arg-type]
         layout=layout,  # type: ignore[arg-type]
+        strain=strain,
         developable=developable,
         even=even,
         least_width=least_width,

@@ -102,11 +102,11 @@ def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None
         with suppress(ValueError):
             whole = _topods(things.findSolid())
         things = things.vals()
-    elif _topods(things) is not None:
+    elif _topods(_made(things)) is not None:
         things = [things]
     if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
         raise InputError(f"faces, shells or solids are unrolled, not {_shown(things)}")
-    found = list(things)
+    found = [_made(thing) for thing in things]
     for thing in found:
         topods = _topods(thing)
         if topods is None or kind(topods) in ("wire", "edge", "vertex"):
@@ -114,6 +114,15 @@ def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None
     if not found:
         raise InputError("nothing is selected: select at least one face")
     return found[0], [to_topods(thing) for thing in found], whole
+
+
+def _made(thing: Any) -> Any:
+    """Return what a builder of build123d has made, the shapes of a CadQuery assembly, or the thing itself."""
+    if _topods(thing) is None and _library(thing) == "build123d":
+        return next((made for name in ("part", "sketch") if (made := getattr(thing, name, None)) is not None), thing)
+    if _library(thing) == "cadquery" and hasattr(thing, "toCompound"):
+        return thing.toCompound()
+    return thing
 
 
 def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:

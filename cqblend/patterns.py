@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 FINER = 10.0
 """By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
 
+STRAIN = 0.01
+"""What paper, leather and thin metal take."""
+
 _SEWING = 2.5
 """Strips on both sides of an edge are as far from it as the tolerance allows, and their borders are polygons."""
 
@@ -242,6 +245,7 @@ def unroll(
     method: Method = "longest",
     direction: Direction = "auto",
     layout: Layout = "smooth",
+    strain: float = STRAIN,
     developable: bool = False,
     even: bool = False,
     least_width: float | None = None,
@@ -268,6 +272,9 @@ def unroll(
     layout : {"smooth", "triangles"}
         How strips are laid flat: so that rails and rulings keep their lengths, or as the paper's triangles along one
         diagonal. Triangles keep chords, so seams between different faces match to `flat_tolerance` only.
+    strain : float
+        By how much lengths inside a strip may change when it is laid flat, relative: a strip that twists is made
+        narrower until they do not. Not with ``method="elber"``, which is the paper's.
     developable : bool
         Whether rulings of twisted strips are paired anew, so that the strips are truly developable, wherever such a
         pairing exists within the tolerance.
@@ -307,6 +314,7 @@ def unroll(
         flat=allowed / FINER if flat_tolerance is None else positive("flat_tolerance", flat_tolerance),
         method=choice("method", method, get_args(Method)),
         direction=choice("direction", direction, get_args(Direction)),
+        strain=positive("strain", strain),
         layout=choice("layout", layout, get_args(Layout)),
         developable=flag("developable", developable),
         even=flag("even", even),

@@ -117,7 +117,7 @@ class Report:
             ("twist", f"{self.twist:.2g} rad along a ruling, at most"),
             (
                 "strips to flat",
-                f"{self.flattening:.3g} mm; lengths of rulings change by {self.ruling:.1g} at most{strain}",
+                f"{self.flattening:.3g} mm, asked {self.flat:.3g} mm; rulings change by {self.ruling:.1g}{strain}",
             ),
             ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
             (

@@ -272,7 +272,8 @@ def test_no_submodule_hides_a_function():
     assert not hidden & {path.stem for path in (ROOT / "cqblend").iterdir()}
 
 
-def test_examples_of_the_readme_run(capsys):
+def test_examples_of_the_readme_run(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # they write files
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
     namespace = {}

@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.developables.carrying import Draft, Edges, Laid, carried
 from cqblend.developables.developability import twist_between
 from cqblend.developables.division import Direction, divide
-from cqblend.developables.layings import DividedPatch, Laying, Wishes
+from cqblend.developables.layings import DividedPatch, Laying, Wishes, narrowed
 from cqblend.developables.overlap import covers
 from cqblend.developables.patches import Patch, Skin, Trim
 from cqblend.developables.paths import Path
@@ -211,10 +211,12 @@ def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direct
         least_width=wishes.least_width,
     )
     ideal = max(division.ideal, 1.0)
+    strips = division.strips
+    if wishes.method != "elber":
+        strips = narrowed(strips, wishes, finer)
     turned = ruled or wishes.direction != "auto" or direction is not None
-    return DividedPatch(
-        patch, division.strips, division.direction == "u", division.elber, ideal, finer=finer, turned=turned
-    )
+    transposed = division.direction == "u"
+    return DividedPatch(patch, strips, transposed, division.elber, ideal, finer=finer, turned=turned)
 
 
 def _finer(face: DividedPatch, wishes: Wishes) -> DividedPatch:

@@ -39,6 +39,9 @@ Development: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Where the two rails are in the plane, (m,) complex each, at parameters (m,). The first ruling points up, and the map
 from (t, w) to the plane has a positive Jacobian."""
 
+_RULINGS = 64
+"""On each piece of the rails, to look for the largest strain."""
+
 
 class Motion:
     """How the rulings between two rails move: what both laying them flat and areas are made of.
@@ -92,6 +95,22 @@ class Motion:
         _, _, v1, v2, _ = self(t)
         angle = np.arctan2(np.linalg.norm(np.cross(v1, v2), axis=1), (v1 * v2).sum(axis=1))
         return np.asarray(2 * np.sin(angle / 4) ** 2)
+
+
+def max_strain(rails: Rails) -> float:
+    """Return the largest of :meth:`Motion.strain` found on many rulings; 0 where rails stand still or meet.
+
+    Examples
+    --------
+    >>> rails = Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 0.5]])
+    >>> round(max_strain(rails), 4)  # 1 - cos(phi / 2), where tan(phi) = 0.5
+    0.0268
+    """
+    motion = Motion(rails)
+    breaks = motion.both.breaks
+    part = (np.arange(_RULINGS) + 0.5) / _RULINGS
+    t = (breaks[:-1, None] + np.diff(breaks)[:, None] * part).ravel()
+    return float(np.nan_to_num(motion.strain(t)).max())
 
 
 def develop(rails: Rails, kind: Kind) -> Development:

@@ -4,19 +4,25 @@ Exists because a strip that is paired anew is another ruled surface between the 
 carries trimming curves to the plane asks here where a point of the face has got to. Must not know trimming.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from cqblend.developables.cells import Lines
-from cqblend.developables.division import Direction, Method
+from cqblend.developables.development import max_strain
+from cqblend.developables.division import Direction, Method, divide
 from cqblend.developables.flattening import Flat, Layout, flatten
 from cqblend.developables.pairing import pair
 from cqblend.developables.patches import Patch
 from cqblend.developables.ruled import Strip
+from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
+
+_DEPTH = 4
+"""A strip is divided again so often at most because of its strain."""
 
 _MARGIN = 1.05
 """What a sampled deviation is multiplied by before it counts."""
@@ -32,6 +38,7 @@ class Wishes:
     direction: Direction
     even: bool
     least_width: float | None
+    strain: float
     developable: bool
     layout: Layout
 
@@ -135,6 +142,39 @@ def _inverse(function: Curve, values: Array) -> Array:
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     ends = function(np.array([start, stop]))[:, 0]
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
+
+
+def narrowed(strips: Sequence[Strip], wishes: Wishes, finer: float) -> tuple[Strip, ...]:
+    """Divide strips along their rails until lengths inside them change little enough when they are laid flat.
+
+    Strain falls with the square of the width. Each part is divided as the whole face was: its bound is certified.
+
+    Raises
+    ------
+    GeometryError
+        Some strip cannot be made narrow enough.
+    """
+    found: list[Strip] = []
+    todo = [(strip, 0) for strip in reversed(strips)]
+    while todo:
+        strip, depth = todo.pop()
+        excess = 1.02 * max_strain(strip.rails) / wishes.strain  # found on samples
+        if excess <= 1:
+            found.append(strip)
+            continue
+        if depth == _DEPTH:
+            raise GeometryError(
+                f"lengths inside a strip change by {wishes.strain * excess:.2g} when it is laid flat, more than "
+                f"{wishes.strain:g}, however narrow it is; allow more strain, or choose another direction"
+            )
+        ends = np.linspace(*strip.span, int(np.clip(np.ceil(np.sqrt(1.1 * excess)), 2, 16)) + 1)
+        parts = [
+            replace(part, transposed=strip.transposed)
+            for span in pairwise(ends.tolist())
+            for part in divide(strip.surface.clip(v=span), wishes.tolerance / finer, direction="v").strips
+        ]
+        todo += [(part, depth + 1) for part in reversed(parts)]
+    return tuple(found)
 
 
 def laid_flat(face: DividedPatch, vertices: Mapping[int, Array], wishes: Wishes) -> dict[int, Laying]:
