@@ -50,7 +50,7 @@ PAPER = {
     "fighter": "150 s",
 }
 
-FINENESS = 0.02  # of the meshes, relative to the tolerance
+FINENESS = 0.05  # of the meshes, relative to the tolerance
 ORDER = 4  # a triangle is looked at in the points that divide its sides by this
 WORST = 60  # places, by meshes, that are measured exactly
 
@@ -58,7 +58,7 @@ WORST = 60  # places, by meshes, that are measured exactly
 def mesh(shape: cq.Shape, fineness: float) -> tuple[Array, NDArray[np.int64]]:
     """Return corners (n, 3) and triangles (m, 3), nowhere further from a shape; of a copy, since shapes keep meshes."""
     copy = shape.copy()
-    BRepMesh_IncrementalMesh(copy.wrapped, fineness, False, 0.03)  # CadQuery's own is relative to the size of edges
+    BRepMesh_IncrementalMesh(copy.wrapped, fineness, False, 0.06)  # CadQuery's own is relative to the size of edges
     corners, triangles = copy.tessellate(1e9)
     return np.array([corner.toTuple() for corner in corners]), np.array(triangles)
 
@@ -101,7 +101,7 @@ def deviation(shape: cq.Shape, other: cq.Shape, fineness: float) -> float:
     worst = []
     while len(worst) < WORST and apart.max() > 0:  # not all in one place
         worst.append(points[apart.argmax()])
-        apart[np.linalg.norm(points - worst[-1], axis=1) < 50 * fineness] = 0
+        apart[np.linalg.norm(points - worst[-1], axis=1) < 20 * fineness] = 0
     feet = (nearest(point, shape.wrapped)[1] for point in worst)
     return max((nearest(foot, other.wrapped)[0] for foot in feet), default=0.0)
 

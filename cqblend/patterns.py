@@ -13,10 +13,12 @@ import numpy as np
 
 from cqblend.developables import assembly, cutting, files, sheets
 from cqblend.developables.assembly import Unrolled
+from cqblend.developables.checks import millimetres
 from cqblend.developables.division import Direction, Method
 from cqblend.developables.flattening import Layout
 from cqblend.developables.layings import Wishes
 from cqblend.developables.natural import natural
+from cqblend.developables.pdf import paper
 from cqblend.developables.pieces import Piece, Pieces, Seam
 from cqblend.developables.tabs import Style, Tabs, fitted_tabs
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
@@ -190,7 +192,7 @@ class Pattern:
             Width and height of the stock, mm; pieces that are larger are cut, with a labelled seam. None is one sheet
             as large as it needs to be.
         margin, gap : float
-            Kept free along the borders of a sheet and between pieces, mm.
+            Kept free along the borders of a sheet and between pieces when the kerf is gone, mm.
         kerf : float
             Width of what the cutter takes away, mm; cuts are moved outwards by half of it, and GUIDE has the outlines
             themselves.
@@ -216,9 +218,14 @@ class Pattern:
         InputError
             The suffix is another one, the folder does not exist, or a number makes no sense.
         SizeError
-            A piece cannot be cut so that it fits the sheet.
+            A piece cannot be cut so that it fits the sheet, or has a slit or a hole narrower than the kerf.
         """
         target = files.checked_path(path)
+        paper(page)
+        positive("seconds", seconds)
+        kerf = millimetres("the kerf", kerf, zero=True)
+        margin = millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
+        gap = millimetres("the gap between pieces", gap, zero=True) + kerf
         pieces = self.pieces if sheet is None else self._within(sheet, margin)
         placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
         return files.export(

@@ -1,5 +1,7 @@
 """What drawings consist of: closed outlines, each once, in order; kerf; labels; scores."""
 
+from dataclasses import replace
+
 import numpy as np
 import pieces_cases as cases
 import pytest
@@ -138,3 +140,38 @@ def test_bad_lengths_are_refused():
 
 def test_every_layer_has_a_style():
     assert set(STYLES) == set(Layer)
+
+
+def test_kerfs_that_close_slits_and_notches_are_refused():
+    slit = Path.straight([[0, 0], [40, 0], [40, 20], [20.05, 20], [20.05, 5], [19.95, 5], [19.95, 20], [0, 20], [0, 0]])
+    (line,) = compensated([slit], 0.05, 1e-3, name="1")
+    assert line.length == pytest.approx(slit.length, abs=0.3)
+    wedge = Path.straight([[0, 0], [40, 0], [40, 20], [20.3, 20], [20, 8], [19.7, 20], [0, 20], [0, 0]])
+    for outline in (slit, wedge):
+        for kerf in (0.2, 1.0, 3.0, 50.0):
+            with pytest.raises(SizeError, match="piece 4 has a hole or a slit .* lower the kerf, or .* direction="):
+                compensated([outline], kerf, 1e-3, name="4")
+    hole = Path.straight([[19.9, 5], [19.9, 15], [20.1, 15], [20.1, 5], [19.9, 5]])
+    plate = Path.straight([[0, 0], [40, 0], [40, 20], [0, 20], [0, 0]])
+    for kerf in (0.3, 3.0, 50.0):
+        with pytest.raises(SizeError):
+            compensated([plate, hole], kerf, 1e-3, name="4")
+
+
+@pytest.mark.parametrize("kerf", [0.1, 0.5, 1.0, 3.0, 6.0])
+def test_kerf_goes_round_right_corners(kerf):
+    corner = Path.straight([[0, 0], [40, 0], [40, 20], [20, 20], [20, 40], [0, 40], [0, 0]])
+    (line,) = compensated([corner], kerf, 1e-3, name="1")
+    # five corners are gone round; at the inner one both lines meet
+    exact = corner.area + corner.length * kerf / 2 + (5 * np.pi / 4 - 1) * kerf**2 / 4
+    assert line.area == pytest.approx(exact, abs=1e-3 * line.length)
+
+
+def test_notes_fit_the_drawing_and_name_the_piece():
+    pieces = cases.box(40.0, 40.0, 1.0)
+    (drawing,) = draw(arrange(pieces))
+    assert any(f"{piece.name} (name)" in note for piece in pieces.pieces for note in drawing.notes)
+    narrow = replace(drawing, size=(10.0, drawing.size[1]), notes=("a rather long note, " * 5,))
+    page = beside([narrow])
+    strokes = [path for path in page.on(Layer.GUIDE) if path.points[:, 1].min() > drawing.size[1]]
+    assert 200.0 < max(path.points[:, 0].max() for path in strokes) <= page.size[0]

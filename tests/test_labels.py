@@ -10,7 +10,7 @@ import pytest
 import shapely
 from pieces_cases import box, cone, cylinder, frustum, gores, lattice, tower
 
-from cqblend.developables.labels import GLYPHS, labels, text_strokes, text_width
+from cqblend.developables.labels import GLYPHS, label_strokes, labels, text_strokes, text_width, underlined
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Run
 from cqblend.errors import InputError
@@ -168,3 +168,38 @@ def test_a_thousand_seams_in_seconds():
     found = all_labels(pieces, height=2.0)
     assert time.perf_counter() - start < 4.0
     assert sum(label.engraved for each in found for label in each) == 500 + 2 * len(pieces.seams)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [(text, True) for text in ("6", "9", "66", "99", "16", "91", "18.6", "68", "89", "6.1")]
+    + [(text, False) for text in ("69", "96", "1", "80", "11", "26", "96-4", "", "A6")],
+)
+def test_what_reads_otherwise_upside_down_is_underlined(text, wanted):
+    plain, found = text_strokes(text, 6.0), label_strokes(text, 6.0)
+    assert underlined(text) == wanted
+    assert len(found) - len(plain) == wanted
+    if wanted:
+        np.testing.assert_allclose(found[-1].points, [[0.0, -1.0], [text_width(text, 6.0), -1.0]])
+
+
+def test_underlines_stay_inside_and_apart():
+    pieces = box()
+    renamed = Pieces(
+        tuple(replace(piece, name="6.9") for piece in pieces.pieces),
+        tuple(replace(seam, label="16") for seam in pieces.seams),
+    )
+    for piece, found in zip(renamed.pieces, all_labels(renamed, height=4.0), strict=True):
+        assert all(label.engraved for label in found)
+        assert [len(label.strokes) for label in found] == [len(label_strokes(label.text, 1.0)) for label in found]
+        hulls = [hull(label) for label in found]
+        assert all(polygon(piece).contains(shape) for shape in hulls)
+        for i, shape in enumerate(hulls):
+            assert all(shape.disjoint(other) for other in hulls[:i])
+
+
+def test_names_shrink_before_seams_lose_their_labels():
+    pieces = strip(20.0, 8.0)
+    found = labels(pieces.pieces[0], pieces.seams, height=6.0, least=1.5)
+    assert all(label.engraved for label in found)
+    assert found[0].height < 6.0

@@ -15,7 +15,7 @@ import shapely
 from cqblend.developables.cutting import within
 from cqblend.developables.drawing import FIT, Layer, beside, draw
 from cqblend.developables.files import export
-from cqblend.developables.labels import text_strokes
+from cqblend.developables.labels import label_strokes
 from cqblend.developables.paths import Path
 from cqblend.developables.pdf import PAPERS, printable, write_pdf
 from cqblend.developables.pieces import Piece, Pieces, Run
@@ -226,7 +226,7 @@ def test_labels_are_twice_per_seam(tmp_path):
     texts = [seam.label for seam in sheets.pieces.seams for _ in range(2)] + [p.name for p in sheets.pieces.pieces]
     wanted = Counter()
     for text in texts:
-        paths = text_strokes(text, 4.0)
+        paths = label_strokes(text, 4.0)
         wanted[signature([(path.closed, (path.points @ [1, 1j])) for path in paths])] += 1
     assert Counter(map(signature, clusters(layers["ENGRAVE"], 1.7))) == wanted
     assert len(texts) == 2 * 12 + 6
@@ -384,3 +384,26 @@ def test_several_sheets_are_beside_each_other(tmp_path):
     assert len(found["GUIDE"]) == sheets.count == 3
     same_areas(found["CUT"], sheets.pieces)
     assert len(pypdf.PdfReader(export(sheets, tmp_path / "a.pdf")).pages) == 3
+
+
+def test_patterns_keep_their_gap_beside_the_kerf(tmp_path):
+    pattern = cqblend.unroll(cadquery.Workplane().box(30, 20, 10), 0.1)
+    for gap, kerf in ((0.0, 3.0), (2.0, 1.0)):
+        file = pattern.export(tmp_path / "a.dxf", gap=gap, kerf=kerf, margin=4.0, labels=None)
+        cuts = [shapely.Polygon(np.column_stack([p.real, p.imag])) for _, p in from_dxf(file)["CUT"]]
+        assert len(cuts) == 6
+        for k, cut in enumerate(cuts):
+            assert all(cut.distance(other) > gap - 5e-3 for other in cuts[:k])
+            assert all(cut.intersection(other).area < 0.05 for other in cuts[:k])
+            assert min(cut.bounds) > 4.0 - 5e-3
+
+
+@pytest.mark.parametrize("suffix", ["dxf", "svg", "pdf", "json"])
+@pytest.mark.parametrize(
+    "wrong", [{"page": "b9"}, {"page": (0, 1)}, {"seconds": -1}, {"seconds": "1"}, {"kerf": "1"}, {"gap": None}]
+)
+def test_patterns_check_all_numbers_whatever_the_format(tmp_path, suffix, wrong):
+    pattern = cqblend.unroll(cadquery.Workplane().box(30, 20, 10), 0.1)
+    with pytest.raises(InputError):
+        pattern.export(tmp_path / f"a.{suffix}", **wrong)
+    assert not list(tmp_path.iterdir())

@@ -94,7 +94,9 @@ class Motion:
         """Return by how much lengths across rulings are too long in the plane, relative, where that is largest (m,)."""
         _, _, v1, v2, _ = self(t)
         angle = np.arctan2(np.linalg.norm(np.cross(v1, v2), axis=1), (v1 * v2).sum(axis=1))
-        return np.asarray(2 * np.sin(angle / 4) ** 2)
+        speeds = np.linalg.norm([v1, v2], axis=2)
+        stands = speeds.min(axis=0) <= 1e-9 * speeds.max(axis=0)  # about a pole: its direction is rounding
+        return np.where(stands, 0.0, 2 * np.sin(angle / 4) ** 2)
 
 
 def max_strain(rails: Rails) -> float:

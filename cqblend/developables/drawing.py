@@ -13,7 +13,7 @@ import numpy as np
 from cqblend.developables.arcfit import fitted
 from cqblend.developables.checks import millimetres
 from cqblend.developables.kerf import compensated
-from cqblend.developables.labels import labels, text_strokes
+from cqblend.developables.labels import labels, text_strokes, text_width
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Seam, closed
 from cqblend.developables.sheets import Sheets
@@ -130,7 +130,7 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
     InputError
         If a length is negative or not a number.
     SizeError
-        If a hole is narrower than the kerf.
+        If a hole or a slit is narrower than the kerf.
     """
     kerf = millimetres("the kerf", kerf, zero=True)
     fit = millimetres("the tolerance of fitted arcs", fit, zero=True)
@@ -155,7 +155,7 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
 def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
     """Return one drawing of several: in a row from left to right, framed on GUIDE, notes written above.
 
-    For formats that have one page. A single drawing without notes stays as it is.
+    For formats that have one page. It is at least as wide as its notes. A single drawing without notes stays as it is.
     """
     if len(drawings) == 1 and not drawings[0].notes:
         return drawings[0]
@@ -173,8 +173,9 @@ def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
     for k, line in enumerate(reversed(lines)):
         foot = np.array([0.0, top + gap + k * 1.75 * LABELS])
         entities.extend(Entity(Layer.GUIDE, stroke.moved(0.0, foot)) for stroke in text_strokes(line, LABELS))
+    width = max(left - gap, *(text_width(line, LABELS) for line in lines), 0.0)
     height = top + (gap + len(lines) * 1.75 * LABELS if lines else 0.0)
-    return Drawing((left - gap, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
+    return Drawing((width, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
 
 
 def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
@@ -186,7 +187,7 @@ def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: li
         if label.engraved:
             yield from (Entity(Layer.ENGRAVE, stroke) for stroke in label.strokes)
         else:
-            missing.append("name" if label.seam is None else label.text)
+            missing.append(f"{label.text} (name)" if label.seam is None else label.text)
     if missing:
         notes.append(f"{piece.name}: {', '.join(missing)}")
 

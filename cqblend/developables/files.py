@@ -61,9 +61,8 @@ def export(
     """
     target = checked_path(path)
     suffix = target.suffix.lower()
+    paper(page)
     drawings = () if suffix == ".json" else draw(sheets, kerf=kerf, fit=fit, height=height)
-    if suffix == ".pdf":
-        paper(page)
     try:
         with _whole(target) as whole:
             if suffix == ".dxf":

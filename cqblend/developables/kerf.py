@@ -5,6 +5,7 @@ are gone round at the distance, so that they stay sharp. Must not know pieces.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import shapely
@@ -17,6 +18,15 @@ from cqblend.errors import SizeError
 
 LEAST = 1e-4
 """Tolerance of offset arcs if none is given, mm."""
+
+UNCUT = 0.25
+"""How far a beam may stay away from the outline, in kerfs.
+
+A beam of width k stays (1 / sin(a / 2) - 1) k / 2 away from the tip of a notch with the angle a: 0.21 k if it is right.
+"""
+
+LIMITS = 0.5, 1.5
+"""How far it may stay away in any case, and at most, mm."""
 
 
 def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
@@ -43,7 +53,8 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
     InputError
         If the kerf or the tolerance is negative or not a number.
     SizeError
-        If a hole or a slit is narrower than the kerf, so that the beam cannot go round it.
+        If a hole, a slit or a notch is narrower than the kerf, so that the beam cannot go round it: it would vanish, or
+        too much of its depth would not be cut (:data:`UNCUT`, :data:`LIMITS`).
 
     Examples
     --------
@@ -60,9 +71,15 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
     # a quarter of a circle of radius kerf / 2 in so many parts that their sagitta is a quarter of the tolerance
     parts = int(np.ceil(np.pi / 4 / np.arccos(max(1 - tolerance / (2 * kerf), 0.0))))
     outside = shapely.buffer(polygon, kerf / 2, quad_segs=parts)
-    if outside.geom_type != "Polygon" or len(outside.interiors) != len(outlines) - 1:
+    allowed = float(np.clip(UNCUT * kerf, *LIMITS))
+    if (
+        outside.geom_type != "Polygon"
+        or len(outside.interiors) != len(outlines) - 1
+        or _uncut(outlines, shapely.buffer(outside, -kerf / 2, quad_segs=parts), tolerance) > allowed
+    ):
         raise SizeError(
-            f"piece {name} has a hole or a slit that is narrower than the kerf of {kerf:g} mm: lower the kerf"
+            f"piece {name} has a hole or a slit that is narrower than the kerf of {kerf:g} mm: "
+            "lower the kerf, or divide the face the other way with direction="
         )
     outside = shapely.orient_polygons(outside)
     rings = [outside.exterior, *outside.interiors]
@@ -72,3 +89,11 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
         inner = shapely.Polygon(path.sampled(tolerance / 4))
         order.append(1 + next(k for k, hole in enumerate(holes) if inner.contains(hole.representative_point())))
     return tuple(fitted(Path.straight(shapely.get_coordinates(rings[k])), tolerance / 2) for k in order)
+
+
+def _uncut(outlines: Sequence[Path], left: Any, tolerance: float) -> float:
+    """Return how far outlines are from the border of what is left when they have been cut, at most."""
+    points = np.concatenate([path.sampled(tolerance / 4) for path in outlines])
+    border = shapely.boundary(left)
+    shapely.prepare(border)
+    return float(shapely.distance(shapely.points(points), border).max())

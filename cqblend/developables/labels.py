@@ -1,9 +1,10 @@
 """Labels as single strokes: the seams' on both of their sides, the pieces' names in their midst.
 
 Exists because a laser or a pen engraves a stroke once, while the letters of a font are outlines. A seam's label stands
-on its run: its foot is towards the seam, so that the two sides are told apart and no 6 is read as a 9. A label that
-does not fit at the least height has no strokes: it is to be listed in the legend, at the piece's name. Leader lines to
-the outside are not drawn, since what lies outside a piece on a sheet is another piece. Must not know sheets or files.
+on its run: its foot is towards the seam, so that the two sides are told apart; what would read as another number
+upside down is underlined, as 6 and 9. A label that does not fit at the least height has no strokes: it is to be listed
+in the legend, at the piece's name. Leader lines to the outside are not drawn, since what lies outside a piece on a
+sheet is another piece. Must not know sheets or files.
 """
 
 from collections.abc import Sequence
@@ -89,6 +90,12 @@ MARGIN = 0.25
 SHRINK = 0.8
 """Ratio of the heights that are tried one after another."""
 
+UPSIDE_DOWN = str.maketrans("69", "96")
+"""What digits read as when they are turned by half a turn; 0, 1 and 8 read as themselves."""
+
+UNDERLINE = 1
+"""How far below its foot line a text is underlined, in the grid of the glyphs."""
+
 NAME = 1.5
 """Height of a piece's name beside that of the seams' labels, where there is room."""
 
@@ -171,6 +178,27 @@ def text_strokes(text: str, height: float) -> tuple[Path, ...]:
     return tuple(strokes)
 
 
+def label_strokes(text: str, height: float) -> tuple[Path, ...]:
+    """Return the strokes of a text, and the line under it if it would read as another one upside down."""
+    strokes = text_strokes(text, height)
+    if not underlined(text):
+        return strokes
+    ends = np.array([[0.0, -UNDERLINE], [text_width(text, CAP), -UNDERLINE]])
+    return *strokes, Path.straight(ends * (height / CAP))
+
+
+def underlined(text: str) -> bool:
+    """Return whether a text is underlined, because it would read as another one upside down.
+
+    Examples
+    --------
+    >>> [text for text in ("6", "16", "69", "68.1", "80", "26") if underlined(text)]
+    ['6', '16', '68.1']
+    """
+    turned_over = text[::-1].translate(UPSIDE_DOWN)
+    return set(text) <= set("01689.") and not set(text).isdisjoint("69") and turned_over != text
+
+
 def _glyphs(text: str) -> list[str]:
     try:
         return [GLYPHS[letter] for letter in text.upper()]
@@ -185,7 +213,8 @@ def labels(
 ) -> tuple[Label, ...]:
     """Return a piece's name and the labels of its seams, inside its outline and clear of each other.
 
-    The name is written where most room is, level or else along the nearest border, up to :data:`NAME` times as high.
+    The name is written where most room is, level or else along the nearest border, up to :data:`NAME` times as high, or
+    lower if seams' labels find no room beside it.
     A seam's label stands on its run, near the run's middle; if there is no room it is moved along the run, then away
     from it, then made smaller, down to the least height. What does not fit then is returned without strokes.
 
@@ -226,15 +255,22 @@ def labels(
     least = height / 4 if least is None else millimetres("the least height of labels", least)
     if least > height:
         raise InputError(f"the least height of labels, {least:g} mm, exceeds the height, {height:g} mm")
-    room = _Room(region(piece.outlines, height / 50))
-    return (
-        _name(piece.name, room, height, least),
-        *(
-            _beside(run.path, seams[run.seam].label, run.seam, room, height, least)
-            for *_, run in piece.runs()
-            if run.seam is not None
-        ),
-    )
+    polygon = region(piece.outlines, height / 50)
+    tried: list[tuple[Label, ...]] = []
+    for largest in (NAME * height, height, least):  # a lower name may leave room for seams
+        room = _Room(polygon)
+        found = (
+            _name(piece.name, room, largest, least),
+            *(
+                _beside(run.path, seams[run.seam].label, run.seam, room, height, least)
+                for *_, run in piece.runs()
+                if run.seam is not None
+            ),
+        )
+        if all(label.engraved for label in found):
+            return found
+        tried.append(found)
+    return max(tried, key=lambda found: sum(label.engraved for label in found))
 
 
 class _Room:
@@ -262,18 +298,19 @@ def _sizes(largest: float, least: float) -> Array:
     return np.unique([*(largest * SHRINK ** np.arange(count + 1)), least])[::-1]
 
 
-def _boxes(places: Array, ahead: Array, widths: Array, heights: Array) -> Array:
-    """Return the corners (m, 4, 2) of labels that begin at places and read along unit vectors, with their margins."""
+def _boxes(text: str, places: Array, ahead: Array, heights: Array) -> Array:
+    """Return the corners (m, 4, 2) of a text that begins at places and reads along unit vectors, with its margins."""
+    widths, drop = text_width(text, 1.0) * heights, UNDERLINE / CAP if underlined(text) else 0.0
     up = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     margin = MARGIN * heights
     x = np.stack([-margin, widths + margin, widths + margin, -margin], axis=1)
-    y = np.stack([-margin, -margin, heights + margin, heights + margin], axis=1)
+    y = np.stack([-margin - drop * heights, -margin - drop * heights, heights + margin, heights + margin], axis=1)
     return places[:, None] + x[:, :, None] * ahead[:, None] + y[:, :, None] * up[:, None]
 
 
 def _written(text: str, place: Array, ahead: Array, height: float, seam: int | None) -> Label:
     angle = float(np.arctan2(ahead[1], ahead[0]))
-    strokes = tuple(path.moved(angle, place) for path in text_strokes(text, height))
+    strokes = tuple(path.moved(angle, place) for path in label_strokes(text, height))
     return Label(text, place, angle, float(height), strokes, seam)
 
 
@@ -293,28 +330,28 @@ def _beside(path: Path, text: str, seam: int, room: _Room, height: float, least:
         places = np.concatenate([foot + lift * size * up for lift in LIFTS])
         aheads = np.tile(ahead, (len(LIFTS), 1))
         sizes = np.full(len(places), size)
-        chosen = room.take(_boxes(places, aheads, width * sizes, sizes))
+        chosen = room.take(_boxes(text, places, aheads, sizes))
         if chosen is not None:
             return _written(text, places[chosen], aheads[chosen], size, seam)
     middle = track.at(track.length / 2)
     return Label(text, middle, 0.0, 0.0, (), seam)
 
 
-def _name(text: str, room: _Room, height: float, least: float) -> Label:
+def _name(text: str, room: _Room, largest: float, least: float) -> Label:
     """Return the name of a piece, in the midst of it."""
     if not room.polygon.area > 0:
         return Label(text, np.array(room.polygon.centroid.coords[0]), 0.0, 0.0, ())
-    arrow = shapely.maximum_inscribed_circle(room.polygon, tolerance=height / 10)
+    arrow = shapely.maximum_inscribed_circle(room.polygon, tolerance=largest / (10 * NAME))
     centre, border = shapely.get_coordinates(arrow)
     out = (border - centre) / max(float(np.linalg.norm(border - centre)), np.finfo(np.float64).tiny)
     aheads = np.array([[1.0, 0.0], [-out[1], out[0]], [0.0, 1.0]])
     aheads[1] *= 1.0 if aheads[1, 0] > 0 or (aheads[1, 0] == 0 and aheads[1, 1] > 0) else -1.0
     ups = np.stack([-aheads[:, 1], aheads[:, 0]], axis=1)
     width = text_width(text, 1.0)
-    for size in _sizes(NAME * height, least):
+    for size in _sizes(largest, least):
         places = centre - aheads * (width * size / 2) - ups * (size / 2)
         sizes = np.full(len(places), size)
-        chosen = room.take(_boxes(places, aheads, width * sizes, sizes))
+        chosen = room.take(_boxes(text, places, aheads, sizes))
         if chosen is not None:
             return _written(text, places[chosen], aheads[chosen], size, None)
     return Label(text, centre, 0.0, 0.0, ())

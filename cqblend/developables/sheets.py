@@ -95,7 +95,7 @@ def arrange(
     sheet
         Width and height of the stock, mm; None is one sheet as large as it needs to be.
     margin, gap
-        Kept free along the borders and between pieces, mm. The gap should exceed the kerf.
+        Kept free along the borders and between pieces, mm. Where a kerf is cut, it is part of both.
     packer
         ``"grid"`` places each piece in turn, the largest first, as low as it can. ``"spyrrow"`` asks the library of
         that name, which packs closer and takes all the time it is given; it needs to be installed.

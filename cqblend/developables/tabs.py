@@ -46,6 +46,12 @@ MITRE = 2.0
 KINK = np.radians(20.0)
 """Where a run turns by more than this at once it has a corner, at which a tab ends and another begins."""
 
+LEAST = 2.0
+"""Tabs lower than this are dropped, mm, or lower than a quarter of their width if that is less."""
+
+MOST = 20_000
+"""No more teeth than this are made: they take a second for each few thousand."""
+
 ALIKE = 0.02
 """Curves closer than this to each other, relative to the width of tabs, count as the same, or as straight."""
 
@@ -137,12 +143,13 @@ def fitted_tabs(
     pitch
         Length of teeth along the base, mm; three widths if not given.
     least
-        Least height, mm: lower tabs are dropped. A quarter of the width if not given.
+        Least height, mm: lower tabs are dropped. A quarter of the width, but at most :data:`LEAST`, if not given.
 
     Raises
     ------
     InputError
-        If a length or the taper is out of range, the style unknown, or a piece has tabs already.
+        If a length or the taper is out of range, the style unknown, a piece has tabs already, or there would be more
+        than :data:`MOST` teeth.
 
     Examples
     --------
@@ -159,7 +166,7 @@ def fitted_tabs(
         raise InputError(f"the style of tabs is one of {', '.join(get_args(Style))}, not {shown(style)}")
     width = millimetres("the width of tabs", width)
     pitch = 3 * width if pitch is None else millimetres("the pitch of tabs", pitch)
-    least = width / 4 if least is None else millimetres("the least height of tabs", least)
+    least = min(width / 4, LEAST) if least is None else millimetres("the least height of tabs", least)
     if least > width:
         raise InputError(f"the least height of tabs, {least:g} mm, exceeds their width, {width:g} mm")
     if isinstance(taper, bool) or not isinstance(taper, int | float) or not 0 < taper <= np.pi / 2 + 1e-12:
@@ -169,6 +176,9 @@ def fitted_tabs(
             raise InputError(f"piece {piece.name} has tabs already")
     slope = 1 / np.tan(min(taper, STEEPEST))
     site = Site(pieces, width, least, pitch, float(slope), float(1 / np.tan(STEEPEST)))
+    longest = max((pieces.run(seam.sides[0]).path.length for seam in pieces.seams), default=0.0)
+    if longest > MOST * min(pitch, 3 * width):
+        raise _too_many(site, longest / min(pitch, 3 * width))
     flaps = _chosen(site, float(taper)) if style == "one" else settled(site, _wanted(site, style, float(taper)))
     if style == "strips":
         connected, kept = _with_strips(site, flaps)
@@ -200,13 +210,21 @@ def _measured(site: Site, flaps: Sequence[Flap], sides: int, pieces: Pieces) -> 
 def _wanted(site: Site, style: Style, taper: float) -> list[Flap]:
     """Return the flaps that the seams are to have, whether they fit or not."""
     sides = (0,) if style == "strips" else (0, 1)
-    return [
-        flap
-        for k, seam in enumerate(site.pieces.seams)
-        if all(site.pieces.run(side).path.length > 0 for side in seam.sides)
-        for side in sides
-        for flap in _along(site, k, side, style, taper)
-    ]
+    flaps: list[Flap] = []
+    for k, seam in enumerate(site.pieces.seams):
+        if all(site.pieces.run(side).path.length > 0 for side in seam.sides):
+            for side in sides:
+                flaps += _along(site, k, side, style, taper)
+            if len(flaps) > MOST * len(sides):
+                raise _too_many(site, len(flaps) / len(sides) * len(site.pieces.seams) / (k + 1))
+    return flaps
+
+
+def _too_many(site: Site, teeth: float) -> InputError:
+    return InputError(
+        f"tabs of {site.width:g} mm with a pitch of {site.pitch:g} mm would be about {teeth:.0f} teeth, "
+        f"more than {MOST}: take wider tabs or a longer pitch"
+    )
 
 
 def _chosen(site: Site, taper: float) -> list[Flap]:
