@@ -149,7 +149,7 @@ def test_kerfs_that_close_slits_and_notches_are_refused():
     wedge = Path.straight([[0, 0], [40, 0], [40, 20], [20.3, 20], [20, 8], [19.7, 20], [0, 20], [0, 0]])
     for outline in (slit, wedge):
         for kerf in (0.2, 1.0, 3.0, 50.0):
-            with pytest.raises(SizeError, match="piece 4 has a hole or a slit .* lower the kerf, or .* direction="):
+            with pytest.raises(SizeError, match=r"piece 4 has a hole or a slit .* lower the kerf, or .* direction="):
                 compensated([outline], kerf, 1e-3, name="4")
     hole = Path.straight([[19.9, 5], [19.9, 15], [20.1, 15], [20.1, 5], [19.9, 5]])
     plate = Path.straight([[0, 0], [40, 0], [40, 20], [0, 20], [0, 0]])

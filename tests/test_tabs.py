@@ -438,24 +438,24 @@ def test_many_seams_in_seconds():
     assert len(pieces.seams) == 218
 
 
-@pytest.mark.parametrize("style", get_args(Style))
+@pytest.mark.parametrize("style", STYLES)
 def test_too_many_teeth_are_refused_before_they_are_made(style):
     start = time.perf_counter()
     for options in ({"width": 1e-9}, {"width": 1e-3, "pitch": 1e-9}, {"width": 1e-9, "pitch": 1e3}):
         with pytest.raises(InputError, match="teeth, more than 20000: take wider tabs or a longer pitch"):
-            with_tabs(cases.cylinder(), style=style, **options)
+            with_tabs(cylinder(), style=style, **options)
     assert time.perf_counter() - start < 1.0
 
 
 def test_too_many_teeth_in_all_are_refused():
-    assert len(cases.gores().seams) > 1
-    longest = max(run.path.length for piece in cases.gores().pieces for *_, run in piece.runs() if run.seam is not None)
+    assert len(gores().seams) > 1
+    longest = max(run.path.length for piece in gores().pieces for *_, run in piece.runs() if run.seam is not None)
     with pytest.raises(InputError, match="would be about"):
-        with_tabs(cases.gores(), width=longest / 3 / 15_000)
+        with_tabs(gores(), width=longest / 3 / 15_000)
 
 
 def test_wide_tabs_are_lowered_as_far_as_narrow_ones():
-    pieces = cases.gores()
+    pieces = gores()
     wide, narrow = (fitted_tabs(pieces, width=width) for width in (100.0, 8.0))
     assert set(wide.missing) <= set(narrow.missing)
     assert wide.heights[wide.heights > 0].min() >= 2.0

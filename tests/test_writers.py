@@ -5,6 +5,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 
+import cadquery
 import ezdxf
 import numpy as np
 import pieces_cases as cases
@@ -12,6 +13,7 @@ import pypdf
 import pytest
 import shapely
 
+import cqblend
 from cqblend.developables.cutting import within
 from cqblend.developables.drawing import FIT, Layer, beside, draw
 from cqblend.developables.files import export
