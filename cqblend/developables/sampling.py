@@ -128,9 +128,8 @@ def _round(five: Array, tolerance: float, sagitta: float) -> Array:
     sagitta_square = np.minimum((middle**2).sum(axis=-1) / square, 1e6)  # a closed edge has no chord
     span = along[:, 1] * (1 - along[:, 1]) - sagitta_square
     rise = x * (1 - x)
-    height = (
-        2 * rise / (span[:, None] + np.sqrt(np.maximum(span[:, None] ** 2 + 4 * sagitta_square[:, None] * rise, 0)))
-    )
+    below = span[:, None] + np.sqrt(np.maximum(span[:, None] ** 2 + 4 * sagitta_square[:, None] * rise, 0))
+    height = np.divide(2 * rise, below, out=np.zeros_like(rise), where=below > 0)
     wrong = np.linalg.norm(off[:, [0, 2]] - height[..., None] * middle[:, None], axis=-1).max(axis=-1)
     bow = np.linalg.norm(off, axis=-1).max(axis=-1)
     inside = ((along > 0) & (along < 1)).all(axis=-1) & (span > 0)
