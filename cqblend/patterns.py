@@ -146,7 +146,8 @@ class Pattern:
         """Return the pattern with tabs along its seams, by which pieces are glued, stitched or welded.
 
         The paper's stubs (section 3, figure 6). Tabs fold to the inner side of the shape, or lie beneath the neighbour;
-        they overlap neither their piece nor each other, and are lower or left out where there is no room.
+        they overlap neither their piece nor each other; where there is no room they are lower, down to a quarter of the
+        width or 2 mm, or left out, see `tabs`.
 
         Parameters
         ----------
@@ -159,6 +160,11 @@ class Pattern:
             Angle between the legs of a tab and its base, rad.
         pitch : float, optional
             Length of the teeth that tabs are cut into where a seam is curved, mm.
+
+        Raises
+        ------
+        InputError
+            A number makes no sense, or there would be more than 20,000 teeth.
         """
         fit = partial(fitted_tabs, style=style, width=width, taper=taper, pitch=pitch)
         tabs = fit(self._unrolled.pieces)
