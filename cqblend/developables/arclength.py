@@ -7,10 +7,10 @@ not know strips or pieces.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.developables.integral import Integral
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.splines.integral import Integral
 
 _EPS = float(np.finfo(float).eps)
 

@@ -30,10 +30,10 @@ import numpy as np
 
 from cqblend.developables.arclength import ArcLength
 from cqblend.developables.developability import Kind, Rails, apex, plane_normal, ruling_direction, together
-from cqblend.developables.integral import Integral, gauss
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.splines.integral import Integral, gauss
 
 Development: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Where the two rails are in the plane, (m,) complex each, at parameters (m,). The first ruling points up, and the map

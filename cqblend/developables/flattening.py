@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 from cqblend.developables.arclength import ArcLength
 from cqblend.developables.developability import Kind, Rails, check_rails, classify, together
 from cqblend.developables.development import Development, Motion, develop
-from cqblend.developables.integral import Integral
 from cqblend.developables.paths import Path, bulges
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate
 from cqblend.splines.evaluation import locate
+from cqblend.splines.integral import Integral
 
 Layout = Literal["smooth", "triangles"]
 """How a strip is laid flat: rails and rulings with their lengths, or the paper's triangles."""

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cqblend.developables.integral import Integral, gauss, legendre
 from cqblend.errors import GeometryError
+from cqblend.splines.integral import Integral, gauss, legendre
 
 
 def test_legendre_and_gauss():
