@@ -17,12 +17,14 @@ from cqblend.certificate import Certificate, RailRecord
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
+    from cqblend.blends.boundaries import Boundary
     from cqblend.blends.rails import Rail
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
     from cqblend.front import BlendResult, blend_edges, continuity, to_curve, to_edge, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.patterns import Pattern, unroll
+    from cqblend.pdes import PdeBlend, pde_blend
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
@@ -33,6 +35,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Blend",
     "BlendResult",
+    "Boundary",
     "Certificate",
     "Combination",
     "Continuity",
@@ -41,6 +44,7 @@ __all__ = [
     "Guide",
     "Normalised",
     "Pattern",
+    "PdeBlend",
     "Rail",
     "RailRecord",
     "Surface",
@@ -53,6 +57,7 @@ __all__ = [
     "errors",
     "hermite_blend",
     "normalise",
+    "pde_blend",
     "projected",
     "reparameterise",
     "to_curve",
@@ -67,12 +72,14 @@ __all__ = [
 _HOME = {
     "Blend": "freeform",
     "BlendResult": "front",
+    "Boundary": "blends.boundaries",
     "Combination": "freeform",
     "Continuity": "occ.measure",
     "Curve": "splines.curve",
     "Guide": "freeform",
     "Normalised": "splines.unit_length",
     "Pattern": "patterns",
+    "PdeBlend": "pdes",
     "Rail": "blends.rails",
     "Surface": "splines.surface",
     "Verification": "occ.verification",
@@ -82,6 +89,7 @@ _HOME = {
     "curve_on": "freeform",
     "hermite_blend": "freeform",
     "normalise": "splines.unit_length",
+    "pde_blend": "pdes",
     "projected": "freeform",
     "reparameterise": "splines.retiming",
     "to_curve": "front",

@@ -98,6 +98,9 @@ class Certificate:
         Smallest and largest straight distance from rail to rail, mm.
     stations : int
         Points at which each rail was measured, least over the rails.
+    residual : float or None
+        Of the partial differential equations: root mean square of what is left, as a share of what it is without
+        solving them; the largest over x, y and z and all blends. None of other sections.
     proofs : tuple of callable
         What computes the proof of each blend, when `proof` is asked for.
 
@@ -122,6 +125,7 @@ class Certificate:
     valid: bool
     width: tuple[float, float]
     stations: int
+    residual: float | None = None
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
 
     @cached_property
@@ -177,6 +181,7 @@ class Certificate:
             valid=all(one.valid for one in certificates),
             width=(min(one.width[0] for one in certificates), max(one.width[1] for one in certificates)),
             stations=min(one.stations for one in certificates),
+            residual=max((one.residual for one in certificates if one.residual is not None), default=None),
             proofs=tuple(prove for one in certificates for prove in one.proofs),
         )
 

@@ -18,6 +18,7 @@ from cqblend.blends.aiming import Aim, on_rails
 from cqblend.blends.primaries import Array
 from cqblend.blends.rails import FIELDS, FieldName, Rail
 from cqblend.blends.regularity import stations
+from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.request import CONTINUITY, FORM, STEER, choice, pair, positive, turn
@@ -164,9 +165,29 @@ def hermite_blend(
     >>> blend.surface.degree, blend.form
     ((1, 5), 'exact')
     """
-    for rail in (rail1, rail2):
+    orders = pair("continuity", continuity, partial(choice, built=CONTINUITY))
+    rails, ribbons = along_rails((rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer)
+    form = choice("form", form, FORM)
+    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    made = hermite.hermite(ribbons, form, tolerance, angular_tolerance)
+    hermite.check_creases(made.surface)
+    return Blend(made.surface, made.ribbons, made.form, rails)
+
+
+def along_rails(
+    given: tuple[Rail, Rail], orders: tuple[int, int], tangents: object, bulge: object, length: object, steer: object
+) -> tuple[tuple[Rail, Rail], tuple[Ribbon, Ribbon]]:
+    """Check two rails and what is wanted along them; return them, with sides and one domain, and their ribbons.
+
+    Raises
+    ------
+    CqblendError
+        As :func:`hermite_blend`.
+    """
+    for rail in given:
         if not isinstance(rail, Rail):
-            raise InputError(f"hermite_blend takes two cqblend.Rail, not {shown(rail)}")
+            raise InputError(f"a blend of surfaces takes two cqblend.Rail, not {shown(rail)}")
+    rail1, rail2 = given
     if rail2.domain != rail1.domain:
         rail2 = rail2.reparametrized(*rail1.domain)
     _check_senses(rail1, rail2)
@@ -174,22 +195,17 @@ def hermite_blend(
         rail1 if rail1.side is not None else rail1.towards(rail2),
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
-    orders = pair("continuity", continuity, partial(choice, built=CONTINUITY))
     kinds = pair("tangents", tangents, _tangents)
     bulges = pair("bulge", bulge, _amount)
     lengths = pair("length", length, _length)
-    form = choice("form", form, FORM)
-    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     steer = turn("steer", steer)
     closed = rail1.closed and rail2.closed
     aims = []
     for i in (0, 1):
         side = _Side(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
         side.check()
-        aims.append(Aim(rails[i], side.vectors, int(orders[i][1]), closed and side.returns(), side.exact))
-    made = hermite.hermite(on_rails((aims[0], aims[1]), steer), form, tolerance, angular_tolerance)
-    hermite.check_creases(made.surface)
-    return Blend(made.surface, made.ribbons, made.form, rails)
+        aims.append(Aim(rails[i], side.vectors, orders[i], closed and side.returns(), side.exact))
+    return rails, on_rails((aims[0], aims[1]), steer)
 
 
 def curve_on(face: Any, edge: Any) -> Curve:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from numbers import Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
@@ -181,6 +181,13 @@ def flag(name: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise InputError(f"{name} must be True or False, not {shown(value)}")
     return value
+
+
+def count(name: str, value: object) -> int:
+    """Return a whole number above 0."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
+        raise InputError(f"{name} must be a whole number above 0, not {shown(value)}")
+    return int(value)
 
 
 def turn(name: str, value: object) -> float:

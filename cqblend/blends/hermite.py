@@ -12,26 +12,26 @@ of any degree. The *compact* form replaces them by quintics within a tolerance (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from math import comb, perm
 from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.breaks import aligned
 from cqblend.blends.compact import compact
 from cqblend.blends.primaries import cross, unit
 from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.sections import Jets, section
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines import Curve, Surface
 
 Form = Literal["exact", "compact"]
+Fill = Callable[[tuple[Jets, Jets]], Surface]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
 CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
 PLACES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])  # in a piece, where folds are looked for
-ROUNDING = 1e-12  # of a weight that is one
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -96,48 +96,13 @@ def _check_smooth(jets: list[Curve]) -> None:
             )
 
 
-def section(sides: tuple[list[Curve], list[Curve]]) -> Surface:
-    """Assemble the Hermite surface H(t, v) of the jets of two ribbons, of degree k1 + k2 + 1 across.
-
-    With p that degree, the rows of poles from the first rail on are
-
-        b_i = sum_r C(i, r) (p - r)!/p! J_r,    i = 0 .. k1,
-
-    and from the second rail on likewise: both ribbons run into the blend, so no signs change. Homogeneous jets (dim 4)
-    give a rational surface, unless their weight is one.
-
-    Raises
-    ------
-    GeometryError
-        If a weight is not positive.
-    """
-    degree = len(sides[0]) + len(sides[1]) - 1
-    together = aligned([*sides[0], *sides[1]])
-    sides = together[: len(sides[0])], together[len(sides[0]) :]
-    largest = max(jet.degree for jets in sides for jet in jets)
-    rows = []
-    for jets in sides:
-        coefs = [jet.elevate(largest - jet.degree).coefs for jet in jets]
-        rows.append([sum(comb(i, r) / perm(degree, r) * coefs[r] for r in range(i + 1)) for i in range(len(coefs))])
-    poles = np.stack([*rows[0], *reversed(rows[1])], axis=1)[..., None]
-    continuity = np.min([jet.continuity for jets in sides for jet in jets], axis=0)
-    rational = False
-    if poles.shape[2] == 4:
-        weight = poles[:, :, 3]
-        if not np.all(weight > 0):
-            raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
-        # the rounding of a weight grows with the longest jet
-        longest = max(np.abs(jet.coefs[:, :3]).max() for jets in sides for jet in jets)
-        rational = bool(np.abs(weight - 1).max() > ROUNDING * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max()))
-        poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
-    breaks = (sides[0][0].breaks, np.array([0.0, 1.0]))
-    return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))
-
-
-def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float) -> Blend:
+def hermite(
+    ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float, fill: Fill = section
+) -> Blend:
     """Blend two ribbons, with as many orders of continuity on each as it has directions.
 
-    ``form`` is "exact", "compact" or "auto" (exact where its degree is at most 7).
+    ``form`` is "exact", "compact" or "auto" (exact where its degree is at most 7); ``fill`` makes the surface of the
+    jets of both ribbons.
 
     Raises
     ------
@@ -149,12 +114,12 @@ def hermite(ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular
     jets = _jets(ribbons)
     degree = max(jet.degree for side in jets for jet in side)
     if form == "compact" or (form == "auto" and degree > LIGHT_DEGREE):
-        return Blend(section(compact(jets, tolerance, angular_tolerance)), ribbons, "compact")
+        return Blend(fill(compact(jets, tolerance, angular_tolerance)), ribbons, "compact")
     if degree > LARGEST_DEGREE:
         raise DegreeError(
             f"the exact blend has degree {degree} along the rail, OCCT holds {LARGEST_DEGREE}; take form='compact'"
         )
-    return Blend(section(jets), ribbons, "exact")
+    return Blend(fill(jets), ribbons, "exact")
 
 
 def folded(surface: Surface) -> float | None:

@@ -1,22 +1,23 @@
-"""Curves from data: smooth spline interpolants and local Hermite interpolants.
+"""Curves from data: smooth spline interpolants, local Hermite interpolants, least-squares splines.
 
-Both give piecewise Hermite forms, so nothing but a small linear system for the unknown derivatives stands between the
-data and the Bernstein coefficients. This module must not know what is interpolated.
+Interpolants are piecewise Hermite forms, so nothing but a small linear system for the unknown derivatives stands
+between the data and the Bernstein coefficients. This module must not know what is interpolated.
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 from math import comb, factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.errors import InputError
-from cqblend.splines.bernstein import Array
+from cqblend.errors import GeometryError, InputError
+from cqblend.splines.bernstein import Array, basis, derivative
 from cqblend.splines.curve import Curve
 
 
 @lru_cache(maxsize=32)
-def _ends(k: int) -> Array:
+def end_table(k: int) -> Array:
     """Bernstein coefficients (2k+2, 2, k+1) of degree 2k+1 from derivatives 0..k at both ends of the unit interval."""
     p = 2 * k + 1
     table = np.zeros((p + 1, 2, k + 1))
@@ -33,7 +34,7 @@ def _ends(k: int) -> Array:
 @lru_cache(maxsize=32)
 def _higher(k: int) -> Array:
     """Tabulate derivatives 0..p of the unit-interval Hermite form, (2 ends, p+1, 2 ends of data, k+1)."""
-    table = _ends(k)
+    table = end_table(k)
     p = len(table) - 1
     out = np.zeros((2, p + 1, 2, k + 1))
     for r in range(p + 1):
@@ -85,7 +86,7 @@ def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
         raise InputError("a value or derivative to interpolate is not finite")
     k = len(data) - 1
     scaled = data * (np.diff(breaks) ** np.arange(k + 1)[:, None])[:, :, None, None]
-    coefs = np.einsum("ier,rned->idn", _ends(k), scaled)
+    coefs = np.einsum("ier,rned->idn", end_table(k), scaled)
     agree = (data[:, :-1, 1] == data[:, 1:, 0]).all(axis=-1)
     order = np.cumprod(agree, axis=0).sum(axis=0) - 1
     return Curve(breaks, coefs, continuity=order)
@@ -235,3 +236,141 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
     narrow = k == 1 and not periodic and n > 3
     solution = (_tridiagonal if narrow else np.linalg.solve)(matrix, right).reshape(n + 1, k, dim)
     return np.asarray(np.swapaxes(solution / (size[:, None] ** powers)[..., None], 0, 1))
+
+
+def approximate(
+    function: Callable[[Array], Array],
+    breaks: ArrayLike,
+    tolerance: float,
+    *,
+    closed: bool = False,
+    kinks: ArrayLike = (),
+    spans: int = 16,
+    most: int = 512,
+) -> Curve:
+    """Least-squares quintic spline, C4, of a function, with knots among given breaks as far as these are dense enough.
+
+    Parameters
+    ----------
+    function
+        Vectorised, (n,) to (n, dim), smooth.
+    breaks
+        (m + 1,) increasing; the first and the last are the domain.
+    tolerance
+        Of the sum of the absolute errors of all components.
+    closed
+        Whether the function goes on periodically: then the curve does, C4.
+    kinks
+        Parameters inside that are to be knots: where the function is no more than C4.
+    spans, most
+        Number of spans to start with, and to end with.
+
+    Raises
+    ------
+    GeometryError
+        If the tolerance is not met; the message says what was reached.
+
+    Examples
+    --------
+    >>> curve = approximate(lambda t: np.cos(t)[:, None], [0, 2 * np.pi], 1e-6, closed=True)
+    >>> curve.degree, len(curve.breaks), bool(abs(curve(1.0) - np.cos(1.0)) < 1e-6)
+    (5, 17, True)
+    """
+    given = _checked(breaks)
+    while True:
+        t = _among(given, spans, np.asarray(kinks, dtype=np.float64))
+        splines = _quintics(t, closed=closed)
+        steps = np.diff(t)
+        nodes = (t[:-1, None] + steps[:, None] * ((np.arange(6) + 0.5) / 6)).ravel()
+        q, r = np.linalg.qr(splines(nodes))
+        poles = np.linalg.solve(r, q.T @ function(nodes))
+        curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
+        between = np.append((t[:-1, None] + steps[:, None] * (np.arange(6) / 6)).ravel(), t[-1])
+        error = float(np.abs(curve(between) - function(between)).sum(axis=1).max())
+        if error <= tolerance:
+            return curve
+        if 2 * spans > most:
+            raise GeometryError(f"a spline of {spans} spans errs by {error:.2g}, more than {tolerance:.2g}")
+        spans *= 2
+
+
+def _among(breaks: Array, spans: int, kinks: Array) -> Array:
+    """Return the ends of nearly equal spans, at given breaks where there are some nearby, and at all kinks."""
+    even = np.linspace(breaks[0], breaks[-1], spans + 1)
+    step = even[1] - even[0]
+    near = breaks[np.abs(even[:, None] - breaks).argmin(axis=1)]
+    t = np.where(np.abs(near - even) <= 0.4 * step, near, even)
+    fixed = np.concatenate([kinks, breaks[[0, -1]]])
+    clear = np.abs(t[:, None] - fixed).min(axis=1) > 0.4 * min(step, np.diff(np.sort(fixed)).min())
+    return np.unique(np.concatenate([fixed, t[clear]]))
+
+
+def _quintics(t: Array, *, closed: bool) -> Curve:
+    """Return all quintic B-splines with simple knots as one curve; periodic ones for a closed curve."""
+    count = len(t) - 1
+    if not closed:
+        return Curve.from_bspline(5, np.concatenate([t[:1].repeat(5), t, t[-1:].repeat(5)]), np.eye(count + 5))
+    period = t[-1] - t[0]
+    index = np.arange(-5, count + 6)
+    knots = t[index % count] + period * (index // count)
+    return Curve.from_bspline(5, knots, np.eye(count)[np.arange(count + 5) % count])
+
+
+SAMPLED = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
+ROUNDING = 5e-14
+
+
+def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *, closed: bool = False) -> Curve:
+    """Spline of degree 7, C3, that is a smooth function to rounding: 5e-14 of its largest value.
+
+    Derivatives up to the third at the breaks are those of local interpolants at Chebyshev points, the mean of both
+    sides; pieces are equal, and as many as it takes.
+
+    Parameters
+    ----------
+    function
+        Vectorised, (n,) to (n, dim).
+    domain
+        (a, b).
+    closed
+        Whether the function goes on periodically: then the curve does, C3.
+
+    Raises
+    ------
+    GeometryError
+        If 1024 pieces are not enough, as at a kink; the message says where.
+
+    Examples
+    --------
+    >>> wave = reproduce(lambda t: np.sin(3 * t)[:, None], (0, 6))
+    >>> bool(abs(wave(1.234) - np.sin(3.702)) < 1e-14)
+    True
+    """
+    x = (1 - np.cos(np.pi * np.arange(SAMPLED) / (SAMPLED - 1))) / 2
+    poles = np.linalg.inv(basis(SAMPLED - 1, 1 - x, x).T)  # from values to Bernstein coefficients
+    count = 16
+    while True:
+        t = np.linspace(*domain, count + 1)
+        nodes = t[:-1] + x[:, None] * np.diff(t)
+        coefs = np.einsum("pk,knd->pnd", poles, function(nodes.ravel()).reshape(SAMPLED, count, -1))
+        sides = []
+        for k in range(4):
+            sides.append(np.stack([coefs[0], coefs[-1]]) / (t[1] - t[0]) ** k)
+            coefs = derivative(coefs)
+        first, last = np.stack(sides).swapaxes(0, 1)  # (4, count, dim) each
+        inner = (first[:, 1:] + last[:, :-1]) / 2
+        start, end = first[:, :1], last[:, -1:]
+        if closed:
+            start = end = (start + end) / 2
+        curve = hermite(t, np.concatenate([start, inner, end], axis=1))
+        between = np.append((t[:-1, None] + np.diff(t)[:, None] * [0, 0.2, 0.5, 0.8]).ravel(), t[-1])
+        values = function(between)
+        error = np.abs(curve(between) - values).max(axis=1)
+        if error.max() <= ROUNDING * np.abs(values).max():
+            return curve
+        if count >= 1024:
+            raise GeometryError(
+                f"a function of t is not smooth enough at t = {between[error.argmax()]:.6g} to be a spline: give it as "
+                "a Curve, with its kinks at breaks"
+            )
+        count *= 2

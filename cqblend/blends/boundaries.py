@@ -1,0 +1,217 @@
+"""Boundary data of a blend that belong to no surface: position and derivatives across, given as functions along.
+
+They make a surface of their own, the strip C + v T + v^2/2 K, and a ribbon on it. So all that is known of blends along
+rails, how they are measured and what is proven of them, holds for data as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cqblend.blends.primaries import Array, Tensor
+from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import Ribbon
+from cqblend.errors import InputError, shown
+from cqblend.splines import Curve, Surface, fit
+
+Component: TypeAlias = float | Curve | Callable[[Array], Any]
+Given: TypeAlias = Curve | Callable[[Array], Any] | Sequence[Component]
+
+RETURNS = 1e-9  # relative: ends that differ by less meet
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What a blend is to be on one side, as functions of t: position, and derivatives by v, across.
+
+    As in You and Zhang's paper, v runs from side 1 to side 2 on both sides: on side 2, derivatives point out of the
+    blend.
+
+    Parameters
+    ----------
+    position
+        A Curve of dim 3, a function of arrays of t (n,) that returns (n, 3), or three for x, y and z, each of them a
+        number, a Curve of dim 1 or a function that returns (n,). mm.
+    first, second
+        First and second derivative by v, likewise; as many as the order of the equation takes. mm.
+    domain
+        Of t, for functions; Curves have one of their own.
+
+    Raises
+    ------
+    InputError
+        If something is none of these, or domains differ.
+    GeometryError
+        If a function is not smooth.
+
+    Examples
+    --------
+    >>> ring = Boundary((np.cos, np.sin, 0.0), first=(0.0, 0.0, 1.0))
+    >>> ring.closed, ring.curves[0].dim
+    (True, 3)
+    """
+
+    position: Given
+    first: Given | None = None
+    second: Given | None = None
+    domain: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.second is not None and self.first is None:
+            raise InputError("a boundary with a second derivative needs the first one, too")
+        object.__setattr__(self, "domain", self._domain())
+        self.curves  # noqa: B018  (checked now, not later)
+
+    def _domain(self) -> tuple[float, float]:
+        own = {one.domain for given in self._given for one in _parts(given) if isinstance(one, Curve)}
+        if self.domain is not None:
+            try:
+                a, b = (float(x) for x in self.domain)
+            except (TypeError, ValueError):
+                raise InputError(f"domain must be two numbers, not {shown(self.domain)}") from None
+            if not (np.isfinite([a, b]).all() and a < b):
+                raise InputError(f"domain must be two increasing numbers, not {shown(self.domain)}")
+            own.add((a, b))
+        if len(own) > 1:
+            raise InputError(f"a boundary has one domain, not {' and '.join(map(str, sorted(own)))}")
+        return own.pop() if own else (0.0, 2 * np.pi)
+
+    @property
+    def _given(self) -> list[Given]:
+        return [given for given in (self.position, self.first, self.second) if given is not None]
+
+    @cached_property
+    def curves(self) -> tuple[Curve, ...]:
+        """Position and derivatives as curves of dim 3, as many as are given."""
+        assert self.domain is not None
+        sets = [[self._as_curve(one) for one in _parts(given)] for given in self._given]
+        return tuple(Curve.stack(curves) for curves in sets)
+
+    def _as_curve(self, one: Component) -> Curve:
+        assert self.domain is not None
+        if isinstance(one, Curve):
+            return one
+        if callable(one):
+            return fit.reproduce(_checked(one), self.domain, closed=_returns(_checked(one), self.domain))
+        return Curve(self.domain, np.full((1, 1, 1), one))
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether everything given ends as it starts, and goes on with the same slope."""
+        return all(_meets(curve) for curve in self.curves)
+
+    def ribbon(self, order: int, side: int, other: Boundary) -> DataRibbon:
+        """Return the ribbon of side 0 or 1 with so many directions; one that is not given points to the other side."""
+        position, *rest = self.curves
+        if not rest:
+            rest = [(other.curves[0] - position) * (1.0, -1.0)[side]]
+        across = Curve.stack([position, *rest]) if rest else position  # of one weight
+        jets = [across[i : i + 3] * (-1.0 if side and i == 3 else 1.0) for i in range(0, across.dim, 3)]
+        jets += [jets[0] * 0.0] * (3 - len(jets))
+        strip = Surface.from_rows([jets[0], jets[0] + jets[1] * 0.5, jets[0] + jets[1] + jets[2] * 0.5])
+        a, b = position.domain
+        c = Curve([a, b], np.array([[1 - a, a, 1, 0], [1 - b, b, 1, 0]])[..., None])
+        d, e = (Curve([a, b], np.array([[0, 0, -s, s]] * 2, float)[..., None]) for s in (1.0, 0.0))
+        uv = np.array([[a, 0.0], [b, 0.0]])
+        rows = tuple(_homogeneous(jet, k) for k, jet in enumerate(jets[: order + 1]))
+        return DataRibbon(Tensor.of(strip), c, (d, e)[: max(order, 1)], uv, order, rows=rows, strip=strip)
+
+
+@dataclass(frozen=True)
+class DataRibbon(Ribbon):
+    """A ribbon on the strip that boundary data make, with their curves for jets."""
+
+    rows: tuple[Curve, ...] = ()
+    strip: Surface | None = None
+
+    def jets(self) -> tuple[Curve, ...]:
+        """Return the data."""
+        return self.rows
+
+    @property
+    def rail(self) -> Rail:
+        """The boundary as a rail on the strip."""
+        assert self.strip is not None
+        (a, b), _ = self.strip.domain
+        return Rail(self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b)), "left")
+
+
+def _parts(given: Given) -> Sequence[Component]:
+    """Return what a position or derivative is made of, checked."""
+    if isinstance(given, Curve):
+        if given.dim != 3:
+            raise InputError(f"boundary data are Curves of dim 3, or three of dim 1, not of dim {given.dim}")
+        return [given]
+    if callable(given):
+        return [given]
+    parts = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    if len(parts) != 3:
+        raise InputError(f"boundary data are a Curve, a function, or three components, not {shown(given)}")
+    for part in parts:
+        if isinstance(part, Curve) and part.dim != 1:
+            raise InputError(f"a component is a Curve of dim 1, not {part.dim}")
+        if not isinstance(part, Curve) and not callable(part):
+            try:
+                finite = np.isfinite(float(part))
+            except (TypeError, ValueError):
+                finite = False
+            if not finite:
+                raise InputError(f"a component is a finite number, a Curve or a function, not {shown(part)}")
+    return parts
+
+
+def _checked(function: Callable[[Array], Any]) -> Callable[[Array], Array]:
+    """Let a function return (n, dim), with an error that says what is wrong if it does not."""
+
+    def call(t: Array) -> Array:
+        try:
+            values = np.asarray(function(t), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"boundary data that are a function take an array of parameters t: {error}") from error
+        if values.shape in ((len(t), 3), (len(t), 1)):
+            pass
+        elif values.shape in ((), (1,), (len(t),)):
+            values = np.broadcast_to(values, len(t))[:, None]
+        else:
+            raise InputError(
+                f"boundary data that are a function return (n, 3), or (n,) as a component, not shape {values.shape}"
+            )
+        if not np.isfinite(values).all():
+            raise InputError(f"boundary data are not finite at t = {t[~np.isfinite(values).all(axis=1)][0]:.6g}")
+        return values
+
+    return call
+
+
+def _returns(function: Callable[[Array], Array], domain: tuple[float, float]) -> bool:
+    """Whether a function goes on periodically, as far as value and slope tell."""
+    a, b = domain
+    h = 1e-4 * (b - a)
+    values = function(np.array([a, a + h, a + 2 * h, b - 2 * h, b - h, b]))
+    size = np.abs(function(np.linspace(a, b, 33))).max() + np.abs(values).max()
+    slopes = [values[:3].T @ [-1.5, 2, -0.5], values[3:].T @ [0.5, -2, 1.5]]
+    gaps = np.abs(values[0] - values[-1]).max(), np.abs(slopes[0] - slopes[1]).max() / 1e-4
+    return bool(gaps[0] <= RETURNS * size and gaps[1] <= 1e-5 * size)
+
+
+def _meets(curve: Curve) -> bool:
+    """Whether a curve ends as it starts, with its slope."""
+    (a, b), size = curve.domain, np.abs(curve(curve.breaks)).max()
+    (first, slope), (last, other) = curve.jet(np.array([a, b]), 1).swapaxes(0, 1)
+    return bool(
+        np.abs(first - last).max() <= RETURNS * size
+        and np.abs(slope - other).max() * (b - a) <= 1e-6 * max(size, 1e-300)
+    )
+
+
+def _homogeneous(jet: Curve, order: int) -> Curve:
+    """Return a jet as a homogeneous curve of dim 4: (w X, w), and (w X', 0) for derivatives."""
+    coefs = jet.coefs.copy() if jet.rational else np.concatenate([jet.coefs, np.ones_like(jet.coefs[:, :1])], axis=1)
+    if order:
+        coefs[:, 3] = 0.0
+    return Curve(jet.breaks, coefs, continuity=jet.continuity)

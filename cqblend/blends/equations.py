@@ -1,0 +1,165 @@
+r"""The partial differential equations of You and Zhang's blends, one for each component of space.
+
+Between two rails a blend is a function of v across, from 0 on the first to 1 on the second, and of w along them (the
+paper's u and v). Each of its components x, y, z solves an equation of order n = 2, 4 or 6 ("Effects of different order
+PDEs on blending surfaces", eq. 1 to 6), with shape parameters c_0 = a, c_1 = b, ..,
+
+.. math:: \sum_{i=0}^{n/2} c_i \frac{\partial^n f}{\partial v^{n-2i} \partial w^{2i}} = 0.
+
+It takes n/2 conditions on each rail: the position, for n = 4 the first derivative across, for n = 6 the second one.
+Knows neither boundary data nor how the equation is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+from numbers import Real
+from typing import TypeAlias
+
+import numpy as np
+
+from cqblend.errors import InputError, shown
+
+ORDERS = (2, 4, 6)
+NAMES = "abcd"
+DEGENERATE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
+
+Order: TypeAlias = int | Sequence[int]
+Parameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
+
+
+@dataclass(frozen=True)
+class Equation:
+    """One equation, by its coefficients (a, b), (a, b, c) or (a, b, c, d).
+
+    Raises
+    ------
+    InputError
+        If it is degenerate: a is zero, or its symbol, the sum of c_i z^(n/2 - i), has a zero z >= 0. Then it has
+        solutions that the boundary does not determine.
+
+    Examples
+    --------
+    >>> Equation((1.0, 2.0, 1.0)).order
+    4
+    >>> Equation((1.0, -1.0))
+    Traceback (most recent call last):
+    ...
+    cqblend.errors.InputError: parameters (1, -1) are degenerate: a z + b is zero at z = 1; take them all above 0
+    """
+
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        at = self._zero()
+        if at is not None:
+            symbol = " + ".join(
+                name + ("", " z", " z^2", " z^3")[self.half - i] for i, name in enumerate(NAMES[: self.half + 1])
+            )
+            raise InputError(
+                f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) are degenerate: {symbol} is zero at "
+                f"z = {at:.4g}; take them all above 0"
+            )
+
+    @classmethod
+    def laplacian(cls, order: int, scale: float) -> Equation:
+        r"""Return the power n/2 of Laplace's operator :math:`\partial_v^2 + s^2 \partial_w^2`, of order n."""
+        half = order // 2
+        return cls(tuple(comb(half, i) * scale ** (2 * i) for i in range(half + 1)))
+
+    @property
+    def half(self) -> int:
+        """How many conditions it takes on each rail."""
+        return len(self.coefficients) - 1
+
+    @property
+    def order(self) -> int:
+        """Order n."""
+        return 2 * self.half
+
+    @property
+    def steepest(self) -> float:
+        r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times as large for :math:`e^{i \omega w}`."""
+        squares = np.roots([c * (-1) ** i for i, c in enumerate(self.coefficients)])
+        return float(np.sqrt(np.abs(squares).max()))
+
+    def _zero(self) -> float | None:
+        """Return a z >= 0 (infinite for a = 0) at which the symbol vanishes, None if there is none."""
+        c = np.array(self.coefficients)
+        if c[0] == 0:
+            return np.inf
+        turns = np.roots(np.polyder(c))
+        at = np.concatenate([[0.0], turns[np.abs(turns.imag) <= 1e-6 * np.abs(turns)].real])
+        at = at[at >= 0]
+        values = np.polyval(c, at) * np.sign(c[0])
+        size = np.polyval(np.abs(c), at)
+        bad = at[values <= DEGENERATE * size]
+        if not len(bad):
+            return None
+        roots = np.roots(c)
+        real = roots[(roots.real >= 0) & (np.abs(roots.imag) <= 1e-4 * np.abs(roots))].real
+        return float(real.min()) if len(real) else float(bad[0])
+
+
+def orders(order: Order) -> tuple[int, int, int]:
+    """Return the orders of x, y and z: one for all, or three.
+
+    Raises
+    ------
+    InputError
+        If one is not 2, 4 or 6.
+    """
+    given = (order,) * 3 if not isinstance(order, list | tuple) else tuple(order)
+    if len(given) != 3 or any(isinstance(n, bool) or n not in ORDERS for n in given):
+        raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
+    return int(given[0]), int(given[1]), int(given[2])
+
+
+def equations(order: tuple[int, int, int], parameters: Parameters, scale: float) -> tuple[Equation, Equation, Equation]:
+    """Return the equations of x, y and z.
+
+    Parameters
+    ----------
+    order
+        Of each.
+    parameters
+        The coefficients of all three, or a sequence of three such sequences; or a number s, for the powers of
+        Laplace's operator with that factor on the derivative along; None for these with ``scale``.
+    scale
+        The s that makes v and w count in lengths.
+
+    Raises
+    ------
+    InputError
+        If the parameters are no finite numbers, not as many as the order takes, or degenerate.
+    """
+    if parameters is None or isinstance(parameters, Real):
+        s = scale if parameters is None else _number(parameters)
+        if not s > 0:
+            raise InputError(f"parameters must be above 0 if they are one number, not {s:g}")
+        made = [Equation.laplacian(n, s) for n in order]
+        return made[0], made[1], made[2]
+    if not isinstance(parameters, list | tuple | np.ndarray):
+        raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
+    rows = list(parameters)
+    if not any(isinstance(row, list | tuple | np.ndarray) for row in rows):
+        rows = [rows] * 3
+    if len(rows) != 3 or not all(isinstance(row, list | tuple | np.ndarray) for row in rows):
+        raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
+    made = []
+    for name, row, n in zip("xyz", rows, order, strict=True):
+        if len(row) != n // 2 + 1:
+            raise InputError(
+                f"an equation of order {n} has {n // 2 + 1} parameters, {', '.join(NAMES[: n // 2 + 1])}; there are "
+                f"{len(row)} for {name}"
+            )
+        made.append(Equation(tuple(_number(value) for value in row)))
+    return made[0], made[1], made[2]
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value)):
+        raise InputError(f"parameters must be finite numbers, not {shown(value)}")
+    return float(value)

@@ -1,0 +1,223 @@
+"""From two ribbons to a blend by partial differential equations: the choice of equations and of functions, and the way.
+
+Ribbons on surfaces are parametrised by their rails' lengths for that, so that what comes out does not depend on how the
+rails happen to be: w runs over [0, 2 pi] on closed ones, over [0, 1] on open ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from cqblend.blends.along import Basis, Splines, Waves
+from cqblend.blends.breaks import merged
+from cqblend.blends.equations import Equation, Parameters, equations
+from cqblend.blends.filling import Filling
+from cqblend.blends.hermite import Blend, hermite
+from cqblend.blends.pde import Data, Ends, Solution, solve
+from cqblend.blends.primaries import Array
+from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.errors import GeometryError, InputError
+from cqblend.splines import Curve
+from cqblend.splines.integral import Integral, gauss
+
+BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
+BASES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")
+
+POINTS, PIECES = 4, 128  # Gauss points of a piece, and pieces at least, at which data are read
+STEEPEST = 16.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
+FEWEST, MOST = 8, 64  # waves or spans, where their number is free
+DEGREE = 14  # of polynomials, where it is free
+SPLINES = 5  # least degree of splines: what they fill is C4
+SHARE = 1e-4  # of the interior, that terms along rails may leave out: at their open ends, solutions are singular
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is asked of a blend by partial differential equations.
+
+    Attributes
+    ----------
+    order : tuple of int
+        Of the equations of x, y and z.
+    parameters
+        As :func:`cqblend.blends.equations.equations` takes them.
+    terms : int or None
+        Number of bubbles across; None for as many as it takes.
+    basis : str
+        Functions along; "auto" for waves on closed rails and B-splines on open ones.
+    modes : int or None
+        Waves, spans, or the degree of polynomials; None for as many as the data take.
+    points : tuple of (int or None)
+        Collocation points across and along.
+    """
+
+    order: tuple[int, int, int]
+    parameters: Parameters = None
+    terms: int | None = None
+    basis: BasisName = "auto"
+    modes: int | None = None
+    points: tuple[int | None, int | None] = (None, None)
+
+    @property
+    def halves(self) -> tuple[int, int, int]:
+        """How many conditions x, y and z take on each rail."""
+        x, y, z = self.order
+        return x // 2, y // 2, z // 2
+
+    def blend(
+        self,
+        ribbons: tuple[Ribbon, Ribbon],
+        form: str,
+        tolerance: float,
+        angular_tolerance: float,
+        *,
+        closed: bool,
+        by_length: bool = True,
+        ends: Ends | None = None,
+    ) -> tuple[Blend, Solution]:
+        """Blend two ribbons, which have as many directions as the highest order takes.
+
+        ``by_length`` says whether w is the rails' length, scaled, or t itself.
+
+        Raises
+        ------
+        InputError
+            The parameters are degenerate, there are too few collocation points, or the basis does not suit the rails.
+        CqblendError
+            As :func:`cqblend.blends.hermite.hermite`, and where the interior takes a degree above 25.
+        """
+        jets = [ribbon.jets()[: max(self.halves)] for ribbon in ribbons]
+        breaks = merged(*(jet.breaks for side in jets for jet in side))
+        rails = jets[0][0], jets[1][0]
+        lengths = Integral(lambda t: _speed(rails, t), breaks)
+        clock = _Clock(rails, lengths, None if not by_length else 2 * np.pi if closed else 1.0)
+        domain = (float(breaks[0]), float(breaks[-1])) if clock.end is None else (0.0, clock.end)
+        data = _data((jets[0], jets[1]), breaks, clock, domain, closed)
+        made = equations(self.order, self.parameters, _scale(data, float(lengths.values[-1])))
+        accuracy = tolerance / 10 if by_length else min(tolerance / 10, 1e-12 * data.size)
+        basis = self._basis(data, made, accuracy, limited=by_length)
+        solution = solve(
+            data,
+            made,
+            basis,
+            clock,
+            terms=self.terms,
+            points=self.points,
+            ends=ends,
+            accuracy=accuracy,
+            share=SHARE if by_length else 0.0,
+        )
+        fill = Filling(solution, tolerance, closed, clock.inverse(basis.knots))
+        blend = hermite(ribbons, form, tolerance, angular_tolerance, fill)
+        lowest = min(self.halves) - 1
+        first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
+        return replace(blend, ribbons=(first, second)), solution
+
+    def _basis(self, data: Data, made: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool) -> Basis:
+        """Choose the functions along: the fewest that hold the data."""
+        kind = self.basis
+        if kind == "auto":
+            kind = "trigonometric" if data.closed else "bspline"
+        if kind != "bspline" and data.closed != (kind == "trigonometric"):
+            state, way = ("closed", "trigonometric") if data.closed else ("open", "polynomial")
+            raise InputError(f'basis="{kind}" does not suit {state} rails: take "{way}" or "bspline"')
+        order, period = max(self.order), data.domain[1] - data.domain[0]
+        if kind == "polynomial":
+            degree = max(DEGREE, order + 1) if self.modes is None else self.modes
+            if degree < order:
+                raise InputError(
+                    f"polynomials of degree {degree} are too few for equations of order {order}: modes={order}"
+                )
+            return Splines(data.domain, degree, 1)
+        most = MOST
+        if limited:
+            steepest = max(one.steepest for one in made) * 2 * np.pi / period
+            most = int(np.clip(STEEPEST / steepest, FEWEST, MOST))
+        if kind == "trigonometric":
+            if self.modes is not None:
+                return Waves(data.domain, self.modes)
+            return _fewest(data, Waves(data.domain, most), accuracy)
+        degree = max(order + 1, SPLINES)
+        if self.modes is not None:
+            return Splines(data.domain, degree, self.modes, data.closed)
+        spans = FEWEST
+        while True:
+            basis = Splines(data.domain, degree, spans, data.closed)
+            if spans >= most or data.project(basis)[1] <= accuracy:
+                return basis
+            spans *= 2
+
+
+def _fewest(data: Data, waves: Waves, accuracy: float) -> Waves:
+    """Leave out waves that add less than the accuracy, all that follow included."""
+    coefs = np.abs(data.project(waves)[0]).max(axis=-1).sum(axis=(1, 2))  # (count,)
+    each = coefs[1::2] + coefs[2::2]
+    tail = np.cumsum(each[::-1])[::-1]
+    return waves.fewer(int((tail > accuracy).sum()))
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """From t to w: the length of a pair of curves from their start, scaled to end at ``end``; t itself without one."""
+
+    rails: tuple[Curve, Curve]
+    lengths: Integral
+    end: float | None
+
+    def __call__(self, t: Array) -> Array:
+        return t if self.end is None else np.asarray(self.lengths(t) * self._factor)
+
+    def inverse(self, w: Array) -> Array:
+        """Return t (n,) from w (n,)."""
+        if self.end is None:
+            return w
+        a, b = self.rails[0].domain
+        t = np.linspace(a, b, 1025)
+        t = np.interp(w, self(t), t)
+        for _ in range(4):
+            t = np.clip(t - (self(t) - w) / self.rate(t), a, b)
+        return np.asarray(t)
+
+    def rate(self, t: Array) -> Array:
+        """Return dw/dt."""
+        return np.ones_like(t) if self.end is None else _speed(self.rails, t) * self._factor
+
+    @property
+    def _factor(self) -> float:
+        return (self.end or 0.0) / float(self.lengths.values[-1])
+
+
+def _speed(rails: tuple[Curve, Curve], t: Array) -> Array:
+    """Return the root mean square of both rails' speeds."""
+    rates = [in_space(rail.jet(t, 1))[1] for rail in rails]
+    return np.asarray(np.sqrt(sum((rate**2).sum(axis=1) for rate in rates) / 2))
+
+
+def _data(
+    jets: tuple[tuple[Curve, ...], tuple[Curve, ...]],
+    breaks: Array,
+    clock: _Clock,
+    domain: tuple[float, float],
+    closed: bool,
+) -> Data:
+    """Read the boundary data of two ribbons at Gauss points of their pieces, those of side 2 with v reversed."""
+    pieces = np.union1d(breaks, np.linspace(breaks[0], breaks[-1], PIECES + 1))
+    nodes, weights = gauss(POINTS)
+    steps = np.diff(pieces)
+    t = (pieces[:-1, None] + steps[:, None] * nodes).ravel()
+    first, second = (in_space(np.stack([jet(t) for jet in side])) for side in jets)
+    signs = (-1.0) ** np.arange(len(second))[:, None, None]
+    measure = (steps[:, None] * weights).ravel() * clock.rate(t)
+    return Data(clock(t), measure, np.stack([first, second * signs]), domain, closed)
+
+
+def _scale(data: Data, length: float) -> float:
+    """Return the factor on derivatives along with which v and w both count in lengths: width over length of a unit."""
+    width = np.linalg.norm(data.jets[1, 0] - data.jets[0, 0], axis=-1)
+    mean = float((width * data.weights).sum() / data.weights.sum())
+    if not mean > 0:
+        raise GeometryError("the rails are the same curve: there is nothing between them")
+    return mean * (data.domain[1] - data.domain[0]) / length

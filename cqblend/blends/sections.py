@@ -1,0 +1,112 @@
+"""Sections: the surface between the jets of two ribbons, Hermite's and whatever vanishes at both rails besides.
+
+In homogeneous 4-space, or in space where there are no weights. Each component takes as many jets as its own order of
+continuity asks for. Knows neither where jets come from nor what fills the interior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb, perm
+from typing import TypeAlias
+
+import numpy as np
+
+from cqblend.blends.breaks import aligned
+from cqblend.blends.primaries import Array
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, Surface, bernstein
+
+ROUNDING = 1e-12  # of a weight that is one
+
+Jets: TypeAlias = Sequence[Curve]
+
+
+@dataclass(frozen=True)
+class Interior:
+    """What is added to a Hermite section without changing how it meets its surfaces.
+
+    Component i of the sum is ``tables[i] @ curve``: Bernstein coefficients across (degree + 1, dim of the curve), of
+    polynomials that vanish at both ends with as many derivatives as that component takes from the jets.
+    """
+
+    curve: Curve
+    tables: Array  # (3, degree + 1, dim)
+
+
+def carried(first: int, last: int, taken: tuple[int, int], degree: int) -> Array:
+    """Return Bernstein coefficients across (degree + 1, first + last) of what has the given jets at both ends.
+
+    Of ``first`` jets at v = 0 and ``last`` at v = 1, both into the blend, the first ``taken`` are taken. With p the sum
+    of these less one, row i from the first rail on is the sum over r of C(i, r) (p - r)!/p! J_r, and from the second
+    rail on likewise; then the degree is raised.
+    """
+    p = sum(taken) - 1
+    table = np.zeros((p + 1, first + last))
+    for i in range(taken[0]):
+        table[i, : i + 1] = [comb(i, r) / perm(p, r) for r in range(i + 1)]
+    for i in range(taken[1]):
+        table[p - i, first : first + i + 1] = [comb(i, r) / perm(p, r) for r in range(i + 1)]
+    return bernstein.elevate(table[..., None], degree - p)[..., 0]
+
+
+def weights(sides: tuple[Jets, Jets], t: Array, v: Array) -> Array | None:
+    """Return the weight (n, m) that the section of jets has at t (n,) and v (m,); None if they are not homogeneous."""
+    if sides[0][0].dim == 3:
+        return None
+    first, last = map(len, sides)
+    degree = first + last - 1
+    rows = carried(first, last, (first, last), degree)
+    values = np.stack([jet(t)[:, 3] for jets in sides for jet in jets])
+    return np.asarray(np.einsum("im,ik,kn->nm", bernstein.basis(degree, 1 - v, v), rows, values))
+
+
+def section(
+    sides: tuple[Jets, Jets], halves: tuple[int, int, int] | None = None, interior: Interior | None = None
+) -> Surface:
+    """Assemble the surface H(t, v) between the jets of two ribbons, of degree k1 + k2 + 1 across or more.
+
+    Parameters
+    ----------
+    sides
+        Jets of orders 0 .. k1 and 0 .. k2, both into the blend. Homogeneous ones (dim 4) give a rational surface,
+        unless their weight is one.
+    halves
+        How many of them x, y and z take on each side; None for all. The weight takes all.
+    interior
+        What is added.
+
+    Raises
+    ------
+    GeometryError
+        If a weight is not positive.
+    """
+    first, last = map(len, sides)
+    together = aligned([*sides[0], *sides[1], *([] if interior is None else [interior.curve])])
+    largest = max(jet.degree for jet in together)
+    coefs = [jet.elevate(largest - jet.degree).coefs for jet in together]
+    jets = np.stack(coefs[: first + last])  # (k, p + 1, dim, n)
+    degree = first + last - 1 if interior is None else max(first + last, interior.tables.shape[1]) - 1
+    every = carried(first, last, (first, last), degree)
+    if halves is None:
+        poles = np.einsum("ik,kpdn->pidn", every, jets)
+    else:
+        each = [carried(first, last, (half, half), degree) for half in halves] + [every] * (jets.shape[2] - 3)
+        poles = np.einsum("dik,kpdn->pidn", np.stack(each), jets)
+    if interior is not None:
+        tables = bernstein.elevate(np.moveaxis(interior.tables, 1, 0), degree + 1 - interior.tables.shape[1])
+        poles[:, :, :3] += np.einsum("idm,pmn->pidn", tables, coefs[-1])
+    poles = poles[..., None]
+    continuity = np.min([jet.continuity for jet in together], axis=0)
+    rational = False
+    if poles.shape[2] == 4:
+        weight = poles[:, :, 3]
+        if not np.all(weight > 0):
+            raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
+        # the rounding of a weight grows with the longest jet
+        longest = max(float(np.abs(one[:, :3]).max()) for one in coefs[: first + last])
+        rational = bool(np.abs(weight - 1).max() > ROUNDING * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max()))
+        poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
+    breaks = (together[0].breaks, np.array([0.0, 1.0]))
+    return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))

@@ -1,0 +1,228 @@
+"""Blends by partial differential equations: the front door to You and Zhang's method.
+
+Between surfaces along rails, or between boundary data. Thin: checks what it is given, and hands it to :mod:`cqblend.blends.problem`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from cqblend.blends import hermite
+from cqblend.blends.boundaries import Boundary
+from cqblend.blends.equations import Order, Parameters, orders
+from cqblend.blends.pde import Ends, Solution
+from cqblend.blends.problem import BASES, Problem
+from cqblend.blends.rails import Rail
+from cqblend.certificate import Certificate
+from cqblend.errors import InputError, shown
+from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
+from cqblend.request import FORM, STEER, choice, count, positive
+
+SAMPLES = 65  # across an end section
+
+
+@dataclass(frozen=True)
+class PdeBlend(Blend):
+    """A blend surface H(t, v) between two sides, v = 0 on the first and 1 on the second.
+
+    Attributes
+    ----------
+    surface : Surface
+        H, over the domain of the first side times [0, 1].
+    ribbons : tuple of Ribbon
+        What it is tied to.
+    form : {"exact", "compact"}
+    rails : tuple of Rail
+        With the sides on which the blend lies; boundary data are rails on a strip of their own.
+    solution : Solution
+        What the surface is within its tolerance, but for what the functions along missed on the rails: callable at
+        (t, v), with its ``residual``, ``terms``, ``basis`` and ``equations``.
+    known : tuple of int
+        To what order each side tells how the blend is to meet it.
+    """
+
+    solution: Solution
+    known: tuple[int, int] = (2, 2)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients.
+
+        Against boundary data, the angle is that to the plane of their tangents, the jump that of the curvature that
+        they have; nan where derivatives are not given.
+        """
+        from cqblend.occ.certify import certify_surfaces
+
+        made = certify_surfaces(self, [(rail.surface, rail.curve) for rail in self.rails])
+        records = tuple(
+            replace(
+                record,
+                angle=record.angle if order > 0 else np.nan,
+                curvature_jump=record.curvature_jump if order > 1 else np.nan,
+            )
+            for record, order in zip(made.rails, self.known, strict=True)
+        )
+        return replace(made, rails=records, residual=max(self.solution.residual))
+
+
+def pde_blend(
+    side1: Rail | Boundary,
+    side2: Rail | Boundary,
+    *,
+    order: Order = 4,
+    parameters: Parameters = None,
+    terms: int | str = "auto",
+    basis: str = "auto",
+    modes: int | str = "auto",
+    points: int | tuple[int, int] | str = "auto",
+    ends: tuple[Boundary, Boundary] | None = None,
+    tangents: Tangents | tuple[Tangents, Tangents] = "perpendicular",
+    bulge: Amount | tuple[Amount, Amount] = 1.0,
+    length: Length | tuple[Length, Length] = None,
+    form: str = "auto",
+    tolerance: float = 1e-7,
+    angular_tolerance: float = 1e-5,
+    steer: float = STEER,
+) -> PdeBlend:
+    r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
+
+    Between the sides, x, y and z each solve an equation of order n = 2, 4 or 6 (You and Zhang, eq. 1 to 6),
+
+    .. math:: a f_{vv} + b f_{ww} = 0, \quad
+        a f_{vvvv} + b f_{vvww} + c f_{wwww} = 0, \quad
+        a f_{v^6} + b f_{v^4 w^2} + c f_{v^2 w^4} + d f_{w^6} = 0,
+
+    with v from 0 on side 1 to 1 on side 2, and w along: t itself for boundary data, the rails' common length, scaled to
+    [0, 2 pi] on closed and to [0, 1] on open ones, for rails. (The paper's u and v are v and w here.)
+
+    Parameters
+    ----------
+    side1, side2 : two Rail or two Boundary
+        Rails give position and derivatives by their ribbons.
+    order : int or three of them
+        2 keeps the position on both sides, 4 the first derivative too, 6 the second: G0, G1, G2. Three are for x, y
+        and z: (2, 2, 4) is the paper's eq. 4, (2, 2, 6) its eq. 5, (4, 4, 6) its eq. 6. A mix is as smooth as its
+        lowest order.
+    parameters
+        Shape parameters (a, b), (a, b, c) or (a, b, c, d), or three such tuples for x, y and z. A number s stands for
+        the powers of :math:`\partial_v^2 + s^2 \partial_w^2`: the larger, the less of the rails' shape reaches the
+        middle. None is that with the s for which v and w count in lengths: Laplace's equation and its powers.
+    terms : int or "auto"
+        Polynomials across beyond those that carry the boundary data; by default as many as the solution takes.
+    basis : {"auto", "trigonometric", "bspline", "polynomial"}
+        Functions g_j along. By default waves on closed sides, B-splines of degree order + 1 on open ones.
+    modes : int or "auto"
+        Number of waves, or of spans, or the degree of the polynomials; by default the fewest that hold the data.
+    points : int, pair of int or "auto"
+        Collocation points across (and along) at which the residual is minimised; by default Gauss's, so many that the
+        sum is the integral.
+    ends : pair of Boundary, optional
+        The end sections of open boundary data: position and derivatives by w (the ``first``, ``second`` of each), as
+        functions of v from 0 to 1. By default Hermite's sections.
+    tangents, bulge, length, steer
+        Of rails, as in `cqblend.hermite_blend`.
+    form : {"auto", "exact", "compact"}
+        "exact" keeps the sides to rounding; "compact" is a spline of least degree within the tolerances. Inside, both
+        are the solution within `tolerance`.
+    tolerance, angular_tolerance : float
+        mm and rad.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type or out of range, the parameters are degenerate, the sides do not match (in
+        kind, domain or closedness), there are fewer derivatives than the order takes, or fewer collocation points than
+        unknowns.
+    GeometryError
+        The sides are the same curve, the tolerance takes a degree above 25 across, or as in `cqblend.hermite_blend`.
+    DegreeError
+        The exact form would need a degree above 25.
+
+    References
+    ----------
+    L. You, J. Zhang: Effects of different order PDEs on blending surfaces, sections 2 and 3.
+
+    Examples
+    --------
+    >>> import numpy as np, cqblend
+    >>> low = cqblend.Boundary((lambda t: 2 * np.cos(t), lambda t: 2 * np.sin(t), 0), (0, 0, 3))
+    >>> high = cqblend.Boundary((np.cos, np.sin, 2), (0, 0, 3))
+    >>> blend = cqblend.pde_blend(low, high, order=4, parameters=(1, 2, 1))
+    >>> blend.certificate.angle < 1e-10, blend.certificate.residual < 1e-9
+    (True, True)
+    """
+    wanted = Problem(
+        orders(order),
+        parameters,
+        None if terms == "auto" else count("terms", terms),
+        choice("basis", basis, BASES),
+        None if modes == "auto" else count("modes", modes),
+        _points(points),
+    )
+    highest = max(wanted.halves) - 1
+    form = choice("form", form, FORM)
+    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    make = partial(wanted.blend, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
+    if isinstance(side1, Boundary) and isinstance(side2, Boundary):
+        closed = _check_match(side1, side2, wanted)
+        first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
+        made, solution = make((first, second), closed=closed, by_length=False, ends=_ends(ends, wanted, closed))
+        rails = first.rail, second.rail
+        known = len(side1.curves) - 1, len(side2.curves) - 1
+    else:
+        if isinstance(side1, Boundary) or isinstance(side2, Boundary):
+            raise InputError("a blend takes two rails or two boundaries, not one of each: they do not match")
+        if ends is not None:
+            raise InputError("ends are those of boundary data: blends along rails end in Hermite sections")
+        rails, ribbons = along_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
+        if rails[0].closed != rails[1].closed:
+            raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
+        made, solution = make(ribbons, closed=rails[0].closed)
+        known = (2, 2)
+    hermite.check_creases(made.surface)
+    return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known)
+
+
+def _check_match(side1: Boundary, side2: Boundary, wanted: Problem) -> bool:
+    """Check that boundary data suit each other and the order; return whether they are closed."""
+    if side1.domain != side2.domain:
+        raise InputError(f"the sides run over {side1.domain} and {side2.domain}: they do not match; give one domain")
+    if side1.closed != side2.closed:
+        state = "first" if side1.closed else "second"
+        raise InputError(f"the {state} side is closed, the other open: they do not match")
+    for name, side in (("first", side1), ("second", side2)):
+        if len(side.curves) < max(wanted.halves):
+            needs = ("position", "first derivative", "second derivative")[len(side.curves)]
+            raise InputError(f"an equation of order {max(wanted.order)} needs the {needs} on the {name} side")
+    return side1.closed
+
+
+def _ends(given: Any, wanted: Problem, closed: bool) -> Ends | None:
+    """Return end sections as numbers."""
+    if given is None:
+        return None
+    if closed:
+        raise InputError("closed sides have no end sections: leave ends out")
+    if not isinstance(given, list | tuple) or len(given) != 2 or not all(isinstance(one, Boundary) for one in given):
+        raise InputError(f"ends are two Boundary, functions of v, not {shown(given)}")
+    v = (1 - np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)) / 2
+    half, jets = max(wanted.halves), []
+    for one in given:
+        if one.domain != (0.0, 1.0):
+            raise InputError(f"end sections run over v from 0 to 1, not {one.domain}: give domain=(0, 1)")
+        if len(one.curves) < half:
+            raise InputError(f"an equation of order {max(wanted.order)} needs {half} sets of data on each end section")
+        jets.append(np.stack([curve(v) for curve in one.curves[:half]]))
+    return Ends(v, np.stack(jets))
+
+
+def _points(value: object) -> tuple[int | None, int | None]:
+    if isinstance(value, str) and value == "auto":
+        return None, None
+    if isinstance(value, list | tuple) and len(value) == 2:
+        return count("points[0]", value[0]), count("points[1]", value[1])
+    return count("points", value), None
