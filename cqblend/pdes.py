@@ -79,6 +79,7 @@ def pde_blend(
     basis: str = "auto",
     modes: int | str = "auto",
     points: int | tuple[int, int] | str = "auto",
+    minimise: str = "auto",
     ends: tuple[Boundary, Boundary] | None = None,
     tangents: Tangents | tuple[Tangents, Tangents] = "perpendicular",
     bulge: Amount | tuple[Amount, Amount] = 1.0,
@@ -120,9 +121,13 @@ def pde_blend(
     points : int, pair of int or "auto"
         Collocation points across (and along) at which the residual is minimised; by default Gauss's, so many that the
         sum is the integral.
+    minimise : {"auto", "residual", "energy"}
+        What the solution makes least: the sum of squares of the residual, as in the paper, or the energy whose least
+        value solves the equations. By default the residual on closed sides and between `ends` that hold all
+        derivatives, else the energy: at the corners of open blends solutions are singular, and the residual misleads.
     ends : pair of Boundary, optional
         The end sections of open boundary data: position and derivatives by w (the ``first``, ``second`` of each), as
-        functions of v from 0 to 1. By default Hermite's sections.
+        functions of v from 0 to 1. By default Hermite's sections (their position).
     tangents, bulge, length, steer
         Of rails, as in `cqblend.hermite_blend`.
     form : {"auto", "exact", "compact"}
@@ -162,6 +167,7 @@ def pde_blend(
         choice("basis", basis, BASES),
         None if modes == "auto" else count("modes", modes),
         _points(points),
+        choice("minimise", minimise, ("auto", "residual", "energy")),
     )
     highest = max(wanted.halves) - 1
     form = choice("form", form, FORM)

@@ -22,6 +22,10 @@ from cqblend.splines.bernstein import Array
 from cqblend.splines.fit import end_table
 
 
+WHOLE = 9
+"""Degree up to which a blend is one polynomial across: OCCT's rounding grows with it, by a factor of 2.4 for each."""
+
+
 def jacobi(count: int, alpha: int, x: Array) -> Array:
     r"""Return Jacobi's polynomials :math:`P_m^{(\alpha, \alpha)}`, m = 0 .. count - 1, at x (n,): (count, n)."""
     out = np.ones((count, len(x)))

@@ -21,6 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cqblend.errors import InputError, shown
+from cqblend.splines.bernstein import Array
 
 ORDERS = (2, 4, 6)
 NAMES = "abcd"
@@ -81,9 +82,29 @@ class Equation:
 
     @property
     def steepest(self) -> float:
-        r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times as large for :math:`e^{i \omega w}`."""
+        r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times that for :math:`e^{i \omega w}`."""
         squares = np.roots([c * (-1) ** i for i, c in enumerate(self.coefficients)])
         return float(np.sqrt(np.abs(squares).max()))
+
+    def squares(self) -> Array:
+        r"""Return forms (m, n/2 + 1) of degree n/2 in the derivatives, whose squares add up to the symbol.
+
+        Form f stands for :math:`\sum_i f_i \partial_v^{n/2 - i} \partial_w^i`. The integral of the sum of their squares
+        is the energy whose minimum, among all functions with the same boundary data, solves the equation.
+        """
+        c = np.array(self.coefficients) / self.coefficients[0]
+        if (c >= 0).all():
+            return np.asarray(np.diag(np.sqrt(c)))
+        # z^2 + b z + c = (z - g)^2 + (b + 2 g) z, with g^2 = c; a cubic has a factor z + r besides
+        if self.half == 2:
+            g = np.sqrt(c[2])
+            return np.array([[1.0, 0.0, -g], [0.0, np.sqrt(c[1] + 2 * g), 0.0]])
+        roots = np.roots(c)
+        r = -float(roots[np.abs(roots.imag).argmin()].real)
+        pair = roots[np.argsort(np.abs(roots.imag))[1:]]
+        g, b = float(np.sqrt(np.prod(pair).real)), -float(pair.sum().real)
+        h, s = np.sqrt(b + 2 * g), np.sqrt(r)
+        return np.array([[1.0, 0.0, -g, 0.0], [0.0, s, 0.0, -s * g], [0.0, h, 0.0, 0.0], [0.0, 0.0, s * h, 0.0]])
 
     def _zero(self) -> float | None:
         """Return a z >= 0 (infinite for a = 0) at which the symbol vanishes, None if there is none."""

@@ -4,19 +4,21 @@ A solution meets its boundary data as far as the functions along hold them. What
 interpolant of the difference; of the sum, all that carries boundary data is the Hermite section of the ribbons' own
 jets, and what is left of the solution are its bubbles,
 
-.. math:: H(t, v) = \text{section}(t, v) + \sum_m \varphi_m(v)\, q_m(w(t)),
+.. math:: H(t, v) = \text{section}(t, v) + \sum_m \varphi_m(v)\, q_m(w(t)).
 
-so whatever approximates the coefficients q_m(w(t)) leaves the joints as exact as they are. In homogeneous coordinates
-the bubbles are those of the product with the section's weight.
+Whatever approximates that sum leaves the joints as exact as they are, as long as it vanishes at both rails with its
+derivatives. Here these are splines in v of a degree that OCCT evaluates well, and in t. In homogeneous coordinates they
+approximate the product with the section's weight.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.across import bubble_poles, bubbles, heights
+from cqblend.blends.across import WHOLE, bubbles
 from cqblend.blends.breaks import aligned
 from cqblend.blends.pde import Solution
 from cqblend.blends.primaries import Array
@@ -24,20 +26,26 @@ from cqblend.blends.sections import Interior, Jets, section, weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.fit import approximate
+from cqblend.splines.knots import extract
 
-WEIGHTED = 4  # further bubbles for the product with a weight
-SAME = 1e-13  # of the size: an interior nearer to that of the solution is that of the solution
-LARGEST_DEGREE = 25  # of OCCT's B-splines
+FINEST = 64  # spans across
+ACROSS = 8 * WHOLE  # points across, at which the interior is read
+SAME = 1e-13  # of the interior: as near as that, it is the same
+LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
 
 
 @dataclass(frozen=True)
 class Filling:
-    """Fills the section between jets with a solution, within a tolerance (mm)."""
+    """Fills the section between jets with a solution, within a tolerance (mm).
+
+    ``kinks`` are the parameters t at which the functions along, or w(t), are not smooth, ``orders`` the continuity there.
+    """
 
     solution: Solution
     tolerance: float
     closed: bool
-    kinks: Array  # parameters t at which the functions along are not smooth
+    kinks: Array
+    orders: Array
 
     def __call__(self, sides: tuple[Jets, Jets]) -> Surface:
         """Return the blend surface between the jets of both ribbons.
@@ -45,115 +53,132 @@ class Filling:
         Raises
         ------
         GeometryError
-            If the tolerance takes a degree across that OCCT cannot hold, or too many spans along.
+            If the tolerance takes more spans than there may be.
         """
         halves = self.solution.halves
         taken = min(map(len, sides))
         return section(sides, None if min(halves) == taken else halves, self.interior(sides))
 
     def interior(self, sides: tuple[Jets, Jets]) -> Interior | None:
-        """Return the bubbles as splines along, None if they are nothing but rounding or within the tolerance."""
+        """Return the bubbles as splines, None if they are within the tolerance."""
         jets = aligned([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        product = _Product.of(self.solution, sides)
-        t = np.union1d(np.linspace(breaks[0], breaks[-1], 513), (breaks[:-1] + breaks[1:]) / 2)
-        reach = np.abs(product(t)).max(axis=0)
-        kept = [self._kept(part) for part in np.split(reach, 3)]
-        count = max(kept)
-        if not count:
+        v = (1 - np.cos(np.pi * (np.arange(ACROSS) + 0.5) / ACROSS)) / 2
+        inside = [bubbles(half, self.solution.terms, v).T for half in self.solution.halves]
+
+        def values(t: Array) -> Array:
+            """Return the interior at t (n,) and all v, times the section's weight: (n, m, 3)."""
+            parts = self.solution.inside(self.solution.clock(t))
+            out = np.stack([q @ one for q, one in zip(parts, inside, strict=True)], axis=-1)
+            weight = None if _even(sides) else weights(sides, t, v)
+            return out if weight is None else out * weight[..., None]
+
+        t = np.union1d(np.linspace(breaks[0], breaks[-1], 257), (breaks[:-1] + breaks[1:]) / 2)
+        found = values(t)
+        size = float(np.abs(found).max())
+        if size <= self.tolerance / 4:
             return None
-        self._check_degree(count, kept)
-        half = self.solution.halves
-        chosen = np.concatenate([i * product.terms + np.arange(n) for i, n in enumerate(kept)])
-        size = heights_of(half, product.terms)[chosen]
+        across = self._across(v, found)
 
-        def sample(at: Array) -> Array:
-            return product(at)[:, chosen]
+        def sample(t: Array) -> Array:
+            return across.fitted(values(t))
 
-        curve = _simple(sample, breaks, degree, SAME * max(float(reach.max()), self.tolerance))
+        curve = _simple(sample, breaks, degree, SAME * size)
         if curve is None:
-            curve = approximate(sample, breaks, self.tolerance / 2, closed=self.closed, kinks=self.kinks)
-        table = np.zeros((3, max(2 * h + n for h, n in zip(half, kept, strict=True)), len(chosen)))
-        start = 0
-        for i, (h, n) in enumerate(zip(half, kept, strict=True)):
-            if n:
-                poles = bubble_poles(h, n)
-                table[i, :, start : start + n] = bernstein.elevate(poles[..., None], table.shape[1] - len(poles))[
-                    ..., 0
-                ]
-            start += n
-        return Interior(curve, table / size)
+            curve = self._along(sample, breaks, None if _even(sides) else jets)
+        return Interior(curve, across.tables, across.breaks, across.continuity)
 
-    def _kept(self, reach: Array) -> int:
-        """Count the bubbles of a component that cannot be left out within half the tolerance."""
-        tail = np.cumsum(reach[::-1])[::-1]  # what is lost without a bubble and all after it
-        return int((3 * tail > self.tolerance / 2).sum())
+    def _along(self, sample: Callable[[Array], Array], breaks: Array, weighted: list[Curve] | None) -> Curve:
+        """Approximate the interior along: C1 at least, unless it has corners where rails have."""
+        kinks, orders = self.kinks, self.orders
+        if weighted is not None:
+            kinks = np.concatenate([kinks, breaks[1:-1]])
+            orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted], axis=0)])
+        tolerance, where = self.tolerance / 4, {"kinks": kinks, "closed": self.closed}
+        try:
+            return approximate(sample, breaks, tolerance, orders=np.maximum(orders, 1), **where)
+        except GeometryError:
+            return approximate(sample, breaks, tolerance, orders=orders, **where)
 
-    def _check_degree(self, count: int, kept: list[int]) -> None:
-        degree = max(2 * h + n - 1 for h, n in zip(self.solution.halves, kept, strict=True) if n)
-        if degree > LARGEST_DEGREE:
-            raise GeometryError(
-                f"the interior takes {count} terms and degree {degree} across to be within {self.tolerance:.2g} mm, "
-                f"OCCT holds {LARGEST_DEGREE}: ask for a larger tolerance, fewer terms, or parameters whose boundary "
-                "layers are less thin (a smaller b)"
-            )
+    def _across(self, v: Array, found: Array) -> _Across:
+        """Choose the fewest functions across that hold the interior within a quarter of the tolerance."""
+        for degree, spans in _choices(self.solution.halves):
+            across = _Across.of(self.solution.halves, degree, spans, v)
+            missed = float(np.abs(across.values(across.fitted(found)) - found).max())
+            if missed <= self.tolerance / 4:
+                return across
+        raise GeometryError(
+            f"the interior errs by {missed:.2g} mm on {spans} spans of degree {degree} across: ask for a larger "
+            "tolerance, fewer terms, or parameters whose layers along the rails are less thin (a smaller b)"
+        )
 
 
-def heights_of(halves: tuple[int, int, int], terms: int) -> Array:
-    """Return the heights of the bubbles of all components, (3 terms,)."""
-    return np.concatenate([heights(half, terms) for half in halves])
+def _choices(halves: tuple[int, int, int]) -> Iterator[tuple[int, int]]:
+    """Yield degrees across and numbers of spans: polynomials first, then splines."""
+    least = 2 * max(halves)
+    yield from ((degree, 1) for degree in range(least, WHOLE + 1))
+    spans = 2
+    while spans <= FINEST:
+        yield least + 3 - least % 2, spans
+        spans += max(1, spans // 2)
 
 
 @dataclass(frozen=True)
-class _Product:
-    """The bubbles of a solution, times the weight of a section, each divided by its height: t (n,) to (n, 3 terms)."""
+class _Across:
+    """B-splines across that vanish at both ends, as often as each component needs it.
 
-    solution: Solution
-    sides: tuple[Jets, Jets]
-    terms: int
-    back: tuple[Array, ...] | None  # from values at the nodes to bubbles, by component
-    nodes: Array
+    ``tables`` (3, degree + 1, m, spans) are their Bernstein coefficients, m of all components together.
+    """
+
+    tables: Array
+    breaks: Array
+    continuity: Array
+    at: Array  # values of all at the points v, (n, m)
+    back: Array  # least squares, (m, n)
+    owner: Array  # the component of each, (m,)
 
     @classmethod
-    def of(cls, solution: Solution, sides: tuple[Jets, Jets]) -> _Product:
-        """Prepare it."""
-        v = (1 - np.cos(np.pi * (np.arange(64) + 0.5) / 64)) / 2
-        if _even(sides):
-            return cls(solution, sides, solution.terms, None, v)
-        terms = solution.terms + WEIGHTED
-        return cls(solution, sides, terms, tuple(np.linalg.pinv(bubbles(h, terms, v)) for h in solution.halves), v)
+    def of(cls, halves: tuple[int, int, int], degree: int, spans: int, v: Array) -> _Across:
+        breaks = np.linspace(0, 1, spans + 1)
+        knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
+        _, coefs, continuity = extract(degree, knots, np.eye(spans + degree))
+        values = Curve(breaks, coefs)(v)
+        kept = [np.arange(half, spans + degree - half) for half in halves]
+        owner = np.repeat([0, 1, 2], [len(one) for one in kept])
+        chosen = np.concatenate(kept)
+        tables = np.where(owner[:, None] == np.arange(3)[:, None, None, None], coefs[:, chosen], 0.0)
+        back = np.concatenate([np.linalg.pinv(values[:, one]) for one in kept])
+        return cls(tables, breaks, continuity, values[:, chosen], back, owner)
 
-    def __call__(self, t: Array) -> Array:
-        inside = self.solution.inside(self.solution.clock(t))
-        if self.back is not None:
-            weight = weights(self.sides, t, self.nodes)
-            pairs = zip(inside, self.solution.halves, self.back, strict=True)
-            inside = [(q @ bubbles(h, q.shape[1], self.nodes).T * weight) @ back.T for q, h, back in pairs]
-        return np.asarray(np.concatenate(inside, axis=1) * heights_of(self.solution.halves, self.terms))
+    def fitted(self, found: Array) -> Array:
+        """Return coefficients (n, m) for values (n, points, 3)."""
+        parts = [found[..., i] @ self.back[self.owner == i].T for i in range(3)]
+        return np.concatenate(parts, axis=1)
+
+    def values(self, coefs: Array) -> Array:
+        """Return values (n, points, 3) of coefficients (n, m)."""
+        parts = [coefs[:, self.owner == i] @ self.at[:, self.owner == i].T for i in range(3)]
+        return np.stack(parts, axis=-1)
 
 
 def _even(sides: tuple[Jets, Jets]) -> bool:
     """Whether the weight of a section is one."""
     if sides[0][0].dim == 3:
         return True
-    return all(bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= 1e-13) for jets in sides for k, jet in enumerate(jets))
+    return all(bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= SAME) for jets in sides for k, jet in enumerate(jets))
 
 
-def _simple(sample: object, breaks: Array, degree: int, tolerance: float) -> Curve | None:
+def _simple(sample: Callable[[Array], Array], breaks: Array, degree: int, tolerance: float) -> Curve | None:
     """Return the interior as polynomials of a low degree on the section's own pieces, where that is what it is.
 
     As between planes, and around axes; else None.
     """
-    if degree > 4:
+    if degree > LIGHT:
         return None
     nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
     steps = np.diff(breaks)
-    t = breaks[:-1] + nodes[:, None] * steps
-    values = sample(t.ravel())  # type: ignore[operator]
-    values = values.reshape(degree + 1, len(steps), -1)
+    values = sample((breaks[:-1] + nodes[:, None] * steps).ravel()).reshape(degree + 1, len(steps), -1)
     matrix = np.linalg.inv(bernstein.basis(degree, 1 - nodes, nodes).T)
     curve = Curve(breaks, np.einsum("pk,knd->pdn", matrix, values))
     between = (breaks[:-1] + np.array([0.13, 0.41, 0.77])[:, None] * steps).ravel()
-    if np.abs(curve(between) - sample(between)).max() > tolerance:  # type: ignore[operator]
-        return None
-    return curve
+    return curve if np.abs(curve(between) - sample(between)).max() <= tolerance else None

@@ -16,7 +16,8 @@ from cqblend.blends.breaks import merged
 from cqblend.blends.equations import Equation, Parameters, equations
 from cqblend.blends.filling import Filling
 from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.pde import Data, Ends, Solution, solve
+from cqblend.blends.minimum import Minimise
+from cqblend.blends.pde import Data, Ends, Solution, Task
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, InputError
@@ -31,7 +32,9 @@ STEEPEST = 16.0  # exponents above belong to layers that no one sees: such waves
 FEWEST, MOST = 8, 64  # waves or spans, where their number is free
 DEGREE = 14  # of polynomials, where it is free
 SPLINES = 5  # least degree of splines: what they fill is C4
-SHARE = 1e-4  # of the interior, that terms along rails may leave out: at their open ends, solutions are singular
+INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the solution
+SHARE = 1e-4  # of the interior, that terms along rails may leave out
+ENERGY = 0.02  # of the root of the energy, likewise; the middle of the blend is right to the square of that
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,9 @@ class Problem:
         Waves, spans, or the degree of polynomials; None for as many as the data take.
     points : tuple of (int or None)
         Collocation points across and along.
+    minimise : {"auto", "residual", "energy"}
+        The sum of squares; "auto" for the residual where solutions are smooth: on closed sides, and between end sections
+        that are given.
     """
 
     order: tuple[int, int, int]
@@ -60,6 +66,7 @@ class Problem:
     basis: BasisName = "auto"
     modes: int | None = None
     points: tuple[int | None, int | None] = (None, None)
+    minimise: Literal["auto"] | Minimise = "auto"
 
     @property
     def halves(self) -> tuple[int, int, int]:
@@ -99,18 +106,24 @@ class Problem:
         made = equations(self.order, self.parameters, _scale(data, float(lengths.values[-1])))
         accuracy = tolerance / 10 if by_length else min(tolerance / 10, 1e-12 * data.size)
         basis = self._basis(data, made, accuracy, limited=by_length)
-        solution = solve(
-            data,
-            made,
-            basis,
-            clock,
-            terms=self.terms,
-            points=self.points,
-            ends=ends,
-            accuracy=accuracy,
-            share=SHARE if by_length else 0.0,
+        minimise = self.minimise
+        if minimise == "auto":
+            whole = ends is not None and ends.jets.shape[1] >= max(self.halves)
+            minimise = "residual" if closed or whole else "energy"
+        elif minimise == "energy" and isinstance(basis, Waves):
+            raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
+        share = 0.0 if not by_length else SHARE if minimise == "residual" else ENERGY
+        task = Task(data, made, basis, clock, minimise, self.points, ends, accuracy, share)
+        solution = task.solve(self.terms)
+        knots = clock.inverse(basis.knots)
+        kinks, orders = clock.kinks()
+        fill = Filling(
+            solution,
+            max(tolerance, INSIDE * data.width) if by_length else tolerance,
+            closed,
+            np.concatenate([knots, kinks]),
+            np.concatenate([np.full(len(knots), SPLINES - 1), orders]),
         )
-        fill = Filling(solution, tolerance, closed, clock.inverse(basis.knots))
         blend = hermite(ribbons, form, tolerance, angular_tolerance, fill)
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
@@ -181,6 +194,15 @@ class _Clock:
             t = np.clip(t - (self(t) - w) / self.rate(t), a, b)
         return np.asarray(t)
 
+    def kinks(self) -> tuple[Array, Array]:
+        """Return the t at which w is less than C5, and its continuity there; the start of closed rails is one."""
+        if self.end is None:
+            return np.empty(0), np.empty(0, int)
+        found = [(rail.breaks[1:-1], rail.continuity) for rail in self.rails]
+        t = np.concatenate([[self.rails[0].domain[0]], *(one for one, _ in found)])
+        orders = np.concatenate([[1], *(one for _, one in found)])
+        return t[orders <= SPLINES - 1], orders[orders <= SPLINES - 1]
+
     def rate(self, t: Array) -> Array:
         """Return dw/dt."""
         return np.ones_like(t) if self.end is None else _speed(self.rails, t) * self._factor
@@ -216,8 +238,6 @@ def _data(
 
 def _scale(data: Data, length: float) -> float:
     """Return the factor on derivatives along with which v and w both count in lengths: width over length of a unit."""
-    width = np.linalg.norm(data.jets[1, 0] - data.jets[0, 0], axis=-1)
-    mean = float((width * data.weights).sum() / data.weights.sum())
-    if not mean > 0:
+    if not data.width > 0:
         raise GeometryError("the rails are the same curve: there is nothing between them")
-    return mean * (data.domain[1] - data.domain[0]) / length
+    return data.width * (data.domain[1] - data.domain[0]) / length

@@ -27,12 +27,14 @@ Jets: TypeAlias = Sequence[Curve]
 class Interior:
     """What is added to a Hermite section without changing how it meets its surfaces.
 
-    Component i of the sum is ``tables[i] @ curve``: Bernstein coefficients across (degree + 1, dim of the curve), of
-    polynomials that vanish at both ends with as many derivatives as that component takes from the jets.
+    Component i of the sum is ``tables[i] @ curve``: Bernstein coefficients across, on the pieces between ``breaks`` of
+    [0, 1], of splines that vanish at both ends with as many derivatives as that component takes from the jets.
     """
 
     curve: Curve
-    tables: Array  # (3, degree + 1, dim)
+    tables: Array  # (3, degree + 1, dim of the curve, pieces)
+    breaks: Array
+    continuity: Array
 
 
 def carried(first: int, last: int, taken: tuple[int, int], degree: int) -> Array:
@@ -88,16 +90,22 @@ def section(
     coefs = [jet.elevate(largest - jet.degree).coefs for jet in together]
     jets = np.stack(coefs[: first + last])  # (k, p + 1, dim, n)
     degree = first + last - 1 if interior is None else max(first + last, interior.tables.shape[1]) - 1
-    every = carried(first, last, (first, last), degree)
+    across = np.array([0.0, 1.0]) if interior is None else interior.breaks
+
+    def table(taken: tuple[int, int]) -> Array:
+        rows = carried(first, last, taken, degree)[..., None]
+        return bernstein.restrict(rows.repeat(len(across) - 1, axis=2), across[:-1], across[1:])
+
+    every = table((first, last))
     if halves is None:
-        poles = np.einsum("ik,kpdn->pidn", every, jets)
+        poles = np.einsum("ikm,kpdn->pidnm", every, jets)
     else:
-        each = [carried(first, last, (half, half), degree) for half in halves] + [every] * (jets.shape[2] - 3)
-        poles = np.einsum("dik,kpdn->pidn", np.stack(each), jets)
+        each = [table((half, half)) for half in halves] + [every] * (jets.shape[2] - 3)
+        poles = np.einsum("dikm,kpdn->pidnm", np.stack(each), jets, optimize=True)
     if interior is not None:
-        tables = bernstein.elevate(np.moveaxis(interior.tables, 1, 0), degree + 1 - interior.tables.shape[1])
-        poles[:, :, :3] += np.einsum("idm,pmn->pidn", tables, coefs[-1])
-    poles = poles[..., None]
+        tables = np.moveaxis(interior.tables, 0, 1)
+        tables = bernstein.elevate(tables, degree + 1 - len(tables))
+        poles[:, :, :3] += np.einsum("idkm,pkn->pidnm", tables, coefs[-1], optimize=True)
     continuity = np.min([jet.continuity for jet in together], axis=0)
     rational = False
     if poles.shape[2] == 4:
@@ -108,5 +116,5 @@ def section(
         longest = max(float(np.abs(one[:, :3]).max()) for one in coefs[: first + last])
         rational = bool(np.abs(weight - 1).max() > ROUNDING * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max()))
         poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
-    breaks = (together[0].breaks, np.array([0.0, 1.0]))
-    return Surface(breaks, poles, rational=rational, continuity=(continuity, np.empty(0, int)))
+    joints = np.empty(0, int) if interior is None else interior.continuity
+    return Surface((together[0].breaks, across), poles, rational=rational, continuity=(continuity, joints))

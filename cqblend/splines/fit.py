@@ -243,27 +243,29 @@ def approximate(
     breaks: ArrayLike,
     tolerance: float,
     *,
-    closed: bool = False,
     kinks: ArrayLike = (),
+    orders: ArrayLike = (),
+    closed: bool = False,
     spans: int = 16,
     most: int = 512,
 ) -> Curve:
-    """Least-squares quintic spline, C4, of a function, with knots among given breaks as far as these are dense enough.
+    """Least-squares quintic spline of a function, with knots among given breaks as far as these are dense enough.
 
     Parameters
     ----------
     function
-        Vectorised, (n,) to (n, dim), smooth.
+        Vectorised, (n,) to (n, dim).
     breaks
         (m + 1,) increasing; the first and the last are the domain.
     tolerance
-        Of the sum of the absolute errors of all components.
+        Of every component.
+    kinks, orders
+        Parameters (k,) at which the function is less smooth than C5, and its continuity there, 0 to 4. Those outside
+        the domain do not count, nor do the ends unless it is closed. Elsewhere the spline is C4.
     closed
-        Whether the function goes on periodically: then the curve does, C4.
-    kinks
-        Parameters inside that are to be knots: where the function is no more than C4.
+        Whether the function goes on periodically: then the spline does.
     spans, most
-        Number of spans to start with, and to end with.
+        Number of equal spans to start with, and to end with.
 
     Raises
     ------
@@ -275,23 +277,43 @@ def approximate(
     >>> curve = approximate(lambda t: np.cos(t)[:, None], [0, 2 * np.pi], 1e-6, closed=True)
     >>> curve.degree, len(curve.breaks), bool(abs(curve(1.0) - np.cos(1.0)) < 1e-6)
     (5, 17, True)
+    >>> corner = approximate(lambda t: abs(t - 0.3)[:, None], [0, 1], 1e-9, kinks=[0.3], orders=[0])
+    >>> len(corner.breaks), int(corner.continuity.min())
+    (17, 0)
     """
     given = _checked(breaks)
+    at, times = _merged(given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4))
+    inside = (at < given[-1]) & ((at > given[0]) | closed)
+    at, times = at[inside], times[inside]
     while True:
-        t = _among(given, spans, np.asarray(kinks, dtype=np.float64))
-        splines = _quintics(t, closed=closed)
-        steps = np.diff(t)
-        nodes = (t[:-1, None] + steps[:, None] * ((np.arange(6) + 0.5) / 6)).ravel()
+        t = _among(given, spans, at)
+        repeats = np.ones(len(t) - 1, dtype=int)
+        repeats[np.searchsorted(t, at)] = times
+        splines = _quintics(t, repeats, closed=closed)
+        steps = np.diff(t)[:, None]
+        nodes = (t[:-1, None] + steps * ((np.arange(8) + 0.5) / 8)).ravel()
         q, r = np.linalg.qr(splines(nodes))
         poles = np.linalg.solve(r, q.T @ function(nodes))
         curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
-        between = np.append((t[:-1, None] + steps[:, None] * (np.arange(6) / 6)).ravel(), t[-1])
-        error = float(np.abs(curve(between) - function(between)).sum(axis=1).max())
+        between = (t[:-1, None] + steps * ((np.arange(8) + 0.05) / 8)).ravel()
+        error = float(np.abs(curve(between) - function(between)).max())
         if error <= tolerance:
             return curve
         if 2 * spans > most:
             raise GeometryError(f"a spline of {spans} spans errs by {error:.2g}, more than {tolerance:.2g}")
         spans *= 2
+
+
+def _merged(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
+    """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers."""
+    near = breaks[np.abs(at[:, None] - breaks).argmin(axis=1)]
+    same = 1e-9 * (breaks[-1] - breaks[0])
+    at = np.where(np.abs(near - at) <= same, near, at)
+    order = np.argsort(at, kind="stable")
+    at, times = at[order], times[order]
+    first = np.append(True, np.diff(at) > same) if len(at) else np.empty(0, bool)
+    starts = np.flatnonzero(first)
+    return at[first], np.maximum.reduceat(times, starts) if len(at) else times
 
 
 def _among(breaks: Array, spans: int, kinks: Array) -> Array:
@@ -300,20 +322,21 @@ def _among(breaks: Array, spans: int, kinks: Array) -> Array:
     step = even[1] - even[0]
     near = breaks[np.abs(even[:, None] - breaks).argmin(axis=1)]
     t = np.where(np.abs(near - even) <= 0.4 * step, near, even)
-    fixed = np.concatenate([kinks, breaks[[0, -1]]])
-    clear = np.abs(t[:, None] - fixed).min(axis=1) > 0.4 * min(step, np.diff(np.sort(fixed)).min())
+    fixed = np.unique(np.concatenate([kinks, breaks[[0, -1]]]))
+    clear = np.abs(t[:, None] - fixed).min(axis=1) > 0.4 * step
     return np.unique(np.concatenate([fixed, t[clear]]))
 
 
-def _quintics(t: Array, *, closed: bool) -> Curve:
-    """Return all quintic B-splines with simple knots as one curve; periodic ones for a closed curve."""
-    count = len(t) - 1
+def _quintics(t: Array, repeats: Array, *, closed: bool) -> Curve:
+    """Return all quintic B-splines with knots t, all but the last repeated, as one curve; periodic ones if closed."""
+    knots = t[:-1].repeat(repeats)
     if not closed:
-        return Curve.from_bspline(5, np.concatenate([t[:1].repeat(5), t, t[-1:].repeat(5)]), np.eye(count + 5))
-    period = t[-1] - t[0]
-    index = np.arange(-5, count + 6)
-    knots = t[index % count] + period * (index // count)
-    return Curve.from_bspline(5, knots, np.eye(count)[np.arange(count + 5) % count])
+        knots = np.concatenate([t[:1].repeat(6), knots[1:], t[-1:].repeat(6)])
+        return Curve.from_bspline(5, knots, np.eye(len(knots) - 6))
+    count, first = len(knots), int(repeats[0])
+    index = np.arange(first - 6, count + 6)  # the domain starts at the last one of the first knots
+    long = knots[index % count] + (t[-1] - t[0]) * (index // count)
+    return Curve.from_bspline(5, long, np.eye(count)[np.arange(len(long) - 6) % count])
 
 
 SAMPLED = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
@@ -343,7 +366,7 @@ def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *
     Examples
     --------
     >>> wave = reproduce(lambda t: np.sin(3 * t)[:, None], (0, 6))
-    >>> bool(abs(wave(1.234) - np.sin(3.702)) < 1e-14)
+    >>> bool(abs(wave(1.234) - np.sin(3.702)) < 1e-13)
     True
     """
     x = (1 - np.cos(np.pi * np.arange(SAMPLED) / (SAMPLED - 1))) / 2

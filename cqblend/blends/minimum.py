@@ -1,0 +1,219 @@
+r"""The sums of squares whose minimum solves an equation between two rails, and their minimum, by QR factorisations.
+
+Unknown are the coefficients of bubbles across (:mod:`cqblend.blends.across`) times functions along. Two sums are there:
+
+- the *residual* of the equation at collocation points, You and Zhang's eq. 11 and 12. Waves do not mix, and are solved
+  one by one;
+- the *energy*: forms f of half the order whose squares add up to the equation's symbol
+  (:meth:`cqblend.blends.equations.Equation.squares`). Its minimum solves the equation weakly. Open rails need that: at
+  the corners of the blend solutions are singular, their residual is not square integrable, and its minimum is something
+  else.
+
+Normal equations are never formed. This module must not know where data come from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from cqblend.blends.across import bubbles, carriers
+from cqblend.blends.along import Basis, Splines, Waves
+from cqblend.blends.equations import Equation
+from cqblend.blends.primaries import Array
+from cqblend.errors import InputError
+from cqblend.splines.integral import gauss
+
+Minimise: TypeAlias = Literal["residual", "energy"]
+Points: TypeAlias = tuple[int | None, int | None]
+Form: TypeAlias = list[tuple[float, int, int]]  # terms: coefficient, order across, order along
+
+CHECKS = 5  # further points, at which a residual is read
+FURTHER = 2  # further bubbles, for which an error of the energy is estimated
+NOTHING = 1e-12  # share of its terms, below which a sum is rounding
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The task for components that have one equation, with boundary data (count, 2, half, c) in a basis.
+
+    ``held`` (2, k, terms, c) are the outermost coefficients at both ends of open rails.
+    """
+
+    equation: Equation
+    basis: Basis
+    data: Array
+    held: Array
+    points: Points
+    minimise: Minimise
+
+    @property
+    def terms(self) -> int:
+        """Number of bubbles."""
+        return int(self.held.shape[2])
+
+    @cached_property
+    def found(self) -> Array:
+        """The coefficients of the bubbles, (terms, count, c).
+
+        Raises
+        ------
+        InputError
+            If there are fewer collocation points than unknowns.
+        """
+        if isinstance(self.basis, Waves):
+            return self._waves(self.basis)
+        start = self._held_only(self._splines)
+        system, right = self._system(range(self.terms), start)
+        start[:, self._free] += _least(system, right).reshape(self.terms, -1, start.shape[-1])
+        return start
+
+    def error(self) -> Array:
+        """Return how far from exact the solution is, (c,).
+
+        Of the residual: its root mean square between the collocation points, as a share of that without bubbles. Of the
+        energy: what two more bubbles would take of it, as a share of what the bubbles took; the root of that, too.
+        """
+        if self.minimise == "residual":
+            left, whole, size = self._residuals()
+        else:
+            none = self._held_only(self._splines)
+            system, right = self._system(range(self.terms), none)
+            size = np.linalg.norm(right, axis=0)
+            whole = np.linalg.norm(system @ (self.found - none)[:, self._free].reshape(len(system.T), -1), axis=0)
+            more = np.concatenate([self.found, np.zeros((FURTHER, *self.found.shape[1:]))])
+            system, right = self._system(range(self.terms, self.terms + FURTHER), more)
+            left = np.linalg.norm(system @ _least(system, right), axis=0)
+        return np.divide(left, whole, out=np.zeros_like(left), where=whole > NOTHING * size)
+
+    # -- waves
+
+    def _across(self, v: Array) -> tuple[Array, Array]:
+        """Return the derivatives n, n - 2, .. 0 of bubbles, (half + 1, p, terms), and of what carries the data."""
+        half, orders = self.equation.half, range(self.equation.order, -1, -2)
+        return (
+            np.stack([bubbles(half, self.terms, v, k) for k in orders]),
+            np.stack([carriers(half, v, k) for k in orders]),
+        )
+
+    def _nodes(self) -> tuple[Array, Array]:
+        """Return the collocation points across, and the roots of their weights."""
+        least = self.equation.order + self.terms + FURTHER
+        count = least if self.points[0] is None else self.points[0]
+        if count < self.terms:
+            raise InputError(
+                f"{count} collocation points across are fewer than {self.terms} terms: give at least as many, better "
+                f"{least}"
+            )
+        v, weights = gauss(count)
+        return v, np.sqrt(weights)
+
+    def _waves(self, basis: Waves) -> Array:
+        if self.points[1] is not None and self.points[1] < basis.count:
+            raise InputError(f"{self.points[1]} collocation points along are fewer than the {basis.count} functions")
+        v, root = self._nodes()
+        inner, outer = self._across(v)
+        numbers, kinds = (np.arange(basis.count) + 1) // 2, np.arange(basis.count) % 2
+        omega = basis.frequencies[::2]  # of 1, sin w, ..: once each
+        signs = np.array([c * (-1.0) ** i for i, c in enumerate(self.equation.coefficients)])
+        powers = signs * omega[:, None] ** (2 * np.arange(len(signs)))  # (modes + 1, half + 1)
+        matrix = np.einsum("ji,ipm->jpm", powers, inner) * root[:, None]
+        carried = np.einsum("ji,iper->jper", powers, outer) * root[:, None, None]
+        right = np.zeros((len(omega), len(v), 2, self.data.shape[-1]))
+        right[numbers, :, kinds] = -np.einsum("jper,jerc->jpc", carried[numbers], self.data)
+        size = np.linalg.norm(matrix, axis=1, keepdims=True)
+        q, r = np.linalg.qr(matrix / size)
+        solved = np.linalg.solve(r, q.swapaxes(1, 2) @ right.reshape(*right.shape[:2], -1)) / size.swapaxes(1, 2)
+        return np.moveaxis(solved.reshape(len(omega), self.terms, 2, -1)[numbers, :, kinds], 0, 1)
+
+    # -- splines
+
+    @property
+    def _splines(self) -> Splines:
+        assert isinstance(self.basis, Splines)
+        return self.basis
+
+    @property
+    def _free(self) -> slice:
+        """The functions along whose coefficients are free."""
+        return slice(self.held.shape[1], self.basis.count - self.held.shape[1])
+
+    def _held_only(self, basis: Splines) -> Array:
+        """Return the coefficients that are held, (terms, count, c), and zeros."""
+        out = np.zeros((self.terms, basis.count, self.data.shape[-1]))
+        k = self.held.shape[1]
+        if basis.count <= 2 * k:
+            raise InputError(
+                f"{basis.count} functions along leave none free between ends that hold {k} each: more modes"
+            )
+        if k:
+            out[:, :k], out[:, -k:] = self.held[0].swapaxes(0, 1), self.held[1].swapaxes(0, 1)
+        return out
+
+    def _forms(self) -> list[Form]:
+        """Return what is to be small: forms, of whose squares the integral is taken."""
+        half, n = self.equation.half, self.equation.order
+        if self.minimise == "residual":
+            return [[(c, n - 2 * i, 2 * i) for i, c in enumerate(self.equation.coefficients) if c]]
+        return [[(c, half - i, i) for i, c in enumerate(form) if c] for form in self.equation.squares().tolist()]
+
+    def _system(self, some: range, given: Array) -> tuple[Array, Array]:
+        """Return the least-squares system for changes of some bubbles' free coefficients, given all coefficients.
+
+        A form of one term is the product of a matrix across and one along, and shrinks to that of their triangular
+        factors.
+        """
+        basis, half = self._splines, self.equation.half
+        v, root = self._nodes()
+        w, weights = basis.points(self.points[1])
+        if len(v) * len(w) < self.terms * len(range(*self._free.indices(basis.count))):
+            raise InputError(
+                f"{len(v)} x {len(w)} collocation points are fewer than the unknowns, {self.terms} terms times "
+                f"{basis.count} functions along: give more points, or fewer terms or modes"
+            )
+        blocks, rights = [], []
+        for form in self._forms():
+            right, factors = np.zeros((len(v), len(w), self.data.shape[-1])), []
+            for c, kv, kw in form:
+                across = bubbles(half, len(given), v, kv) * root[:, None]
+                along = c * basis(w, kw) * np.sqrt(weights)[:, None]
+                outer = np.einsum("per,jerc->pjc", carriers(half, v, kv) * root[:, None, None], self.data)
+                inner = np.einsum("pm,mjc->pjc", across, given)
+                right -= np.einsum("pjc,lj->plc", outer + inner, along, optimize=True)
+                factors.append((across[:, some], along[:, self._free]))
+            if len(factors) == 1:
+                (qv, rv), (qw, rw) = (np.linalg.qr(factor) for factor in factors[0])
+                factors = [(rv, rw)]
+                right = np.einsum("pm,plc,ln->mnc", qv, right, qw, optimize=True)
+            block = sum(np.einsum("pm,lj->plmj", across, along) for across, along in factors)
+            assert isinstance(block, np.ndarray)
+            blocks.append(block.reshape(block.shape[0] * block.shape[1], -1))
+            rights.append(right.reshape(len(blocks[-1]), -1))
+        return np.concatenate(blocks), np.concatenate(rights)
+
+    # -- how good it is
+
+    def _residuals(self) -> tuple[Array, Array, Array]:
+        """Return the norms (c,) of the residual with bubbles, without, and of the terms of that."""
+        v, weights = gauss(self.equation.order + self.terms + CHECKS)
+        (low, high), count = self.basis.domain, 3 * self.basis.count + CHECKS
+        w = low + (high - low) * (np.arange(count) + 0.5) / count
+        inner, outer = self._across(v)
+        along = np.stack([c * self.basis(w, 2 * i) for i, c in enumerate(self.equation.coefficients)])
+        each = np.einsum("iper,jerc,ilj->iplc", outer, self.data, along, optimize=True)
+        before = each.sum(axis=0)
+        after = before + np.einsum("ipm,mjc,ilj->plc", inner, self.found, along, optimize=True)
+        left, whole, size = (
+            np.sqrt(np.einsum("p,plc->c", weights, x**2)) for x in (after, before, np.abs(each).sum(0))
+        )
+        return left, whole, size
+
+
+def _least(system: Array, right: Array) -> Array:
+    """Solve a least-squares system of full rank."""
+    size = np.linalg.norm(system, axis=0)
+    q, r = np.linalg.qr(system / size)
+    return np.asarray(np.linalg.solve(r, q.T @ right) / size[:, None])
