@@ -101,8 +101,8 @@ class Certificate:
     residual : float or None
         Of the partial differential equations: root mean square of what is left, as a share of what it is without
         solving them; the largest over x, y and z and all blends. None of other sections.
-    proofs : tuple of callable
-        What computes the proof of each blend, when `proof` is asked for.
+    proofs, energies : tuple of callable
+        What computes the proof and the energy of each blend, when `proof` and `fairness` are asked for.
 
     Examples
     --------
@@ -127,6 +127,7 @@ class Certificate:
     stations: int
     residual: float | None = None
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
+    energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
 
     @cached_property
     def proof(self) -> "Proof | None":
@@ -136,6 +137,14 @@ class Certificate:
         second, when first asked for. None if nothing is known but measurements.
         """
         return reduce(or_, [prove() for prove in self.proofs]) if self.proofs else None
+
+    @cached_property
+    def fairness(self) -> float | None:
+        """Thin-plate energy: the integral of the sum of the squared principal curvatures over all blend faces.
+
+        Of dimension one; the smaller, the fairer. Worked out when first asked for. None if nothing is known of it.
+        """
+        return sum(energy() for energy in self.energies) if self.energies else None
 
     @property
     def gap(self) -> float:
@@ -183,6 +192,7 @@ class Certificate:
             stations=min(one.stations for one in certificates),
             residual=max((one.residual for one in certificates if one.residual is not None), default=None),
             proofs=tuple(prove for one in certificates for prove in one.proofs),
+            energies=tuple(energy for one in certificates for energy in one.energies),
         )
 
     def __str__(self) -> str:
@@ -190,10 +200,11 @@ class Certificate:
         state = "valid" if self.valid else "INVALID"
         degree, poles = (f"{along} x {across}" for along, across in (self.degree, self.poles))
         rational = ", rational" if self.rational else ""
+        residual = "" if self.residual is None else f", residual {self.residual:.1e}"
         width = low if low == high else f"{low} to {high}"
         head = (
             f"{state} blend, {self.form}, degree {degree}, {poles} poles{rational}, by {self.method}",
-            f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail",
+            f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail{residual}",
         )
         return "\n".join((*head, *_table(self.rails)))
 

@@ -18,6 +18,7 @@ from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rol
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
 from cqblend.blends.primaries import Array
+from cqblend.blends.problem import Problem
 from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
@@ -123,7 +124,7 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
 def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
     """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(4):
-        blend = hermite(_rails(joint, request, domain), request.form, request.tolerance, request.angular_tolerance)
+        blend = _section(_rails(joint, request, domain), joint, request)
         _check_sections(blend)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
         try:
@@ -141,6 +142,15 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     if problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
     return proposal, blend
+
+
+def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest) -> Blend:
+    """Fill what is between two ribbons."""
+    form = request.form, request.tolerance, request.angular_tolerance
+    if request.order is None:
+        return hermite(ribbons, *form)
+    problem = Problem(request.order, request.parameters, request.terms)
+    return problem.blend(ribbons, *form, closed=joint.spine.closed)[0]
 
 
 def _check_sections(blend: Blend) -> None:
@@ -261,9 +271,16 @@ def _wanted(request: BlendRequest) -> Wanted:
         position=max(RAIL_TOLERANCE * _size(request), 1e-7),
         fields=(FIELDS[request.tangents[0]], FIELDS[request.tangents[1]]),
         bulges=(first, second),
-        orders=(int(request.continuity[0][1]), int(request.continuity[1][1])),
+        orders=_orders(request),
         steer=request.steer,
     )
+
+
+def _orders(request: BlendRequest) -> tuple[int, int]:
+    """Return how many directions ribbons take: of equations, what the highest one needs."""
+    if request.order is not None:
+        return (max(request.order) // 2 - 1,) * 2
+    return int(request.continuity[0][1]), int(request.continuity[1][1])
 
 
 def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:

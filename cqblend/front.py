@@ -52,6 +52,9 @@ def blend_edges(
     bulge: float | tuple[float, float] = 1.0,
     steer: float = STEER,
     section: str = "hermite",
+    order: int | tuple[int, int, int] | None = None,
+    parameters: Any = None,
+    terms: int | str = "auto",
     form: str = "auto",
     tolerance: float = 1e-7,
     angular_tolerance: float = 1e-5,
@@ -73,7 +76,7 @@ def blend_edges(
         Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair for side 1 and side 2.
     continuity : {None, "G0", "G1", "G2", "G3"} or pair of them, optional
         Order to which the blend meets its neighbours: touching, tangent, with the same curvature, with the same change
-        of curvature. None is G1. A pair is for side 1 and side 2.
+        of curvature. None is G1, or what `order` gives. A pair is for side 1 and side 2.
     tangents : {"perpendicular", "parametric", "chord"} or pair of them
         Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
         the parameters of the face (on a sphere, about the rail's own axis), or towards the other rail (Kim and Elber's
@@ -83,8 +86,12 @@ def blend_edges(
     steer : float
         Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
         the blend has no crease inside, rad. 0 turns nothing.
-    section : {"hermite"}
-        How the interior is filled: Hermite across, cubic for G1, quintic for G2.
+    section : {"hermite", "pde"}
+        How the interior is filled: ``"hermite"``, cubic across for G1, quintic for G2; ``"pde"``, by partial
+        differential equations (You and Zhang).
+    order, parameters, terms
+        Of these equations, as in `cqblend.pde_blend`. Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as
+        (4, 4, 6) is as its lowest; `continuity`, if given, must agree.
     form : {"auto", "exact", "compact"}
         ``"exact"``: exact rails and tangent planes; ``"compact"``: the spline of least degree within the tolerances;
         ``"auto"``: exact where that has degree 7 at most, else compact.
@@ -131,6 +138,9 @@ def blend_edges(
         bulge=bulge,
         steer=steer,
         section=section,
+        order=order,
+        parameters=parameters,
+        terms=terms,
         form=form,
         tolerance=tolerance,
         angular_tolerance=angular_tolerance,

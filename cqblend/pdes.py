@@ -1,10 +1,12 @@
 """Blends by partial differential equations: the front door to You and Zhang's method.
 
-Between surfaces along rails, or between boundary data. Thin: checks what it is given, and hands it to :mod:`cqblend.blends.problem`.
+Between surfaces along rails, or between boundary data. Thin: checks what it is given, and hands it to
+:mod:`cqblend.blends.problem`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -13,14 +15,14 @@ import numpy as np
 
 from cqblend.blends import hermite
 from cqblend.blends.boundaries import Boundary
-from cqblend.blends.equations import Order, Parameters, orders
+from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
 from cqblend.blends.problem import BASES, Problem
 from cqblend.blends.rails import Rail
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
-from cqblend.request import FORM, STEER, choice, count, positive
+from cqblend.request import FORM, STEER, choice, count, orders, positive
 
 SAMPLES = 65  # across an end section
 
@@ -66,14 +68,14 @@ class PdeBlend(Blend):
             )
             for record, order in zip(made.rails, self.known, strict=True)
         )
-        return replace(made, rails=records, residual=max(self.solution.residual))
+        return replace(made, rails=records)
 
 
 def pde_blend(
     side1: Rail | Boundary,
     side2: Rail | Boundary,
     *,
-    order: Order = 4,
+    order: int | Sequence[int] = 4,
     parameters: Parameters = None,
     terms: int | str = "auto",
     basis: str = "auto",
@@ -190,7 +192,7 @@ def pde_blend(
         made, solution = make(ribbons, closed=rails[0].closed)
         known = (2, 2)
     hermite.check_creases(made.surface)
-    return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known)
+    return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
 
 
 def _check_match(side1: Boundary, side2: Boundary, wanted: Problem) -> bool:

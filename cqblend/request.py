@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 
@@ -19,19 +19,21 @@ if TYPE_CHECKING:
 
 Continuity = Literal["G0", "G1", "G2", "G3"]
 Tangents = Literal["parametric", "perpendicular", "chord"]
-Section = Literal["hermite"]
+Section = Literal["hermite", "pde"]
 FormWanted = Literal["auto", "exact", "compact"]
 
 # What is built, and what is part of the interface but not built yet.
 CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
 _TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
 _TANGENTS_LATER = ("guide", "combination")
-_SECTION: tuple[Section, ...] = ("hermite",)
-_SECTION_LATER = ("pde", "potential")
+_SECTION: tuple[Section, ...] = ("hermite", "pde")
+_SECTION_LATER = ("potential",)
 FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 
 Chosen = TypeVar("Chosen", bound=str)
 Checked = TypeVar("Checked")
+
+ORDERS = (2, 4, 6)  # of partial differential equations
 
 STEER = math.radians(20)
 """rad. More than that, a turn would show in the shape of the blend."""
@@ -61,8 +63,14 @@ class BlendRequest:
         Factors on the length of the cross derivatives.
     steer : float
         Largest angle by which directions are turned so that the blend has no crease inside, rad.
-    section : {"hermite"}
+    section : {"hermite", "pde"}
         How the interior is filled.
+    order : tuple of int or None
+        Of the partial differential equations of x, y and z; None for other sections.
+    parameters
+        Their shape parameters, None for those that count in lengths.
+    terms : int or None
+        Number of their terms across, None for as many as it takes.
     form : {"auto", "exact", "compact"}
         Which form of the blend is wanted; see `cqblend.Certificate`.
     tolerance, angular_tolerance : float
@@ -78,6 +86,9 @@ class BlendRequest:
     bulge: tuple[float, float]
     steer: float
     section: Section
+    order: tuple[int, int, int] | None
+    parameters: Any
+    terms: int | None
     form: FormWanted
     tolerance: float
     angular_tolerance: float
@@ -94,6 +105,9 @@ class BlendRequest:
         bulge: object = 1.0,
         steer: object = STEER,
         section: object = "hermite",
+        order: object = None,
+        parameters: Any = None,
+        terms: object = "auto",
         form: object = "auto",
         tolerance: object = 1e-7,
         angular_tolerance: object = 1e-5,
@@ -123,21 +137,68 @@ class BlendRequest:
         if (radius is None) == (width is None):
             given = "neither" if radius is None else "both"
             raise InputError(f"give exactly one of radius and width, not {given}")
+        section = choice("section", section, _SECTION, _SECTION_LATER)
+        continuity, orders = _smoothness(continuity, section, order, parameters, terms)
         return cls(
             radius=None if radius is None else _size("radius", radius),
             width=None if width is None else pair("width", width, _size),
-            continuity=pair(
-                "continuity", "G1" if continuity is None else continuity, partial(choice, built=CONTINUITY)
-            ),
+            continuity=continuity,
             tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
             bulge=pair("bulge", bulge, positive),
             steer=turn("steer", steer),
-            section=choice("section", section, _SECTION, _SECTION_LATER),
+            section=section,
+            order=orders,
+            parameters=parameters,
+            terms=None if terms == "auto" else count("terms", terms),
             form=choice("form", form, FORM),
             tolerance=positive("tolerance", tolerance),
             angular_tolerance=positive("angular_tolerance", angular_tolerance),
             first=first,
         )
+
+
+def _smoothness(
+    continuity: object, section: Section, order: object, parameters: object, terms: object
+) -> tuple[tuple[Continuity, Continuity], tuple[int, int, int] | None]:
+    """Return the continuity on both sides, and the orders of the equations that give it."""
+    if section != "pde":
+        for name, value in (
+            ("order", order),
+            ("parameters", parameters),
+            ("terms", None if terms == "auto" else terms),
+        ):
+            if value is not None:
+                raise InputError(f'{name} is an option of section="pde", not of {section!r}')
+        wanted = "G1" if continuity is None else continuity
+        return pair("continuity", wanted, partial(choice, built=CONTINUITY)), None
+    made = orders(4 if order is None else order)
+    follows: Continuity = CONTINUITY[min(made) // 2 - 1]
+    if continuity is not None:
+        for asked in pair("continuity", continuity, partial(choice, built=CONTINUITY)):
+            if asked != follows:
+                raise InputError(
+                    f"continuity {asked} contradicts equations of order {_shortly(made)}, which are {follows} on both "
+                    "sides: leave continuity out, or take order 2 for G0, 4 for G1, 6 for G2"
+                )
+    return (follows, follows), made
+
+
+def _shortly(made: tuple[int, int, int]) -> str:
+    return str(made[0]) if len(set(made)) == 1 else str(made)
+
+
+def orders(order: object) -> tuple[int, int, int]:
+    """Return the orders of partial differential equations for x, y and z: one for all, or three.
+
+    Raises
+    ------
+    InputError
+        If one is not 2, 4 or 6.
+    """
+    given = tuple(order) if isinstance(order, list | tuple) else (order,) * 3
+    if len(given) != 3 or not all(isinstance(n, Integral) and n in ORDERS for n in given):
+        raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
+    return int(given[0]), int(given[1]), int(given[2])
 
 
 def choice(name: str, value: object, built: tuple[Chosen, ...], later: tuple[str, ...] = ()) -> Chosen:

@@ -21,7 +21,6 @@ from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
 from cqblend.splines.fit import end_table
 
-
 WHOLE = 9
 """Degree up to which a blend is one polynomial across: OCCT's rounding grows with it, by a factor of 2.4 for each."""
 

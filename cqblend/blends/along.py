@@ -15,6 +15,7 @@ from cqblend.blends.primaries import Array
 from cqblend.splines import Curve
 from cqblend.splines.integral import gauss
 
+SPLINES = 5  # least degree of splines: what they fill is C4
 GAUSS = 4  # points of a span, where an equation is to hold
 
 

@@ -23,11 +23,9 @@ import numpy as np
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
 
-ORDERS = (2, 4, 6)
 NAMES = "abcd"
 DEGENERATE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
 
-Order: TypeAlias = int | Sequence[int]
 Parameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
 
 
@@ -122,20 +120,6 @@ class Equation:
         roots = np.roots(c)
         real = roots[(roots.real >= 0) & (np.abs(roots.imag) <= 1e-4 * np.abs(roots))].real
         return float(real.min()) if len(real) else float(bad[0])
-
-
-def orders(order: Order) -> tuple[int, int, int]:
-    """Return the orders of x, y and z: one for all, or three.
-
-    Raises
-    ------
-    InputError
-        If one is not 2, 4 or 6.
-    """
-    given = (order,) * 3 if not isinstance(order, list | tuple) else tuple(order)
-    if len(given) != 3 or any(isinstance(n, bool) or n not in ORDERS for n in given):
-        raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
-    return int(given[0]), int(given[1]), int(given[2])
 
 
 def equations(order: tuple[int, int, int], parameters: Parameters, scale: float) -> tuple[Equation, Equation, Equation]:

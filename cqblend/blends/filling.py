@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from cqblend.blends.across import WHOLE, bubbles
+from cqblend.blends.along import SPLINES
 from cqblend.blends.breaks import aligned
 from cqblend.blends.pde import Solution
 from cqblend.blends.primaries import Array
@@ -31,6 +33,7 @@ from cqblend.splines.knots import extract
 FINEST = 64  # spans across
 ACROSS = 8 * WHOLE  # points across, at which the interior is read
 SAME = 1e-13  # of the interior: as near as that, it is the same
+SPANS = 128  # along, at most, before an interior gets kinks that it could do without
 LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
 
 
@@ -38,7 +41,7 @@ LIGHT = 4  # degree along of sections that may be simple: between planes, around
 class Filling:
     """Fills the section between jets with a solution, within a tolerance (mm).
 
-    ``kinks`` are the parameters t at which the functions along, or w(t), are not smooth, ``orders`` the continuity there.
+    ``kinks`` are the parameters t at which the functions along, or w(t), are not smooth, ``orders`` their continuity.
     """
 
     solution: Solution
@@ -89,16 +92,19 @@ class Filling:
         return Interior(curve, across.tables, across.breaks, across.continuity)
 
     def _along(self, sample: Callable[[Array], Array], breaks: Array, weighted: list[Curve] | None) -> Curve:
-        """Approximate the interior along: C1 at least, unless it has corners where rails have."""
+        """Approximate the interior along: C4 if that goes, else with the kinks of rails and weights, C1 at least."""
         kinks, orders = self.kinks, self.orders
         if weighted is not None:
             kinks = np.concatenate([kinks, breaks[1:-1]])
             orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted], axis=0)])
-        tolerance, where = self.tolerance / 4, {"kinks": kinks, "closed": self.closed}
-        try:
-            return approximate(sample, breaks, tolerance, orders=np.maximum(orders, 1), **where)
-        except GeometryError:
-            return approximate(sample, breaks, tolerance, orders=orders, **where)
+        fit = partial(approximate, sample, breaks, self.tolerance / 4, closed=self.closed)
+        smooth = orders >= SPLINES - 1
+        for at, allowed in ((kinks[smooth], orders[smooth]), (kinks, np.maximum(orders, 1))):
+            try:
+                return fit(kinks=at, orders=allowed, most=SPANS)
+            except GeometryError:
+                continue
+        return fit(kinks=kinks, orders=orders)
 
     def _across(self, v: Array, found: Array) -> _Across:
         """Choose the fewest functions across that hold the interior within a quarter of the tolerance."""

@@ -13,7 +13,7 @@ of any degree. The *compact* form replaces them by quintics within a tolerance (
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -37,11 +37,15 @@ JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not roundi
 
 @dataclass(frozen=True)
 class Blend:
-    """A blend surface H(t, v), v = 0 on the first rail and 1 on the second, and what it was made from."""
+    """A blend surface H(t, v), v = 0 on the first rail and 1 on the second, and what it was made from.
+
+    ``residual`` is that of the equations which it solves, if there are any.
+    """
 
     surface: Surface
     ribbons: tuple[Ribbon, Ribbon]
     form: Form
+    residual: float | None = field(default=None, kw_only=True)
 
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:

@@ -33,7 +33,7 @@ Form: TypeAlias = list[tuple[float, int, int]]  # terms: coefficient, order acro
 
 CHECKS = 5  # further points, at which a residual is read
 FURTHER = 2  # further bubbles, for which an error of the energy is estimated
-NOTHING = 1e-12  # share of its terms, below which a sum is rounding
+NOTHING = 1e-9  # share of its terms, below which a sum is rounding
 
 
 @dataclass(frozen=True)

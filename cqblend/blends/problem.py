@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.along import Basis, Splines, Waves
+from cqblend.blends.along import SPLINES, Basis, Splines, Waves
 from cqblend.blends.breaks import merged
 from cqblend.blends.equations import Equation, Parameters, equations
 from cqblend.blends.filling import Filling
@@ -28,10 +28,9 @@ BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
 BASES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")
 
 POINTS, PIECES = 4, 128  # Gauss points of a piece, and pieces at least, at which data are read
-STEEPEST = 16.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
+STEEPEST = 8.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
 FEWEST, MOST = 8, 64  # waves or spans, where their number is free
 DEGREE = 14  # of polynomials, where it is free
-SPLINES = 5  # least degree of splines: what they fill is C4
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the solution
 SHARE = 1e-4  # of the interior, that terms along rails may leave out
 ENERGY = 0.02  # of the root of the energy, likewise; the middle of the blend is right to the square of that
@@ -56,8 +55,8 @@ class Problem:
     points : tuple of (int or None)
         Collocation points across and along.
     minimise : {"auto", "residual", "energy"}
-        The sum of squares; "auto" for the residual where solutions are smooth: on closed sides, and between end sections
-        that are given.
+        The sum of squares; "auto" for the residual where solutions are smooth: on closed sides, and between end
+        sections that are given.
     """
 
     order: tuple[int, int, int]
@@ -127,7 +126,7 @@ class Problem:
         blend = hermite(ribbons, form, tolerance, angular_tolerance, fill)
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
-        return replace(blend, ribbons=(first, second)), solution
+        return replace(blend, ribbons=(first, second), residual=max(solution.residual)), solution
 
     def _basis(self, data: Data, made: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool) -> Basis:
         """Choose the functions along: the fewest that hold the data."""

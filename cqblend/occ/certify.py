@@ -8,13 +8,15 @@ from functools import partial
 import numpy as np
 from OCP.BRep import BRep_Tool
 
+from cqblend.blends.fairness import bending_energy
 from cqblend.blends.hermite import Blend, folded
+from cqblend.blends.primaries import Array
 from cqblend.blends.proof import prove
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
 from cqblend.occ.convert import to_face
 from cqblend.occ.joint import Joint
-from cqblend.occ.measure import contact, continuity_between, inner_crease, spread
+from cqblend.occ.measure import contact, continuity_between, inner_crease, outline, spread
 from cqblend.occ.surgery import Proposal
 from cqblend.splines import Curve, Surface
 
@@ -46,6 +48,7 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
         inner_crease=inner_crease(proposal.blend).angle,
         method="wire substitution" + (", flat ends" if proposal.caps else ""),
         stations=SAMPLES,
+        outline=None if joint.spine.closed else outline(proposal.blend),
     )
 
 
@@ -70,7 +73,14 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
 
 
 def _certificate(
-    blend: Blend, records: Sequence[RailRecord], *, inner_crease: float, method: str, stations: int, valid: bool = True
+    blend: Blend,
+    records: Sequence[RailRecord],
+    *,
+    inner_crease: float,
+    method: str,
+    stations: int,
+    valid: bool = True,
+    outline: Array | None = None,
 ) -> Certificate:
     surface = blend.surface
     t = np.linspace(*surface.domain[0], 65)
@@ -87,5 +97,7 @@ def _certificate(
         valid=valid,
         width=(float(across.min()), float(across.max())),
         stations=stations,
+        residual=blend.residual,
         proofs=(partial(prove, blend),),
+        energies=(partial(bending_energy, surface, outline),),
     )

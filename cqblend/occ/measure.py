@@ -368,6 +368,18 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     return Crease(float(angles[worst]), (u, v), (x, y, z))
 
 
+def outline(face: TopoDS_Face, samples: int = 65) -> Array:
+    """Return the boundary of a face in its parameter plane, as the ends (n, 2, 2) of short straight pieces."""
+    pieces = []
+    explorer = TopExp_Explorer(face, TopAbs_EDGE)
+    while explorer.More():
+        pcurve, low, high = _pcurve(TopoDS.Edge_s(explorer.Current()), face)
+        points = _values2d(pcurve, np.linspace(low, high, samples))
+        pieces.append(np.stack([points[:-1], points[1:]], axis=1))
+        explorer.Next()
+    return np.concatenate(pieces)
+
+
 def face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
     """Points and outward unit normals of a face at parameters (n, 2): (n, 3) each, normals nan at degenerate points.
 

@@ -304,11 +304,17 @@ def approximate(
         spans *= 2
 
 
+SLIVER = 0.01  # of the domain
+
+
 def _merged(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
-    """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers."""
+    """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers.
+
+    Those of functions that are C4 there move to breaks farther off: next to a break, a knot would leave a sliver.
+    """
     near = breaks[np.abs(at[:, None] - breaks).argmin(axis=1)]
     same = 1e-9 * (breaks[-1] - breaks[0])
-    at = np.where(np.abs(near - at) <= same, near, at)
+    at = np.where(np.abs(near - at) <= np.where(times > 1, same, SLIVER * (breaks[-1] - breaks[0])), near, at)
     order = np.argsort(at, kind="stable")
     at, times = at[order], times[order]
     first = np.append(True, np.diff(at) > same) if len(at) else np.empty(0, bool)
