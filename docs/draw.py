@@ -1,6 +1,7 @@
 """Draw the pictures of the documentation, from the demo and the examples: ``python docs/draw.py``."""
 
 import runpy
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,30 @@ def figure(example: str) -> None:
     picture.draw(views, PICTURES / f"{example}.png", size=size)
 
 
+def tiled(views: Sequence[tuple[Sequence[Any], Any, Any, float]], columns: int, name: str, height: int) -> None:
+    """Draw views (parts, direction, middle, height) in rows of so many, from the upper left."""
+    rows = -(-len(views) // columns)
+    placed = []
+    for i, (drawn, eye, focus, tall) in enumerate(views):
+        x, y = i % columns / columns, 1 - (i // columns + 1) / rows
+        placed.append(View(drawn, eye, focus, tall, (x, y, x + 1 / columns, y + 1 / rows)))
+    picture.draw(placed, PICTURES / f"{name}.png", size=(900, height * rows))
+
+
+def pde(example: str, key: str, look: tuple[Any, Any, float], *, columns: int, height: int, zebra: bool) -> None:
+    """Draw the blends that an example makes by partial differential equations, with their primaries."""
+    sys.path.insert(0, str(EXAMPLES))
+    made = runpy.run_path(str(EXAMPLES / f"{example}.py"))
+    primaries = [cq.Face(cqblend.to_face(one)) for one in made["primaries"]]
+    eye, focus, tall = look
+    views = []
+    for blend in made[key].values():
+        face = cq.Face(blend.face())
+        shaded = [Part(primaries, demo.PORCELAIN), Part([face], demo.COPPER), *lines(blend, eye, tall)]
+        views.append(([Part([*primaries, face], None)] if zebra else shaded, eye, focus, tall))
+    tiled(views, columns, example, height)
+
+
 def spout() -> None:
     """Draw the teapot before, after and enlarged."""
     made = runpy.run_path(str(EXAMPLES / "teapot.py"))
@@ -169,3 +194,7 @@ if __name__ == "__main__":
     spout()
     steering()
     g1_g2()
+    leaning, upright = ((0.5, -1, 0.25), (2, 0, -5), 27), ((0.5, -1, 0.35), (0, 0, -7), 27)
+    pde("pde_cone_with_cylinder", "by_order", leaning, columns=3, height=330, zebra=True)
+    pde("pde_hyperboloid_with_torus", "by_order", upright, columns=2, height=380, zebra=True)
+    pde("pde_shape_parameters", "by_parameters", leaning, columns=3, height=330, zebra=False)
