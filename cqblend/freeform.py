@@ -80,14 +80,19 @@ class Blend(hermite.Blend):
         With the sides on which the blend lies.
     """
 
-    rails: tuple[Rail, Rail]
+    rails: tuple[Rail, ...]
 
     @cached_property
     def certificate(self) -> Certificate:
         """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients."""
         from cqblend.occ.certify import certify_surfaces
 
-        return certify_surfaces(self, [(rail.surface, rail.curve) for rail in self.rails])
+        return certify_surfaces(self, self.traces)
+
+    @property
+    def traces(self) -> list[tuple[Surface, Curve]]:
+        """What it meets: for each side a surface and a curve in its parameter plane."""
+        return [(rail.surface, rail.curve) for rail in self.rails]
 
     def face(self) -> TopoDS_Face:
         """Return the face that covers it, of the same parameters. Wrap it with ``cadquery.Face(...)``."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cqblend.blends import hermite
-from cqblend.blends.boundaries import Boundary
+from cqblend.blends.boundaries import Boundary, DataRibbon
 from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
 from cqblend.blends.problem import BASES, Problem
@@ -23,6 +23,7 @@ from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
 from cqblend.request import FORM, STEER, choice, count, orders, positive
+from cqblend.splines import Curve, Surface
 
 SAMPLES = 65  # across an end section
 
@@ -39,7 +40,7 @@ class PdeBlend(Blend):
         What it is tied to.
     form : {"exact", "compact"}
     rails : tuple of Rail
-        With the sides on which the blend lies; boundary data are rails on a strip of their own.
+        With the sides on which the blend lies; none between boundary data.
     solution : Solution
         What the surface is within its tolerance, but for what the functions along missed on the rails: callable at
         (t, v), with its ``residual``, ``terms``, ``basis`` and ``equations``.
@@ -59,7 +60,7 @@ class PdeBlend(Blend):
         """
         from cqblend.occ.certify import certify_surfaces
 
-        made = certify_surfaces(self, [(rail.surface, rail.curve) for rail in self.rails])
+        made = certify_surfaces(self, self.traces)
         records = tuple(
             replace(
                 record,
@@ -69,6 +70,12 @@ class PdeBlend(Blend):
             for record, order in zip(made.rails, self.known, strict=True)
         )
         return replace(made, rails=records)
+
+    @property
+    def traces(self) -> list[tuple[Surface, Curve]]:
+        """What it meets: for each side a surface, or the strip of boundary data, and a curve in its parameter plane."""
+        strips = [ribbon.trace for ribbon in self.ribbons if isinstance(ribbon, DataRibbon)]
+        return strips or super().traces
 
 
 def pde_blend(
@@ -179,7 +186,7 @@ def pde_blend(
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
         made, solution = make((first, second), closed=closed, by_length=False, ends=_ends(ends, wanted, closed))
-        rails = first.rail, second.rail
+        rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
     else:
         if isinstance(side1, Boundary) or isinstance(side2, Boundary):

@@ -1,4 +1,4 @@
-"""The frustum of an irregular cone blended with an elliptic cylinder, by equations of six orders (You and Zhang, fig. 1).
+"""The frustum of an irregular cone blended with an elliptic cylinder by six orders of equations (You, Zhang, fig. 1).
 
 Order 2 keeps the position, 4 the tangent planes too, 6 the curvatures; in a mix, only z has the higher order.
 """

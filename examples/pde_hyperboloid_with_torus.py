@@ -10,8 +10,7 @@ import cqblend
 
 primaries, sides = pde_models.hyperboloid_with_torus()
 by_order = {
-    name: cqblend.pde_blend(*sides, order=order, parameters=0.3, form="exact")
-    for name, order in (("2", 2), ("6", 6))
+    name: cqblend.pde_blend(*sides, order=order, parameters=0.3, form="exact") for name, order in (("2", 2), ("6", 6))
 }
 print(pde_models.table(by_order))
 

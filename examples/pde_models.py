@@ -35,7 +35,7 @@ def around(centres, first, second, weights=(1, 1)) -> cqblend.Surface:
 
 
 def cone_with_cylinder() -> Model:
-    """Frustum of an irregular cone, below, and an elliptic cylinder, above (eq. 13, where y is R_y u0 sin v)."""
+    """Join the frustum of an irregular cone, below, and an elliptic cylinder, above (eq. 13, with y = R_y u0 sin v)."""
     r, r_y, h, k = 9.0, 6.5, -13.0, -0.8  # the cone u (r cos v, r_y sin v, h), up to u0 = 1; k scales its rulings
     a, b, alpha, x0, rise, speed = 3.4, 4.4, math.radians(25), 2.5, 1.0, 11.0
     axis, across = math.sin(alpha) * X + math.cos(alpha) * Z, math.cos(alpha) * X - math.sin(alpha) * Z
@@ -54,7 +54,7 @@ def cone_with_cylinder() -> Model:
 
 
 def hyperboloid_with_torus() -> Model:
-    """A one-sheeted elliptic hyperboloid, below, and a circular torus, above (eq. 14)."""
+    """Join a one-sheeted elliptic hyperboloid, below, and a circular torus, above (eq. 14)."""
     a, b, h, h0, u0 = 7.0, 6.4, 6.0, -11.0, 0.45  # the hyperboloid (a cosh u cos v, b cosh u sin v, h0 + h sinh u)
     ring, tube, u1 = 8.5, 2.6, -0.45  # the torus ((ring + tube cos u) cos v, .. sin v, tube sin u)
     cosh, sinh, c, s = math.cosh(u0), math.sinh(u0), math.cos(u1), math.sin(u1)

@@ -23,7 +23,8 @@ primaries, sides = pde_models.cone_with_cylinder()
 by_parameters = {name: cqblend.pde_blend(*sides, parameters=value) for name, value in PARAMETERS.items()}
 
 straight_across = cqblend.Combination(cqblend.Curve.bezier([(0, 1), (0, 1)], domain=sides[0].domain))
-hermite = cqblend.hermite_blend(*by_parameters["s = 1"].rails, tangents=straight_across, length="field")
+rails = [side.rail(number) for number, side in enumerate(sides, 1)]
+hermite = cqblend.hermite_blend(*rails, tangents=straight_across, length="field")
 
 print(f"Hermite: fairness {hermite.certificate.fairness:.3f}")
 for name, blend in by_parameters.items():

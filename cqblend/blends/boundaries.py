@@ -105,6 +105,29 @@ class Boundary:
         """Whether everything given ends as it starts, and goes on with the same slope."""
         return all(_meets(curve) for curve in self.curves)
 
+    def rail(self, side: int) -> Rail:
+        """Return the data of side 1 or 2 as a rail on a surface of their own: C + v T + v^2/2 K, into the blend.
+
+        A blend along it with ``tangents=Combination(..)`` of (0, 1) and ``length="field"`` takes them as they are.
+
+        Raises
+        ------
+        InputError
+            The side is neither, or no first derivative is given.
+        GeometryError
+            Position and derivative span no tangent plane somewhere.
+
+        Examples
+        --------
+        >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(0.0, 0.5)
+        array([1. , 0. , 0.5])
+        """
+        if side not in (1, 2):
+            raise InputError(f"the side is 1 or 2, not {shown(side)}")
+        if len(self.curves) < 2:
+            raise InputError("a boundary is a rail only with its first derivative: it has no tangent plane else")
+        return Rail(*self.ribbon(1, side - 1, self).trace, "left")
+
     def ribbon(self, order: int, side: int, other: Boundary) -> DataRibbon:
         """Return the ribbon of side 0 or 1 with so many directions; one that is not given points to the other side."""
         position, *rest = self.curves
@@ -134,11 +157,11 @@ class DataRibbon(Ribbon):
         return self.rows
 
     @property
-    def rail(self) -> Rail:
-        """The boundary as a rail on the strip."""
+    def trace(self) -> tuple[Surface, Curve]:
+        """The strip, and the boundary in its parameter plane."""
         assert self.strip is not None
         (a, b), _ = self.strip.domain
-        return Rail(self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b)), "left")
+        return self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
 
 
 def _parts(given: Given) -> Sequence[Component]:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends.across import WHOLE, bubbles, carriers, heights
 from cqblend.blends.along import Basis, Splines, Waves
+from cqblend.blends.clock import Clock
 from cqblend.blends.equations import Equation
 from cqblend.blends.minimum import Minimise, Minimum, Points
 from cqblend.blends.primaries import Array
@@ -140,7 +141,7 @@ class Task:
         Of x, y and z.
     basis : Basis
         Functions along.
-    clock : callable
+    clock : Clock
         From t to w, for the solution.
     minimise : {"residual", "energy"}
     points : tuple of (int or None)
@@ -156,7 +157,7 @@ class Task:
     data: Data
     equations: tuple[Equation, Equation, Equation]
     basis: Basis
-    clock: Callable[[Array], Array]
+    clock: Clock
     minimise: Minimise
     points: Points
     ends: Ends | None

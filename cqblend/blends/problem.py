@@ -7,12 +7,14 @@ rails happen to be: w runs over [0, 2 pi] on closed ones, over [0, 1] on open on
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from cqblend.blends.along import SPLINES, Basis, Splines, Waves
 from cqblend.blends.breaks import merged
+from cqblend.blends.clock import Clock, speed
 from cqblend.blends.equations import Equation, Parameters, equations
 from cqblend.blends.filling import Filling
 from cqblend.blends.hermite import Blend, hermite
@@ -31,6 +33,7 @@ POINTS, PIECES = 4, 128  # Gauss points of a piece, and pieces at least, at whic
 STEEPEST = 8.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
 FEWEST, MOST = 8, 64  # waves or spans, where their number is free
 DEGREE = 14  # of polynomials, where it is free
+ROUNDING = 1e-12  # of the size: accuracy of solutions for data, unless a better one is asked for
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the solution
 SHARE = 1e-4  # of the interior, that terms along rails may leave out
 ENERGY = 0.02  # of the root of the energy, likewise; the middle of the blend is right to the square of that
@@ -86,39 +89,31 @@ class Problem:
     ) -> tuple[Blend, Solution]:
         """Blend two ribbons, which have as many directions as the highest order takes.
 
-        ``by_length`` says whether w is the rails' length, scaled, or t itself.
+        Parameters
+        ----------
+        ribbons, form, tolerance, angular_tolerance
+            As :func:`cqblend.blends.hermite.hermite` takes them.
+        closed
+            Whether both ribbons are.
+        by_length
+            Whether w is the rails' length, scaled, or t itself. If so, what is between the rails need not be nearer to
+            the solution than a share of their distance, and neither need the solution be.
+        ends
+            End sections; None for those of the ribbons.
 
         Raises
         ------
         InputError
             The parameters are degenerate, there are too few collocation points, or the basis does not suit the rails.
         CqblendError
-            As :func:`cqblend.blends.hermite.hermite`, and where the interior takes a degree above 25.
+            As :func:`cqblend.blends.hermite.hermite`, and where the interior takes too many spans.
         """
-        jets = [ribbon.jets()[: max(self.halves)] for ribbon in ribbons]
-        breaks = merged(*(jet.breaks for side in jets for jet in side))
-        rails = jets[0][0], jets[1][0]
-        lengths = Integral(lambda t: _speed(rails, t), breaks)
-        clock = _Clock(rails, lengths, None if not by_length else 2 * np.pi if closed else 1.0)
-        domain = (float(breaks[0]), float(breaks[-1])) if clock.end is None else (0.0, clock.end)
-        data = _data((jets[0], jets[1]), breaks, clock, domain, closed)
-        made = equations(self.order, self.parameters, _scale(data, float(lengths.values[-1])))
-        accuracy = tolerance / 10 if by_length else min(tolerance / 10, 1e-12 * data.size)
-        basis = self._basis(data, made, accuracy, limited=by_length)
-        minimise = self.minimise
-        if minimise == "auto":
-            whole = ends is not None and ends.jets.shape[1] >= max(self.halves)
-            minimise = "residual" if closed or whole else "energy"
-        elif minimise == "energy" and isinstance(basis, Waves):
-            raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
-        share = 0.0 if not by_length else SHARE if minimise == "residual" else ENERGY
-        task = Task(data, made, basis, clock, minimise, self.points, ends, accuracy, share)
-        solution = task.solve(self.terms)
-        knots = clock.inverse(basis.knots)
-        kinks, orders = clock.kinks()
+        task = self.task(ribbons, closed=closed, by_length=by_length, ends=ends, accuracy=tolerance / 10)
+        solution, clock = task.solve(self.terms), task.clock
+        knots, (kinks, orders) = clock.inverse(task.basis.knots), clock.kinks()
         fill = Filling(
             solution,
-            max(tolerance, INSIDE * data.width) if by_length else tolerance,
+            max(tolerance, INSIDE * task.data.width) if by_length else tolerance,
             closed,
             np.concatenate([knots, kinks]),
             np.concatenate([np.full(len(knots), SPLINES - 1), orders]),
@@ -127,6 +122,44 @@ class Problem:
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
         return replace(blend, ribbons=(first, second), residual=max(solution.residual)), solution
+
+    def task(
+        self,
+        ribbons: tuple[Ribbon, Ribbon],
+        *,
+        closed: bool,
+        by_length: bool,
+        ends: Ends | None = None,
+        accuracy: float,
+    ) -> Task:
+        """Return what is to be solved; ``accuracy`` (mm) is that of the data along rails, and of free terms.
+
+        Raises
+        ------
+        InputError
+            The parameters are degenerate, or the basis does not suit the rails.
+        GeometryError
+            Both rails are one curve.
+        """
+        jets = [ribbon.jets()[: max(self.halves)] for ribbon in ribbons]
+        breaks = merged(*(jet.breaks for side in jets for jet in side))
+        rails = jets[0][0], jets[1][0]
+        lengths = Integral(partial(speed, rails), breaks)
+        clock = Clock(rails, lengths, None if not by_length else 2 * np.pi if closed else 1.0)
+        domain = (float(breaks[0]), float(breaks[-1])) if clock.end is None else (0.0, clock.end)
+        data = _data((jets[0], jets[1]), breaks, clock, domain, closed)
+        made = equations(self.order, self.parameters, _scale(data, float(lengths.values[-1])))
+        if not by_length:
+            accuracy = min(accuracy, ROUNDING * data.size)
+        basis = self._basis(data, made, accuracy, limited=by_length)
+        minimise = self.minimise
+        if minimise == "auto":
+            whole = ends is not None and ends.jets.shape[1] >= max(self.halves)
+            minimise = "residual" if closed or whole else "energy"
+        elif minimise == "energy" and isinstance(basis, Waves):
+            raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
+        share = 0.0 if not by_length else SHARE if minimise == "residual" else ENERGY
+        return Task(data, made, basis, clock, minimise, self.points, ends, accuracy, share)
 
     def _basis(self, data: Data, made: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool) -> Basis:
         """Choose the functions along: the fewest that hold the data."""
@@ -171,56 +204,10 @@ def _fewest(data: Data, waves: Waves, accuracy: float) -> Waves:
     return waves.fewer(int((tail > accuracy).sum()))
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """From t to w: the length of a pair of curves from their start, scaled to end at ``end``; t itself without one."""
-
-    rails: tuple[Curve, Curve]
-    lengths: Integral
-    end: float | None
-
-    def __call__(self, t: Array) -> Array:
-        return t if self.end is None else np.asarray(self.lengths(t) * self._factor)
-
-    def inverse(self, w: Array) -> Array:
-        """Return t (n,) from w (n,)."""
-        if self.end is None:
-            return w
-        a, b = self.rails[0].domain
-        t = np.linspace(a, b, 1025)
-        t = np.interp(w, self(t), t)
-        for _ in range(4):
-            t = np.clip(t - (self(t) - w) / self.rate(t), a, b)
-        return np.asarray(t)
-
-    def kinks(self) -> tuple[Array, Array]:
-        """Return the t at which w is less than C5, and its continuity there; the start of closed rails is one."""
-        if self.end is None:
-            return np.empty(0), np.empty(0, int)
-        found = [(rail.breaks[1:-1], rail.continuity) for rail in self.rails]
-        t = np.concatenate([[self.rails[0].domain[0]], *(one for one, _ in found)])
-        orders = np.concatenate([[1], *(one for _, one in found)])
-        return t[orders <= SPLINES - 1], orders[orders <= SPLINES - 1]
-
-    def rate(self, t: Array) -> Array:
-        """Return dw/dt."""
-        return np.ones_like(t) if self.end is None else _speed(self.rails, t) * self._factor
-
-    @property
-    def _factor(self) -> float:
-        return (self.end or 0.0) / float(self.lengths.values[-1])
-
-
-def _speed(rails: tuple[Curve, Curve], t: Array) -> Array:
-    """Return the root mean square of both rails' speeds."""
-    rates = [in_space(rail.jet(t, 1))[1] for rail in rails]
-    return np.asarray(np.sqrt(sum((rate**2).sum(axis=1) for rate in rates) / 2))
-
-
 def _data(
     jets: tuple[tuple[Curve, ...], tuple[Curve, ...]],
     breaks: Array,
-    clock: _Clock,
+    clock: Clock,
     domain: tuple[float, float],
     closed: bool,
 ) -> Data:
