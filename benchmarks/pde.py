@@ -147,7 +147,7 @@ def draw(curves: dict[tuple[int, int], list[float]], path: Path) -> None:
             axis.SetRange(low, high)
         for j in STEEPNESS:
             table = vtkTable()
-            for name, values in (("terms", np.array(TERMS, float)), (f"j |root| = {j}", np.log10(curves[order, j]))):
+            for name, values in (("terms", np.array(TERMS, float)), (f"j rho = {j}", np.log10(curves[order, j]))):
                 column = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
                 column.SetName(name)
                 table.AddColumn(column)

@@ -74,7 +74,13 @@ def _parser() -> argparse.ArgumentParser:
     size = blend.add_mutually_exclusive_group(required=True)
     size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
     size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
-    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), default="G1", help=_DEFAULT)
+    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
+    blend.add_argument(
+        "--order",
+        type=_orders,
+        metavar="N",
+        help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
+    )
     blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
@@ -148,6 +154,14 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _orders(text: str) -> tuple[int, ...]:
+    try:
+        orders = tuple(map(int, text.split(",")))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number N or three numbers X,Y,Z, not {text!r}") from None
+    return orders * 3 if len(orders) == 1 else orders
+
+
 def _size(text: str) -> tuple[float, float]:
     try:
         width, height = map(float, text.lower().split("x"))
@@ -174,7 +188,12 @@ def _blend(options: argparse.Namespace) -> None:
     from cqblend.request import BlendRequest
 
     request = BlendRequest.checked(
-        options.radius, width=options.width, continuity=options.continuity, form=options.form
+        options.radius,
+        width=options.width,
+        continuity=options.continuity,
+        form=options.form,
+        section="hermite" if options.order is None else "pde",
+        order=options.order,
     )
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)

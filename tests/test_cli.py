@@ -71,7 +71,16 @@ def test_version(capsys):
     assert run(capsys, "--version")[:2] == (0, f"cqblend {cqblend.__version__}\n")
 
 
-@pytest.mark.parametrize("size", [["--radius", "2"], ["--width", "2"], ["--radius", "2", "--form", "exact"]])
+@pytest.mark.parametrize(
+    "size",
+    [
+        ["--radius", "2"],
+        ["--width", "2"],
+        ["--radius", "2", "--form", "exact"],
+        ["--radius", "2", "--order", "6"],
+        ["--radius", "2", "--order", "4,4,6"],
+    ],
+)
 def test_blend(capsys, box, tmp_path, size):
     output = tmp_path / "out.step"
     code, out, err = run(capsys, "blend", box, output, "--near", CORNER, *size)

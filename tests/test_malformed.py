@@ -177,7 +177,8 @@ def bad_option(draw: random.Random) -> Call:
             ("tangents", draw.choice(["T2", "", None, 2, (), object()]), InputError),
             ("tangents", draw.choice(["guide", "combination", ("guide", "chord")]), UnsupportedError),
             ("section", draw.choice(["cubic", None, 3, ["spline"]]), InputError),
-            ("section", draw.choice(["pde", "potential"]), UnsupportedError),
+            ("section", "potential", UnsupportedError),
+            ("order", draw.choice([2, 4, (4, 4, 6), 3]), InputError),
             ("form", draw.choice(["Exact", "", None, 7, ("auto", "exact")]), InputError),
             ("first", draw.choice(["left", 1, [], True, object()]), InputError),
         ]
