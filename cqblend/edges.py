@@ -161,8 +161,12 @@ def _check_sections(blend: Blend) -> None:
     ahead = (surface(t, v, 0, 1) * chord).sum(axis=-1)
     if not np.all(ahead > 0):
         raise GeometryError(
-            f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: it leaves its rails too "
-            "fast; take a smaller bulge"
+            f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: "
+            + (
+                "it leaves its rails too fast; take a smaller bulge"
+                if blend.residual is None
+                else "take smaller parameters, which let more of the rails' shape reach the middle, or a smaller bulge"
+            )
         )
     fold = folded(surface)
     if fold is not None:
