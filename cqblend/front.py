@@ -129,6 +129,9 @@ def blend_edges(
     (True, 'exact')
     >>> result.certificate.angle < 1e-10
     True
+    >>> plate = cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), radius=2, section="pde", order=6)
+    >>> plate.certificate.curvature_jump < 1e-10
+    True
     """
     request = BlendRequest.checked(
         radius,
