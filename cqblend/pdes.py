@@ -19,6 +19,7 @@ from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
 from cqblend.blends.problem import BASES, Problem
 from cqblend.blends.rails import Rail
+from cqblend.blends.ribbons import returns
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
@@ -196,7 +197,7 @@ def pde_blend(
         rails, ribbons = along_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
         if rails[0].closed != rails[1].closed:
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
-        made, solution = make(ribbons, closed=rails[0].closed)
+        made, solution = make(ribbons, closed=rails[0].closed and all(map(returns, ribbons)))
         known = (2, 2)
     hermite.check_creases(made.surface)
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)

@@ -13,16 +13,13 @@ conditioned. Knows no equations.
 from __future__ import annotations
 
 from functools import lru_cache
-from math import comb, prod, sqrt
+from math import prod, sqrt
 
 import numpy as np
 
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
 from cqblend.splines.fit import end_table
-
-WHOLE = 9
-"""Degree up to which a blend is one polynomial across: OCCT's rounding grows with it, by a factor of 2.4 for each."""
 
 
 def jacobi(count: int, alpha: int, x: Array) -> Array:
@@ -56,22 +53,6 @@ def bubbles(half: int, count: int, v: Array, k: int = 0) -> Array:
             ]
         )
     return np.asarray((values * (scale * factors)[:, None]).T)
-
-
-@lru_cache(maxsize=64)
-def bubble_poles(half: int, count: int) -> Array:
-    """Return the Bernstein coefficients of the first bubbles, all of the highest degree: (2 half + count, count)."""
-    degree = 2 * half + count - 1
-    out = np.zeros((degree + 1, count))
-    for m in range(count):
-        scale = sqrt(2 * (m + half) + 1) / prod(range(m + 1, m + half + 1))
-        poles = np.zeros((2 * half + m + 1, 1, 1))
-        for i in range(m + 1):
-            term = comb(m + half, i) * comb(m + half, m - i) / comb(2 * half + m, i + half)
-            poles[i + half] = (-1) ** (m - i) * scale * term
-        out[:, m] = bernstein.elevate(poles, degree - 2 * half - m)[:, 0, 0]
-    out.setflags(write=False)
-    return out
 
 
 @lru_cache(maxsize=64)

@@ -119,8 +119,8 @@ class Boundary:
 
         Examples
         --------
-        >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(0.0, 0.5)
-        array([1. , 0. , 0.5])
+        >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(0.0, 0.5).round(9).tolist()
+        [1.0, 0.0, 0.5]
         """
         if side not in (1, 2):
             raise InputError(f"the side is 1 or 2, not {shown(side)}")

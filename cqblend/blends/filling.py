@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.across import WHOLE, bubbles
+from cqblend.blends.across import bubbles
 from cqblend.blends.along import SPLINES
 from cqblend.blends.breaks import aligned
 from cqblend.blends.pde import Solution
@@ -30,8 +30,9 @@ from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.fit import approximate
 from cqblend.splines.knots import extract
 
+DEGREE = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
 FINEST = 64  # spans across
-ACROSS = 8 * WHOLE  # points across, at which the interior is read
+ACROSS = 72  # points across, at least, at which the interior is read
 SAME = 1e-13  # of the interior: as near as that, it is the same
 SPANS = 128  # along, at most, before an interior gets kinks that it could do without
 LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
@@ -66,7 +67,8 @@ class Filling:
         """Return the bubbles as splines, None if they are within the tolerance."""
         jets = aligned([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        v = (1 - np.cos(np.pi * (np.arange(ACROSS) + 0.5) / ACROSS)) / 2
+        points = max(ACROSS, 4 * self.solution.terms)
+        v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
         inside = [bubbles(half, self.solution.terms, v).T for half in self.solution.halves]
 
         def values(t: Array) -> Array:
@@ -104,7 +106,13 @@ class Filling:
                 return fit(kinks=at, orders=allowed, most=SPANS)
             except GeometryError:
                 continue
-        return fit(kinks=kinks, orders=orders)
+        try:
+            return fit(kinks=kinks, orders=orders)
+        except GeometryError as error:
+            raise GeometryError(
+                f"the interior between the rails cannot be approximated along them: {error}; ask for a larger "
+                "tolerance, or fewer modes"
+            ) from error
 
     def _across(self, v: Array, found: Array) -> _Across:
         """Choose the fewest functions across that hold the interior within a quarter of the tolerance."""
@@ -122,10 +130,10 @@ class Filling:
 def _choices(halves: tuple[int, int, int]) -> Iterator[tuple[int, int]]:
     """Yield degrees across and numbers of spans: polynomials first, then splines."""
     least = 2 * max(halves)
-    yield from ((degree, 1) for degree in range(least, WHOLE + 1))
+    yield from ((degree, 1) for degree in range(least, DEGREE + 1))
     spans = 2
     while spans <= FINEST:
-        yield least + 3 - least % 2, spans
+        yield DEGREE, spans
         spans += max(1, spans // 2)
 
 

@@ -33,7 +33,8 @@ Form: TypeAlias = list[tuple[float, int, int]]  # terms: coefficient, order acro
 
 CHECKS = 5  # further points, at which a residual is read
 FURTHER = 2  # further bubbles, for which an error of the energy is estimated
-NOTHING = 1e-9  # share of its terms, below which a sum is rounding
+MOST = 6000  # unknowns that are solved for at once
+NOTHING = 1e-7  # share of the terms of an equation, below which their sum is rounding
 
 
 @dataclass(frozen=True)
@@ -67,27 +68,30 @@ class Minimum:
         if isinstance(self.basis, Waves):
             return self._waves(self.basis)
         start = self._held_only(self._splines)
+        if start[..., 0].size > MOST:
+            raise InputError(
+                f"{self.terms} terms times {self.basis.count} functions along are more than {MOST} unknowns: take "
+                "fewer terms or modes"
+            )
         system, right = self._system(range(self.terms), start)
         start[:, self._free] += _least(system, right).reshape(self.terms, -1, start.shape[-1])
         return start
 
-    def error(self) -> Array:
-        """Return how far from exact the solution is, (c,).
+    def error(self) -> tuple[Array, Array, Array]:
+        """Return how far from exact the solution is: what is left, of what, and the size of its terms, (c,) each.
 
-        Of the residual: its root mean square between the collocation points, as a share of that without bubbles. Of the
-        energy: what two more bubbles would take of it, as a share of what the bubbles took; the root of that, too.
+        Of the residual: root mean squares between the collocation points, with bubbles and without. Of the energy, the
+        roots of what two more bubbles would take of it, and of what the bubbles took.
         """
         if self.minimise == "residual":
-            left, whole, size = self._residuals()
-        else:
-            none = self._held_only(self._splines)
-            system, right = self._system(range(self.terms), none)
-            size = np.linalg.norm(right, axis=0)
-            whole = np.linalg.norm(system @ (self.found - none)[:, self._free].reshape(len(system.T), -1), axis=0)
-            more = np.concatenate([self.found, np.zeros((FURTHER, *self.found.shape[1:]))])
-            system, right = self._system(range(self.terms, self.terms + FURTHER), more)
-            left = np.linalg.norm(system @ _least(system, right), axis=0)
-        return np.divide(left, whole, out=np.zeros_like(left), where=whole > NOTHING * size)
+            return self._residuals()
+        none = self._held_only(self._splines)
+        system, right = self._system(range(self.terms), none)
+        size = np.linalg.norm(right, axis=0)
+        whole = np.linalg.norm(system @ (self.found - none)[:, self._free].reshape(len(system.T), -1), axis=0)
+        more = np.concatenate([self.found, np.zeros((FURTHER, *self.found.shape[1:]))])
+        system, right = self._system(range(self.terms, self.terms + FURTHER), more)
+        return np.linalg.norm(system @ _least(system, right), axis=0), whole, size
 
     # -- waves
 

@@ -18,14 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends.across import WHOLE, bubbles, carriers, heights
+from cqblend.blends.across import bubbles, carriers, heights
 from cqblend.blends.along import Basis, Splines, Waves
 from cqblend.blends.clock import Clock
 from cqblend.blends.equations import Equation
-from cqblend.blends.minimum import Minimise, Minimum, Points
+from cqblend.blends.minimum import NOTHING, Minimise, Minimum, Points
 from cqblend.blends.primaries import Array
 
 TERMS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
+LIGHT = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free
 UNKNOWNS = 1500  # of an equation that is solved at once, at most, where the number of bubbles is free
 
 
@@ -33,12 +34,14 @@ UNKNOWNS = 1500  # of an equation that is solved at once, at most, where the num
 class Data:
     """Derivatives by v of orders 0, 1, .. on both rails, ``jets`` (2, orders, n, 3), at ``w`` (n,).
 
+    Positions are taken from ``centre`` (3,), so that equations do not lose what coordinates far from the origin would.
     ``weights`` (n,) are those of a quadrature over ``domain``, ``closed`` says that all return at its end.
     """
 
     w: Array
     weights: Array
     jets: Array
+    centre: Array
     domain: tuple[float, float]
     closed: bool
 
@@ -99,6 +102,7 @@ class Solution:
     residual: tuple[float, float, float]
     missed: float
     clock: Callable[[Array], Array]
+    centre: Array  # of the positions in the boundary data
     boundary: tuple[Array, ...]  # by component, (2, half, count)
     bubbles: tuple[Array, ...]  # by component, (terms, count)
 
@@ -125,7 +129,9 @@ class Solution:
         out = np.empty((t.size, 3))
         for i, (half, data, q) in enumerate(zip(self.halves, self.boundary, self.bubbles, strict=True)):
             carried = np.einsum("ner,erj->nj", carriers(half, v.ravel(), kv), data)
-            out[:, i] = ((carried + bubbles(half, len(q), v.ravel(), kv) @ q) * values).sum(axis=1)
+            out[:, i] = self.centre[i] * (kv == 0) + (
+                (carried + bubbles(half, len(q), v.ravel(), kv) @ q) * values
+            ).sum(axis=1)
         return out.reshape(*t.shape, 3)
 
 
@@ -177,13 +183,33 @@ class Task:
             groups = [(members, self._minimum(coefs, members, count)) for members in self._groups()]
             if self._enough(groups):
                 break
-        found, error = [np.empty(0)] * 3, [0.0] * 3
+        found = [np.empty(0)] * 3
         for members, minimum in groups:
-            for k, (i, one) in enumerate(zip(members, minimum.error().tolist(), strict=True)):
-                found[i], error[i] = minimum.found[..., k], one
+            for k, i in enumerate(members):
+                found[i] = minimum.found[..., k]
+        error = self._errors(groups)
         data = tuple(np.moveaxis(coefs[:, :, : one.half, i], 0, -1) for i, one in enumerate(self.equations))
-        residual = error[0], error[1], error[2]
-        return Solution(self.equations, self.basis, self.minimise, residual, missed, self.clock, data, tuple(found))
+        return Solution(
+            self.equations,
+            self.basis,
+            self.minimise,
+            (error[0], error[1], error[2]),
+            missed,
+            self.clock,
+            self.data.centre,
+            data,
+            tuple(found),
+        )
+
+    def _errors(self, groups: list[tuple[list[int], Minimum]]) -> list[float]:
+        """Return the residuals of x, y and z; what is nothing but rounding beside the others has none."""
+        parts = [(members, *minimum.error()) for members, minimum in groups]
+        size = max(float(scale.max()) for *_, scale in parts)
+        out = [0.0] * 3
+        for members, left, whole, _ in parts:
+            for i, part, all_ in zip(members, left.tolist(), whole.tolist(), strict=True):
+                out[i] = part / all_ if all_ > NOTHING * size else 0.0
+        return out
 
     def _groups(self) -> list[list[int]]:
         """Put together the components that have one equation."""
@@ -206,16 +232,17 @@ class Task:
         if ends is None:
             return np.zeros((2, equation.half if self.minimise == "residual" else 1, terms, len(members)))
         k = min(equation.half, ends.jets.shape[1])
+        jets = ends.jets[:, :k] - self.data.centre * (np.arange(k) == 0)[:, None, None]
         along = np.stack([basis(np.array(basis.domain), order) for order in range(k)])  # (k, 2, count)
         carried = np.einsum("ner,jerc->njc", carriers(equation.half, ends.v), data)
-        rest = ends.jets[:, :k][..., members] - np.einsum("njc,kej->eknc", carried, along)
+        rest = jets[..., members] - np.einsum("njc,kej->eknc", carried, along)
         inner = np.linalg.pinv(bubbles(equation.half, terms, ends.v))
         return np.einsum("ekl,mn,elnc->ekmc", basis.held(k), inner, rest, optimize=True)
 
     def _tried(self) -> list[int]:
         """Return the numbers of bubbles to try: for the energy, those that keep the degree across low."""
         if self.minimise == "energy":
-            most = WHOLE + 1 - 2 * max(one.half for one in self.equations)
+            most = LIGHT + 1 - 2 * max(one.half for one in self.equations)
             return [n for n in range(most % 2 or 2, most + 1, 2) if n >= 4]
         waves = isinstance(self.basis, Waves)
         return [n for n in TERMS if waves or n == TERMS[0] or n * self.basis.count <= UNKNOWNS]
@@ -223,7 +250,7 @@ class Task:
     def _enough(self, groups: list[tuple[list[int], Minimum]]) -> bool:
         """Whether the last two bubbles say that further ones do not matter."""
         if self.minimise == "energy":
-            return all(bool((minimum.error() <= self.share).all()) for _, minimum in groups)
+            return max(self._errors(groups)) <= self.share
         values = np.abs(self.basis(self.data.w)).max(axis=0)
         reach = [
             heights(one.equation.half, one.terms)[:, None] * np.einsum("mjc,j->mc", np.abs(one.found), values)

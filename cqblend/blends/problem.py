@@ -32,8 +32,9 @@ BASES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial"
 POINTS, PIECES = 4, 128  # Gauss points of a piece, and pieces at least, at which data are read
 STEEPEST = 8.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
 FEWEST, MOST = 8, 64  # waves or spans, where their number is free
-DEGREE = 14  # of polynomials, where it is free
+DEGREE, HIGHEST = 14, 24  # of polynomials, where it is free, and at all
 ROUNDING = 1e-12  # of the size: accuracy of solutions for data, unless a better one is asked for
+NOISE = 1e-13  # of coordinates: what is below it in data is rounding
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the solution
 SHARE = 1e-4  # of the interior, that terms along rails may leave out
 ENERGY = 0.02  # of the root of the energy, likewise; the middle of the blend is right to the square of that
@@ -147,10 +148,11 @@ class Problem:
         lengths = Integral(partial(speed, rails), breaks)
         clock = Clock(rails, lengths, None if not by_length else 2 * np.pi if closed else 1.0)
         domain = (float(breaks[0]), float(breaks[-1])) if clock.end is None else (0.0, clock.end)
-        data = _data((jets[0], jets[1]), breaks, clock, domain, closed)
+        data = _data((jets[0], jets[1]), breaks, clock, domain, closed, max(PIECES, self.modes or 0))
         made = equations(self.order, self.parameters, _scale(data, float(lengths.values[-1])))
         if not by_length:
             accuracy = min(accuracy, ROUNDING * data.size)
+        accuracy = max(accuracy, NOISE * float(np.abs(data.centre).max() + data.size))
         basis = self._basis(data, made, accuracy, limited=by_length)
         minimise = self.minimise
         if minimise == "auto":
@@ -172,9 +174,10 @@ class Problem:
         order, period = max(self.order), data.domain[1] - data.domain[0]
         if kind == "polynomial":
             degree = max(DEGREE, order + 1) if self.modes is None else self.modes
-            if degree < order:
+            if not order <= degree <= HIGHEST:
                 raise InputError(
-                    f"polynomials of degree {degree} are too few for equations of order {order}: modes={order}"
+                    f"polynomials of degree {degree} do not suit equations of order {order}: modes from {order} to "
+                    f"{HIGHEST} do"
                 )
             return Splines(data.domain, degree, 1)
         most = MOST
@@ -210,16 +213,23 @@ def _data(
     clock: Clock,
     domain: tuple[float, float],
     closed: bool,
+    count: int,
 ) -> Data:
-    """Read the boundary data of two ribbons at Gauss points of their pieces, those of side 2 with v reversed."""
-    pieces = np.union1d(breaks, np.linspace(breaks[0], breaks[-1], PIECES + 1))
+    """Read the boundary data of two ribbons at Gauss points of their pieces, those of side 2 with v reversed.
+
+    There are ``count`` pieces at least, of equal lengths in w.
+    """
+    pieces = np.union1d(breaks, clock.inverse(np.linspace(*domain, count + 1)).clip(breaks[0], breaks[-1]))
     nodes, weights = gauss(POINTS)
     steps = np.diff(pieces)
     t = (pieces[:-1, None] + steps[:, None] * nodes).ravel()
     first, second = (in_space(np.stack([jet(t) for jet in side])) for side in jets)
     signs = (-1.0) ** np.arange(len(second))[:, None, None]
     measure = (steps[:, None] * weights).ravel() * clock.rate(t)
-    return Data(clock(t), measure, np.stack([first, second * signs]), domain, closed)
+    both = np.stack([first, second * signs])
+    centre = both[:, 0].mean(axis=(0, 1))
+    both[:, 0] -= centre
+    return Data(clock(t), measure, both, centre, domain, closed)
 
 
 def _scale(data: Data, length: float) -> float:

@@ -15,6 +15,8 @@ from cqblend.blends.primaries import Array, Primary
 from cqblend.splines import Curve
 from cqblend.splines.evaluation import quotient
 
+RETURNS = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
+
 
 @dataclass(frozen=True)
 class Ribbon:
@@ -43,6 +45,15 @@ class Ribbon:
     def jets(self) -> tuple[Curve, ...]:
         """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
         return self.primary.jets(self.c, self.directions)
+
+
+def returns(ribbon: Ribbon) -> bool:
+    """Whether the jets of a ribbon end as they start."""
+    ends = np.array(ribbon.c.domain)
+    jets = in_space(np.stack([jet(ends) for jet in ribbon.jets()]))
+    jets[0] -= jets[0, :1]
+    size = np.abs(jets).max()
+    return bool(np.abs(jets[:, 0] - jets[:, 1]).max() <= RETURNS * max(size, np.finfo(float).tiny))
 
 
 def in_space(jets: Array) -> Array:

@@ -6,8 +6,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from cqblend.blends.across import bubble_poles, bubbles, carriers
-from cqblend.splines import bernstein
+from cqblend.blends.across import bubbles, carriers
 
 POINTS = [Fraction(i, 16) for i in range(17)]
 V = np.array([float(x) for x in POINTS])
@@ -70,16 +69,6 @@ def test_their_highest_bound_derivatives_are_orthonormal(half):
                 assert integral == 0
             else:
                 assert scale[m] ** 2 * float(integral) == pytest.approx(1, rel=1e-13)
-
-
-@pytest.mark.parametrize(("half", "count"), [(1, 1), (1, 9), (2, 4), (2, 14), (3, 3), (3, 20)])
-def test_bernstein_coefficients_are_the_same_polynomials(half, count):
-    poles = bubble_poles(half, count)
-    assert poles.shape == (2 * half + count, count)
-    assert not poles[:half].any()
-    assert not poles[-half:].any()
-    values = bernstein.basis(len(poles) - 1, 1 - V, V).T @ poles
-    np.testing.assert_allclose(values, bubbles(half, count, V), rtol=0, atol=1e-11 * np.abs(poles).max())
 
 
 @pytest.mark.parametrize("half", [1, 2, 3])
