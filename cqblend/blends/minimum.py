@@ -73,7 +73,7 @@ class Minimum:
                 f"{self.terms} terms times {self.basis.count} functions along are more than {MOST} unknowns: take "
                 "fewer terms or modes"
             )
-        system, right = self._system(range(self.terms), start)
+        system, right, _ = self._system(range(self.terms), start)
         start[:, self._free] += _least(system, right).reshape(self.terms, -1, start.shape[-1])
         return start
 
@@ -86,11 +86,10 @@ class Minimum:
         if self.minimise == "residual":
             return self._residuals()
         none = self._held_only(self._splines)
-        system, right = self._system(range(self.terms), none)
-        size = np.linalg.norm(right, axis=0)
+        system, _, size = self._system(range(self.terms), none)
         whole = np.linalg.norm(system @ (self.found - none)[:, self._free].reshape(len(system.T), -1), axis=0)
         more = np.concatenate([self.found, np.zeros((FURTHER, *self.found.shape[1:]))])
-        system, right = self._system(range(self.terms, self.terms + FURTHER), more)
+        system, right, _ = self._system(range(self.terms, self.terms + FURTHER), more)
         return np.linalg.norm(system @ _least(system, right), axis=0), whole, size
 
     # -- waves
@@ -162,13 +161,14 @@ class Minimum:
         half, n = self.equation.half, self.equation.order
         if self.minimise == "residual":
             return [[(c, n - 2 * i, 2 * i) for i, c in enumerate(self.equation.coefficients) if c]]
-        return [[(c, half - i, i) for i, c in enumerate(form) if c] for form in self.equation.squares().tolist()]
+        forms = [[(c, half - i, i) for i, c in enumerate(form) if c] for form in self.equation.squares().tolist()]
+        return [form for form in forms if form]
 
-    def _system(self, some: range, given: Array) -> tuple[Array, Array]:
+    def _system(self, some: range, given: Array) -> tuple[Array, Array, Array]:
         """Return the least-squares system for changes of some bubbles' free coefficients, given all coefficients.
 
-        A form of one term is the product of a matrix across and one along, and shrinks to that of their triangular
-        factors.
+        Its matrix and right side, and the norm (c,) of what is to be made least. A form of one term is the product of a
+        matrix across and one along, and shrinks to that of their triangular factors.
         """
         basis, half = self._splines, self.equation.half
         v, root = self._nodes()
@@ -178,7 +178,7 @@ class Minimum:
                 f"{len(v)} x {len(w)} collocation points are fewer than the unknowns, {self.terms} terms times "
                 f"{basis.count} functions along: give more points, or fewer terms or modes"
             )
-        blocks, rights = [], []
+        blocks, rights, size = [], [], np.zeros(self.data.shape[-1])
         for form in self._forms():
             right, factors = np.zeros((len(v), len(w), self.data.shape[-1])), []
             for c, kv, kw in form:
@@ -188,6 +188,7 @@ class Minimum:
                 inner = np.einsum("pm,mjc->pjc", across, given)
                 right -= np.einsum("pjc,lj->plc", outer + inner, along, optimize=True)
                 factors.append((across[:, some], along[:, self._free]))
+            size += (right**2).sum(axis=(0, 1))
             if len(factors) == 1:
                 (qv, rv), (qw, rw) = (np.linalg.qr(factor) for factor in factors[0])
                 factors = [(rv, rw)]
@@ -196,7 +197,7 @@ class Minimum:
             assert isinstance(block, np.ndarray)
             blocks.append(block.reshape(block.shape[0] * block.shape[1], -1))
             rights.append(right.reshape(len(blocks[-1]), -1))
-        return np.concatenate(blocks), np.concatenate(rights)
+        return np.concatenate(blocks), np.concatenate(rights), np.sqrt(size)
 
     # -- how good it is
 

@@ -346,6 +346,7 @@ def _quintics(t: Array, repeats: Array, *, closed: bool) -> Curve:
 
 
 SAMPLED = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
+MANY = 4096  # pieces
 ROUNDING, NOISE = 5e-14, 1e-12  # of the largest value: enough, and what a function may have of its own
 
 
@@ -367,7 +368,7 @@ def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *
     Raises
     ------
     GeometryError
-        If 1024 pieces are not enough, as at a kink; the message says where.
+        If 4096 pieces are not enough, as at a kink; the message says where.
 
     Examples
     --------
@@ -400,7 +401,9 @@ def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *
         if share <= ROUNDING or (best is not None and share > best[0] / 4 and best[0] <= NOISE):
             return curve if best is None or share <= best[0] else best[1]
         best = share, curve
-        if count >= 1024:
+        if count >= MANY and share <= NOISE:
+            return curve
+        if count >= MANY:
             raise GeometryError(
                 f"a function of t is not smooth enough at t = {between[error.argmax()]:.6g} to be a spline: give it as "
                 "a Curve, with its kinks at breaks"
