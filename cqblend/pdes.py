@@ -17,15 +17,17 @@ from cqblend.blends import hermite
 from cqblend.blends.boundaries import Boundary, DataRibbon
 from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
+from cqblend.blends.primaries import Array
 from cqblend.blends.problem import BASES, Problem
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import returns
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
-from cqblend.request import FORM, STEER, choice, count, orders, positive
+from cqblend.request import FORM, MOST_MODES, MOST_TERMS, STEER, choice, count, orders, positive
 from cqblend.splines import Curve, Surface
 
+CORNER = 1e-6  # of the size: as near as that, an end section meets a side
 SAMPLES = 65  # across an end section
 
 
@@ -123,7 +125,8 @@ def pde_blend(
         the powers of :math:`\partial_v^2 + s^2 \partial_w^2`: the larger, the less of the rails' shape reaches the
         middle. None is that with the s for which v and w count in lengths: Laplace's equation and its powers.
     terms : int or "auto"
-        Polynomials across beyond those that carry the boundary data; by default as many as the solution takes.
+        Polynomials across beyond those that carry the boundary data; by default as many as the solution takes, on open
+        rails as many as keep the degree across at 9.
     basis : {"auto", "trigonometric", "bspline", "polynomial"}
         Functions g_j along. By default waves on closed sides, B-splines of degree order + 1 on open ones.
     modes : int or "auto"
@@ -133,8 +136,8 @@ def pde_blend(
         sum is the integral.
     minimise : {"auto", "residual", "energy"}
         What the solution makes least: the sum of squares of the residual, as in the paper, or the energy whose least
-        value solves the equations. By default the residual on closed sides and between `ends` that hold all
-        derivatives, else the energy: at the corners of open blends solutions are singular, and the residual misleads.
+        value solves the equations. By default the residual on closed sides and between `ends`, else the energy: at the
+        corners of open blends solutions are singular, and the residual misleads.
     ends : pair of Boundary, optional
         The end sections of open boundary data: position and derivatives by w (the ``first``, ``second`` of each), as
         functions of v from 0 to 1. By default Hermite's sections (their position).
@@ -153,7 +156,8 @@ def pde_blend(
         kind, domain or closedness), there are fewer derivatives than the order takes, or fewer collocation points than
         unknowns.
     GeometryError
-        The sides are the same curve, the tolerance takes a degree above 25 across, or as in `cqblend.hermite_blend`.
+        The sides are one curve or points, they span no tangent planes, the tolerance takes too many spans, or as in
+        `cqblend.hermite_blend`.
     DegreeError
         The exact form would need a degree above 25.
 
@@ -173,9 +177,9 @@ def pde_blend(
     wanted = Problem(
         orders(order),
         parameters,
-        None if terms == "auto" else count("terms", terms),
+        None if terms == "auto" else count("terms", terms, MOST_TERMS),
         choice("basis", basis, BASES),
-        None if modes == "auto" else count("modes", modes),
+        None if modes == "auto" else count("modes", modes, MOST_MODES),
         _points(points),
         choice("minimise", minimise, ("auto", "residual", "energy")),
     )
@@ -186,7 +190,8 @@ def pde_blend(
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
-        made, solution = make((first, second), closed=closed, by_length=False, ends=_ends(ends, wanted, closed))
+        held = _ends(ends, wanted, closed, (side1, side2))
+        made, solution = make((first, second), closed=closed, by_length=False, ends=held)
         rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
     else:
@@ -217,8 +222,8 @@ def _check_match(side1: Boundary, side2: Boundary, wanted: Problem) -> bool:
     return side1.closed
 
 
-def _ends(given: Any, wanted: Problem, closed: bool) -> Ends | None:
-    """Return end sections as numbers."""
+def _ends(given: Any, wanted: Problem, closed: bool, sides: tuple[Boundary, Boundary]) -> Ends | None:
+    """Return end sections as numbers, if they meet the sides at the corners."""
     if given is None:
         return None
     if closed:
@@ -226,14 +231,30 @@ def _ends(given: Any, wanted: Problem, closed: bool) -> Ends | None:
     if not isinstance(given, list | tuple) or len(given) != 2 or not all(isinstance(one, Boundary) for one in given):
         raise InputError(f"ends are two Boundary, functions of v, not {shown(given)}")
     v = (1 - np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)) / 2
-    half, jets = max(wanted.halves), []
+    half, jets = max(wanted.halves), list[Array]()
     for one in given:
         if one.domain != (0.0, 1.0):
             raise InputError(f"end sections run over v from 0 to 1, not {one.domain}: give domain=(0, 1)")
         if len(one.curves) < half:
             raise InputError(f"an equation of order {max(wanted.order)} needs {half} sets of data on each end section")
+        _check_corners(one, sides, len(jets), wanted.halves)
         jets.append(np.stack([curve(v) for curve in one.curves[:half]]))
     return Ends(v, np.stack(jets))
+
+
+def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int, halves: tuple[int, int, int]) -> None:
+    """Raise InputError where an end section does not meet a side, in position or in the first derivative across."""
+    for number, side in enumerate(sides):
+        assert side.domain is not None
+        t, v = side.domain[end], float(number)
+        size = np.abs(np.concatenate([one.curves[0](one.curves[0].breaks) for one in sides])).max()
+        for k, curve in enumerate(side.curves[:2]):
+            apart = np.linalg.norm((section.curves[0](v, k) - curve(t))[np.array(halves) > k])
+            if apart > CORNER * size:
+                raise InputError(
+                    f"ends[{end}] misses side {number + 1} at t = {t:.6g} by {apart:.2g} in "
+                    f"{('position', 'the first derivative')[k]}: ends are functions of v, from side 1 to side 2"
+                )
 
 
 def _points(value: object) -> tuple[int | None, int | None]:

@@ -34,6 +34,7 @@ Chosen = TypeVar("Chosen", bound=str)
 Checked = TypeVar("Checked")
 
 ORDERS = (2, 4, 6)  # of partial differential equations
+MOST_TERMS, MOST_MODES = 100, 500  # across and along: far more than any blend takes
 
 STEER = math.radians(20)
 """rad. More than that, a turn would show in the shape of the blend."""
@@ -149,7 +150,7 @@ class BlendRequest:
             section=section,
             order=orders,
             parameters=parameters,
-            terms=None if terms == "auto" else count("terms", terms),
+            terms=None if terms == "auto" else count("terms", terms, MOST_TERMS),
             form=choice("form", form, FORM),
             tolerance=positive("tolerance", tolerance),
             angular_tolerance=positive("angular_tolerance", angular_tolerance),
@@ -244,11 +245,14 @@ def flag(name: str, value: object) -> bool:
     return value
 
 
-def count(name: str, value: object) -> int:
-    """Return a whole number above 0."""
+def count(name: str, value: object, most: int | None = None) -> int:
+    """Return a whole number above 0, of a size that makes sense."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
         raise InputError(f"{name} must be a whole number above 0, not {shown(value)}")
-    return int(value)
+    number = int(value)
+    if most is not None and number > most:
+        raise InputError(f"{name} must be at most {most}, not {shown(number)}")
+    return number
 
 
 def turn(name: str, value: object) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,12 +17,13 @@ import numpy as np
 from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon
-from cqblend.errors import InputError, shown
+from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 
 Component: TypeAlias = float | Curve | Callable[[Array], Any]
 Given: TypeAlias = Curve | Callable[[Array], Any] | Sequence[Component]
 
+FLAT = 1e-9  # relative: an area below is none
 RETURNS = 1e-9  # relative: ends that differ by less meet
 
 
@@ -62,6 +64,8 @@ class Boundary:
     domain: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        if self.position is None:
+            raise InputError("a boundary needs a position")
         if self.second is not None and self.first is None:
             raise InputError("a boundary with a second derivative needs the first one, too")
         object.__setattr__(self, "domain", self._domain())
@@ -70,11 +74,10 @@ class Boundary:
     def _domain(self) -> tuple[float, float]:
         own = {one.domain for given in self._given for one in _parts(given) if isinstance(one, Curve)}
         if self.domain is not None:
-            try:
-                a, b = (float(x) for x in self.domain)
-            except (TypeError, ValueError):
-                raise InputError(f"domain must be two numbers, not {shown(self.domain)}") from None
-            if not (np.isfinite([a, b]).all() and a < b):
+            if not isinstance(self.domain, list | tuple | np.ndarray) or len(self.domain) != 2:
+                raise InputError(f"domain must be two numbers, not {shown(self.domain)}")
+            a, b = (number("domain", x) for x in self.domain)
+            if not a < b:
                 raise InputError(f"domain must be two increasing numbers, not {shown(self.domain)}")
             own.add((a, b))
         if len(own) > 1:
@@ -89,16 +92,20 @@ class Boundary:
     def curves(self) -> tuple[Curve, ...]:
         """Position and derivatives as curves of dim 3, as many as are given."""
         assert self.domain is not None
-        sets = [[self._as_curve(one) for one in _parts(given)] for given in self._given]
-        return tuple(Curve.stack(curves) for curves in sets)
+        sets = [_parts(given) for given in self._given]
+        return tuple(
+            Curve.stack([self._as_curve(one, 4 - len(some) if len(some) == 1 else 1) for one in some]) for some in sets
+        )
 
-    def _as_curve(self, one: Component) -> Curve:
+    def _as_curve(self, one: Component | Given, dim: int) -> Curve:
         assert self.domain is not None
         if isinstance(one, Curve):
             return one
         if callable(one):
-            return fit.reproduce(_checked(one), self.domain, closed=_returns(_checked(one), self.domain))
-        return Curve(self.domain, np.full((1, 1, 1), one))
+            function = _checked(one, dim)
+            return fit.reproduce(function, self.domain, closed=_returns(function, self.domain))
+        assert isinstance(one, Real)
+        return Curve(self.domain, np.full((1, 1, 1), float(one)))
 
     @cached_property
     def closed(self) -> bool:
@@ -108,7 +115,8 @@ class Boundary:
     def rail(self, side: int) -> Rail:
         """Return the data of side 1 or 2 as a rail on a surface of their own: C + v T + v^2/2 K, into the blend.
 
-        A blend along it with ``tangents=Combination(..)`` of (0, 1) and ``length="field"`` takes them as they are.
+        A blend along it with ``tangents=Combination(..)`` of (0, 1) and ``length="field"`` takes position and first
+        derivative as they are; of the second one it takes the curvature.
 
         Raises
         ------
@@ -129,10 +137,18 @@ class Boundary:
         return Rail(*self.ribbon(1, side - 1, self).trace, "left")
 
     def ribbon(self, order: int, side: int, other: Boundary) -> DataRibbon:
-        """Return the ribbon of side 0 or 1 with so many directions; one that is not given points to the other side."""
+        """Return the ribbon of side 0 or 1 with so many directions; one that is not given points to the other side.
+
+        Raises
+        ------
+        GeometryError
+            If it has a direction, and that spans no tangent plane with the position's somewhere.
+        """
         position, *rest = self.curves
         if not rest:
             rest = [(other.curves[0] - position) * (1.0, -1.0)[side]]
+        if order:
+            _check_plane(position, rest[0], side)
         across = Curve.stack([position, *rest]) if rest else position  # of one weight
         jets = [across[i : i + 3] * (-1.0 if side and i == 3 else 1.0) for i in range(0, across.dim, 3)]
         jets += [jets[0] * 0.0] * (3 - len(jets))
@@ -164,8 +180,19 @@ class DataRibbon(Ribbon):
         return self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
 
 
-def _parts(given: Given) -> Sequence[Component]:
-    """Return what a position or derivative is made of, checked."""
+def number(name: str, value: object) -> float:
+    """Return a finite number as a float."""
+    try:
+        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:
+        found = float("inf")
+    if not np.isfinite(found):
+        raise InputError(f"{name} must be a finite number, not {shown(value)}")
+    return found
+
+
+def _parts(given: object) -> Sequence[Any]:
+    """Return what a position or derivative is made of, checked: one that has dim 3, or three of dim 1."""
     if isinstance(given, Curve):
         if given.dim != 3:
             raise InputError(f"boundary data are Curves of dim 3, or three of dim 1, not of dim {given.dim}")
@@ -176,34 +203,32 @@ def _parts(given: Given) -> Sequence[Component]:
     if len(parts) != 3:
         raise InputError(f"boundary data are a Curve, a function, or three components, not {shown(given)}")
     for part in parts:
-        if isinstance(part, Curve) and part.dim != 1:
-            raise InputError(f"a component is a Curve of dim 1, not {part.dim}")
-        if not isinstance(part, Curve) and not callable(part):
-            try:
-                finite = np.isfinite(float(part))
-            except (TypeError, ValueError):
-                finite = False
-            if not finite:
-                raise InputError(f"a component is a finite number, a Curve or a function, not {shown(part)}")
+        if isinstance(part, Curve):
+            if part.dim != 1:
+                raise InputError(f"a component is a Curve of dim 1, not {part.dim}")
+        elif not callable(part):
+            number("a component that is no Curve and no function", part)
     return parts
 
 
-def _checked(function: Callable[[Array], Any]) -> Callable[[Array], Array]:
+def _checked(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Array]:
     """Let a function return (n, dim), with an error that says what is wrong if it does not."""
+    expected = "(n, 3)" if dim == 3 else "(n,) as a component"
 
     def call(t: Array) -> Array:
         try:
-            values = np.asarray(function(t), dtype=np.float64)
-        except (TypeError, ValueError) as error:
+            values = np.asarray(function(t))
+            if np.iscomplexobj(values):
+                raise InputError("boundary data are real, not complex")
+            values = values.astype(np.float64)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
             raise InputError(f"boundary data that are a function take an array of parameters t: {error}") from error
-        if values.shape in ((len(t), 3), (len(t), 1)):
-            pass
-        elif values.shape in ((), (1,), (len(t),)):
-            values = np.broadcast_to(values, len(t))[:, None]
-        else:
-            raise InputError(
-                f"boundary data that are a function return (n, 3), or (n,) as a component, not shape {values.shape}"
-            )
+        if dim == 1 and values.shape in ((), (1,), (len(t),), (len(t), 1)):
+            values = np.broadcast_to(values.reshape(-1), len(t))[:, None]
+        if values.shape != (len(t), dim):
+            raise InputError(f"boundary data that are a function return {expected}, not shape {values.shape}")
         if not np.isfinite(values).all():
             raise InputError(f"boundary data are not finite at t = {t[~np.isfinite(values).all(axis=1)][0]:.6g}")
         return values
@@ -230,6 +255,19 @@ def _meets(curve: Curve) -> bool:
         np.abs(first - last).max() <= RETURNS * size
         and np.abs(slope - other).max() * (b - a) <= 1e-6 * max(size, 1e-300)
     )
+
+
+def _check_plane(position: Curve, first: Curve, side: int) -> None:
+    """Raise GeometryError where position and first derivative span no tangent plane."""
+    t = np.linspace(*position.domain, 1025)
+    rate, vector = position(t, 1), first(t)
+    area = np.linalg.norm(np.cross(rate, vector), axis=1)
+    size = np.linalg.norm(rate, axis=1).max() * np.linalg.norm(vector, axis=1).max()
+    if not area.min() > FLAT * size:
+        raise GeometryError(
+            f"position and first derivative of side {side + 1} span no tangent plane at t = {t[area.argmin()]:.6g}: "
+            "one of them vanishes, or they are parallel"
+        )
 
 
 def _homogeneous(jet: Curve, order: int) -> Curve:

@@ -26,6 +26,9 @@ from cqblend.splines.bernstein import Array
 NAMES = "abcd"
 DEGENERATE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
 
+STEEPEST = 1e12
+"""Coefficients beside a, at most: beyond, layers along the rails are thinner than anything that resolves them."""
+
 Parameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
 
 
@@ -52,6 +55,11 @@ class Equation:
     coefficients: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        if self.coefficients[0] and not np.abs(self.coefficients).max() <= STEEPEST * abs(self.coefficients[0]):
+            raise InputError(
+                f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) have an a that is nothing beside the "
+                f"others: take one above {1 / STEEPEST:g} of them"
+            )
         at = self._zero()
         if at is not None:
             symbol = " + ".join(
@@ -69,6 +77,11 @@ class Equation:
         return cls(tuple(comb(half, i) * scale ** (2 * i) for i in range(half + 1)))
 
     @property
+    def normal(self) -> Array:
+        """The coefficients over a, (n/2 + 1,)."""
+        return np.array(self.coefficients) / self.coefficients[0]
+
+    @property
     def half(self) -> int:
         """How many conditions it takes on each rail."""
         return len(self.coefficients) - 1
@@ -81,7 +94,7 @@ class Equation:
     @property
     def steepest(self) -> float:
         r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times that for :math:`e^{i \omega w}`."""
-        squares = np.roots([c * (-1) ** i for i, c in enumerate(self.coefficients)])
+        squares = np.roots([c * (-1) ** i for i, c in enumerate(self.normal)])
         return float(np.sqrt(np.abs(squares).max()))
 
     def squares(self) -> Array:
@@ -90,7 +103,7 @@ class Equation:
         Form f stands for :math:`\sum_i f_i \partial_v^{n/2 - i} \partial_w^i`. The integral of the sum of their squares
         is the energy whose minimum, among all functions with the same boundary data, solves the equation.
         """
-        c = np.array(self.coefficients) / self.coefficients[0]
+        c = self.normal
         if (c >= 0).all():
             return np.asarray(np.diag(np.sqrt(c)))
         # z^2 + b z + c = (z - g)^2 + (b + 2 g) z, with g^2 = c; a cubic has a factor z + r besides
@@ -106,13 +119,14 @@ class Equation:
 
     def _zero(self) -> float | None:
         """Return a z >= 0 (infinite for a = 0) at which the symbol vanishes, None if there is none."""
-        c = np.array(self.coefficients)
-        if c[0] == 0:
+        if self.coefficients[0] == 0:
             return np.inf
+        with np.errstate(over="ignore"):
+            c = self.normal
         turns = np.roots(np.polyder(c))
         at = np.concatenate([[0.0], turns[np.abs(turns.imag) <= 1e-6 * np.abs(turns)].real])
         at = at[at >= 0]
-        values = np.polyval(c, at) * np.sign(c[0])
+        values = np.polyval(c, at)
         size = np.polyval(np.abs(c), at)
         bad = at[values <= DEGENERATE * size]
         if not len(bad):
@@ -142,8 +156,8 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
     """
     if parameters is None or isinstance(parameters, Real):
         s = scale if parameters is None else _number(parameters)
-        if not s > 0:
-            raise InputError(f"parameters must be above 0 if they are one number, not {s:g}")
+        if not 0 < s <= STEEPEST:
+            raise InputError(f"parameters must be above 0 if they are one number, and at most {STEEPEST:g}, not {s:g}")
         made = [Equation.laplacian(n, s) for n in order]
         return made[0], made[1], made[2]
     if not isinstance(parameters, list | tuple | np.ndarray):
@@ -165,6 +179,10 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value)):
+    try:
+        number = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:
+        number = float("inf")
+    if not np.isfinite(number):
         raise InputError(f"parameters must be finite numbers, not {shown(value)}")
-    return float(value)
+    return number

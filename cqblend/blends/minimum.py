@@ -121,7 +121,7 @@ class Minimum:
         inner, outer = self._across(v)
         numbers, kinds = (np.arange(basis.count) + 1) // 2, np.arange(basis.count) % 2
         omega = basis.frequencies[::2]  # of 1, sin w, ..: once each
-        signs = np.array([c * (-1.0) ** i for i, c in enumerate(self.equation.coefficients)])
+        signs = np.array([c * (-1.0) ** i for i, c in enumerate(self.equation.normal.tolist())])
         powers = signs * omega[:, None] ** (2 * np.arange(len(signs)))  # (modes + 1, half + 1)
         matrix = np.einsum("ji,ipm->jpm", powers, inner) * root[:, None]
         carried = np.einsum("ji,iper->jper", powers, outer) * root[:, None, None]
@@ -160,7 +160,7 @@ class Minimum:
         """Return what is to be small: forms, of whose squares the integral is taken."""
         half, n = self.equation.half, self.equation.order
         if self.minimise == "residual":
-            return [[(c, n - 2 * i, 2 * i) for i, c in enumerate(self.equation.coefficients) if c]]
+            return [[(c, n - 2 * i, 2 * i) for i, c in enumerate(self.equation.normal.tolist()) if c]]
         forms = [[(c, half - i, i) for i, c in enumerate(form) if c] for form in self.equation.squares().tolist()]
         return [form for form in forms if form]
 
@@ -207,7 +207,7 @@ class Minimum:
         (low, high), count = self.basis.domain, 3 * self.basis.count + CHECKS
         w = low + (high - low) * (np.arange(count) + 0.5) / count
         inner, outer = self._across(v)
-        along = np.stack([c * self.basis(w, 2 * i) for i, c in enumerate(self.equation.coefficients)])
+        along = np.stack([c * self.basis(w, 2 * i) for i, c in enumerate(self.equation.normal.tolist())])
         each = np.einsum("iper,jerc,ilj->iplc", outer, self.data, along, optimize=True)
         before = each.sum(axis=0)
         after = before + np.einsum("ipm,mjc,ilj->plc", inner, self.found, along, optimize=True)

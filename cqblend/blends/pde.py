@@ -158,6 +158,8 @@ class Task:
     accuracy, share : float
         What further terms may change, where their number is free: mm, and a share of what all of them do; of the
         energy, a share of its root.
+    light : bool
+        Whether the energy is to make do with terms that keep the degree across low.
     """
 
     data: Data
@@ -169,6 +171,7 @@ class Task:
     ends: Ends | None
     accuracy: float
     share: float
+    light: bool
 
     def solve(self, terms: int | None) -> Solution:
         """Solve with so many bubbles; None for as many as it takes.
@@ -240,8 +243,8 @@ class Task:
         return np.einsum("ekl,mn,elnc->ekmc", basis.held(k), inner, rest, optimize=True)
 
     def _tried(self) -> list[int]:
-        """Return the numbers of bubbles to try: for the energy, those that keep the degree across low."""
-        if self.minimise == "energy":
+        """Return the numbers of bubbles to try, fewer where all of them are solved for at once."""
+        if self.light and self.minimise == "energy":
             most = LIGHT + 1 - 2 * max(one.half for one in self.equations)
             return [n for n in range(most % 2 or 2, most + 1, 2) if n >= 4]
         waves = isinstance(self.basis, Waves)

@@ -37,7 +37,8 @@ ROUNDING = 1e-12  # of the size: accuracy of solutions for data, unless a better
 NOISE = 1e-13  # of coordinates: what is below it in data is rounding
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the solution
 SHARE = 1e-4  # of the interior, that terms along rails may leave out
-ENERGY = 0.02  # of the root of the energy, likewise; the middle of the blend is right to the square of that
+ENERGY, FINE = 0.02, 1e-3  # of the root of the energy, likewise, and between data; the middle of the blend is right to
+# the square of that
 
 
 @dataclass(frozen=True)
@@ -160,8 +161,8 @@ class Problem:
             minimise = "residual" if closed or whole else "energy"
         elif minimise == "energy" and isinstance(basis, Waves):
             raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
-        share = 0.0 if not by_length else SHARE if minimise == "residual" else ENERGY
-        return Task(data, made, basis, clock, minimise, self.points, ends, accuracy, share)
+        share = (SHARE if by_length else 0.0) if minimise == "residual" else (ENERGY if by_length else FINE)
+        return Task(data, made, basis, clock, minimise, self.points, ends, accuracy, share, light=by_length)
 
     def _basis(self, data: Data, made: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool) -> Basis:
         """Choose the functions along: the fewest that hold the data."""
@@ -234,6 +235,8 @@ def _data(
 
 def _scale(data: Data, length: float) -> float:
     """Return the factor on derivatives along with which v and w both count in lengths: width over length of a unit."""
+    if not length > 0:
+        raise GeometryError("both sides are points: there is nothing along them")
     if not data.width > 0:
         raise GeometryError("the rails are the same curve: there is nothing between them")
     return data.width * (data.domain[1] - data.domain[0]) / length
