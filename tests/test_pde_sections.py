@@ -323,7 +323,7 @@ def test_order_fixes_continuity(order, continuity):
         ({"section": "pde", "parameters": (1, -2, 1)}, "are degenerate: a z\\^2 \\+ b z \\+ c is zero at z = 1"),
         ({"section": "pde", "parameters": (0, 1, 1)}, "are degenerate"),
         ({"section": "pde", "parameters": 0}, "parameters must be above 0"),
-        ({"section": "pde", "parameters": math.nan}, "parameters must be finite"),
+        ({"section": "pde", "parameters": math.nan}, "each of the parameters must be a finite number"),
         ({"section": "pde", "terms": 0}, "terms must be a whole number above 0"),
         ({"section": "pde", "terms": "many"}, "terms must be a whole number above 0"),
         ({"order": 4}, 'order is an option of section="pde"'),

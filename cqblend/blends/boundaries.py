@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from cqblend.blends.checks import number
 from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon
@@ -178,17 +179,6 @@ class DataRibbon(Ribbon):
         assert self.strip is not None
         (a, b), _ = self.strip.domain
         return self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
-
-
-def number(name: str, value: object) -> float:
-    """Return a finite number as a float."""
-    try:
-        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:
-        found = float("inf")
-    if not np.isfinite(found):
-        raise InputError(f"{name} must be a finite number, not {shown(value)}")
-    return found
 
 
 def _parts(given: object) -> Sequence[Any]:

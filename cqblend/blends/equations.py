@@ -20,6 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cqblend.blends.checks import number
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
 
@@ -155,7 +156,7 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
         If the parameters are no finite numbers, not as many as the order takes, or degenerate.
     """
     if parameters is None or isinstance(parameters, Real):
-        s = scale if parameters is None else _number(parameters)
+        s = scale if parameters is None else number("each of the parameters", parameters)
         if not 0 < s <= STEEPEST:
             raise InputError(f"parameters must be above 0 if they are one number, and at most {STEEPEST:g}, not {s:g}")
         made = [Equation.laplacian(n, s) for n in order]
@@ -174,15 +175,5 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
                 f"an equation of order {n} has {n // 2 + 1} parameters, {', '.join(NAMES[: n // 2 + 1])}; there are "
                 f"{len(row)} for {name}"
             )
-        made.append(Equation(tuple(_number(value) for value in row)))
+        made.append(Equation(tuple(number("each of the parameters", value) for value in row)))
     return made[0], made[1], made[2]
-
-
-def _number(value: object) -> float:
-    try:
-        number = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:
-        number = float("inf")
-    if not np.isfinite(number):
-        raise InputError(f"parameters must be finite numbers, not {shown(value)}")
-    return number

@@ -96,16 +96,16 @@ def test_parameters_for_each_component():
     [
         ((4, 4, 4), (1, 2), "an equation of order 4 has 3 parameters, a, b, c; there are 2 for x"),
         ((2, 2, 6), ((1, 1), (1, 1), (1, 1)), "an equation of order 6 has 4 parameters, a, b, c, d; there are 2 for z"),
-        ((2, 2, 2), (1, float("nan")), "parameters must be finite numbers, not nan"),
-        ((2, 2, 2), (1, True), "parameters must be finite numbers, not True"),
-        ((2, 2, 2), ("1", 1), "parameters must be finite numbers, not '1'"),
+        ((2, 2, 2), (1, float("nan")), "each of the parameters must be a finite number, not nan"),
+        ((2, 2, 2), (1, True), "each of the parameters must be a finite number, not True"),
+        ((2, 2, 2), ("1", 1), "each of the parameters must be a finite number, not '1'"),
         ((2, 2, 2), "big", "parameters must be numbers"),
         ((2, 2, 2), ((1, 1), (1, 1)), "parameters must be numbers"),
         ((2, 2, 2), ((1, 1), 1, (1, 1)), "parameters must be numbers"),
         ((2, 2, 2), (), "an equation of order 2 has 2 parameters"),
         ((2, 2, 2), 0, "parameters must be above 0 if they are one number, and at most 1e+12, not 0"),
         ((2, 2, 2), -1.0, "parameters must be above 0"),
-        ((2, 2, 2), float("inf"), "parameters must be finite numbers, not inf"),
+        ((2, 2, 2), float("inf"), "each of the parameters must be a finite number, not inf"),
     ],
 )
 def test_parameters_that_are_none(order, parameters, message):
