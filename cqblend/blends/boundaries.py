@@ -128,8 +128,8 @@ class Boundary:
 
         Examples
         --------
-        >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(0.0, 0.5).round(9).tolist()
-        [1.0, 0.0, 0.5]
+        >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(np.pi / 3, 0.5).round(6).tolist()
+        [0.5, 0.866025, 0.5]
         """
         if side not in (1, 2):
             raise InputError(f"the side is 1 or 2, not {shown(side)}")
