@@ -18,13 +18,16 @@ from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
     from cqblend.blends.boundaries import Boundary
+    from cqblend.blends.families import Family
     from cqblend.blends.rails import Rail
+    from cqblend.blends.relations import BezierRelation, Conic, Relation
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
     from cqblend.front import BlendResult, blend_edges, continuity, to_curve, to_edge, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.patterns import Pattern, unroll
     from cqblend.pdes import PdeBlend, pde_blend
+    from cqblend.potentials import PotentialBlend, potential_blend, reshape
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
@@ -33,20 +36,25 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "BezierRelation",
     "Blend",
     "BlendResult",
     "Boundary",
     "Certificate",
     "Combination",
+    "Conic",
     "Continuity",
     "CqblendError",
     "Curve",
+    "Family",
     "Guide",
     "Normalised",
     "Pattern",
     "PdeBlend",
+    "PotentialBlend",
     "Rail",
     "RailRecord",
+    "Relation",
     "Surface",
     "Verification",
     "__version__",
@@ -58,8 +66,10 @@ __all__ = [
     "hermite_blend",
     "normalise",
     "pde_blend",
+    "potential_blend",
     "projected",
     "reparameterise",
+    "reshape",
     "to_curve",
     "to_edge",
     "to_face",
@@ -70,17 +80,22 @@ __all__ = [
 ]
 
 _HOME = {
+    "BezierRelation": "blends.relations",
     "Blend": "freeform",
     "BlendResult": "front",
     "Boundary": "blends.boundaries",
     "Combination": "freeform",
+    "Conic": "blends.relations",
     "Continuity": "occ.measure",
     "Curve": "splines.curve",
+    "Family": "blends.families",
     "Guide": "freeform",
     "Normalised": "splines.unit_length",
     "Pattern": "patterns",
     "PdeBlend": "pdes",
+    "PotentialBlend": "potentials",
     "Rail": "blends.rails",
+    "Relation": "blends.relations",
     "Surface": "splines.surface",
     "Verification": "occ.verification",
     "blend_edges": "front",
@@ -90,8 +105,10 @@ _HOME = {
     "hermite_blend": "freeform",
     "normalise": "splines.unit_length",
     "pde_blend": "pdes",
+    "potential_blend": "potentials",
     "projected": "freeform",
     "reparameterise": "splines.retiming",
+    "reshape": "potentials",
     "to_curve": "front",
     "to_edge": "front",
     "to_face": "front",

@@ -41,6 +41,9 @@ class RailRecord:
         Largest deviation of the length of the cross derivative from what was asked, relative.
     tolerance : float
         Largest tolerance of an edge on the rail, mm.
+    kept : float
+        Share of the rail along which the blend's cross derivative vanishes, so that the joint stays as it was: angle
+        and curvature jump are not measured there. 0 of all blends but potential ones whose amounts vanish.
     """
 
     side: int
@@ -52,6 +55,7 @@ class RailRecord:
     direction: float
     length: float
     tolerance: float
+    kept: float = 0.0
 
 
 _COLUMNS = (
@@ -206,7 +210,12 @@ class Certificate:
             f"{state} blend, {self.form}, degree {degree}, {poles} poles{rational}, by {self.method}",
             f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail{residual}",
         )
-        return "\n".join((*head, *_table(self.rails)))
+        kept = [
+            f"side {one.side}: the joint stays as it was on {one.kept:.1%} of the rail"
+            for one in self.rails
+            if one.kept
+        ]
+        return "\n".join((*head, *_table(self.rails), *kept))
 
 
 def _table(rails: Sequence[RailRecord]) -> list[str]:

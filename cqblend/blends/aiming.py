@@ -27,6 +27,7 @@ FINE = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
 The rounding of a blend's poles shows in its derivatives of order k divided by spans to the power of k.
 """
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
+FADED = 1e-3  # of the largest vector along a rail: what is shorter has faded
 ALIKE = 1e-6  # relative: fits that differ by less are the same
 
 Maker = Callable[[Array], Curve]
@@ -63,11 +64,16 @@ def aim(
 
 
 def _deviations(jets: Sequence[Curve], t: Array, vectors: Array) -> tuple[Array, Array]:
-    """Return how far the first derivatives of a ribbon are from vectors (n, 3) at t: rad, and relative."""
+    """Return how far the first derivatives of a ribbon are from vectors (n, 3) at t: rad, and relative.
+
+    Where vectors vanish they have no direction, and what is left of them is compared with the largest.
+    """
     fitted = in_space(np.stack([curve(t) for curve in jets]))[1]
+    length = np.linalg.norm(vectors, axis=1)
+    least = FADED * length.max()
     angle = np.arctan2(np.linalg.norm(cross(fitted, vectors), axis=1), (fitted * vectors).sum(1))
-    ratio = np.linalg.norm(fitted, axis=1) / np.linalg.norm(vectors, axis=1) - 1
-    return angle, np.abs(ratio)
+    ratio = (np.linalg.norm(fitted, axis=1) - length) / np.maximum(length, least)
+    return np.where(length > least, angle, 0.0), np.abs(ratio)
 
 
 def further(
@@ -143,8 +149,8 @@ class Aim:
 
         def make(values: Array) -> Curve:
             if not self.rail.curve.rational:
-                return _through(nodes, values, corners, closed=self.closed)
-            return _through(nodes, values / weight(t), corners, closed=self.closed) * weight
+                return through(nodes, values, corners, closed=self.closed)
+            return through(nodes, values / weight(t), corners, closed=self.closed) * weight
 
         uv, ends = self.rail.curve(t), self.rail.curve(self.c.breaks)
         if self.exact is not None and not steering.pins:
@@ -204,7 +210,7 @@ def _alike(one: Ribbon, other: Ribbon) -> bool:
     return all(np.abs(a(t) - b(t)).max() <= ALIKE * np.abs(b(t)).max() for a, b in pairs)
 
 
-def _through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
+def through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
     """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
 
     There are two more values between neighbouring nodes, at equal distances. From them come the slopes at the corners,

@@ -86,7 +86,7 @@ def remembering(solve: Solver) -> Solver:
     return solve_new
 
 
-def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
+def normal_jet(jet: Array) -> tuple[Array, Array, Array]:
     """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""
     outer = cross(jet[1], jet[2])
     length = np.linalg.norm(outer, axis=1, keepdims=True)
@@ -194,7 +194,7 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
         jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
         centre, rates = [], []
         for i in PAIR:
-            n, nu, nv = _normal_jet(jets[i])
+            n, nu, nv = normal_jet(jets[i])
             centre.append(jets[i][0] + radius * sign[i] * n)
             rates += [jets[i][1] + radius * sign[i] * nu, jets[i][2] + radius * sign[i] * nv]
         middle = (centre[0] + centre[1]) / 2 - point

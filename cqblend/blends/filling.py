@@ -1,18 +1,18 @@
-r"""From a solution of partial differential equations to a blend surface that is exact at its boundary.
+r"""What fills a blend between its two joints, whatever it is, as a spline that leaves them as exact as they are.
 
-A solution meets its boundary data as far as the functions along hold them. What they missed is made good by a Hermite
-interpolant of the difference; of the sum, all that carries boundary data is the Hermite section of the ribbons' own
-jets, and what is left of the solution are its bubbles,
+All that carries boundary data is the Hermite section of the ribbons' own jets. What is added,
 
-.. math:: H(t, v) = \text{section}(t, v) + \sum_m \varphi_m(v)\, q_m(w(t)).
+.. math:: H(t, v) = \text{section}(t, v) + I(t, v),
 
-Whatever approximates that sum leaves the joints as exact as they are, as long as it vanishes at both rails with its
-derivatives. Here these are splines in v of a degree that OCCT evaluates well, and in t. In homogeneous coordinates they
-approximate the product with the section's weight.
+vanishes at both rails with its derivatives, and so may whatever approximates it. Here these are splines in v of a
+degree that OCCT evaluates well, and in t. In homogeneous coordinates they approximate the product with the section's
+weight. A solution of partial differential equations adds its bubbles; what the functions along missed on the rails is
+made good by that, too.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -39,17 +39,23 @@ LIGHT = 4  # degree along of sections that may be simple: between planes, around
 
 
 @dataclass(frozen=True)
-class Filling:
-    """Fills the section between jets with a solution, within a tolerance (mm).
+class Filling(ABC):
+    """Fills the section between jets with something, within a tolerance (mm).
 
-    ``kinks`` are the parameters t at which the functions along, or w(t), are not smooth, ``orders`` their continuity.
+    ``halves`` is how many jets x, y and z take from each rail, ``points`` at how many points across the interior is
+    read. ``kinks`` are the parameters t at which it is not smooth, ``orders`` its continuity there.
     """
 
-    solution: Solution
+    halves: tuple[int, int, int]
+    points: int
     tolerance: float
     closed: bool
     kinks: Array
     orders: Array
+
+    @abstractmethod
+    def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+        """Return what is added to the section at v (m,), as a function of t (n,) to (n, m, 3)."""
 
     def __call__(self, sides: tuple[Jets, Jets]) -> Surface:
         """Return the blend surface between the jets of both ribbons.
@@ -59,22 +65,19 @@ class Filling:
         GeometryError
             If the tolerance takes more spans than there may be.
         """
-        halves = self.solution.halves
         taken = min(map(len, sides))
-        return section(sides, None if min(halves) == taken else halves, self.interior(sides))
+        return section(sides, None if min(self.halves) == taken else self.halves, self.interior(sides))
 
     def interior(self, sides: tuple[Jets, Jets]) -> Interior | None:
-        """Return the bubbles as splines, None if they are within the tolerance."""
+        """Return what is added as splines, None if it is within the tolerance."""
         jets = aligned([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        points = max(ACROSS, 4 * self.solution.terms)
-        v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
-        inside = [bubbles(half, self.solution.terms, v).T for half in self.solution.halves]
+        v = (1 - np.cos(np.pi * (np.arange(self.points) + 0.5) / self.points)) / 2
+        added = self.added(sides, v)
 
         def values(t: Array) -> Array:
             """Return the interior at t (n,) and all v, times the section's weight: (n, m, 3)."""
-            parts = self.solution.inside(self.solution.clock(t))
-            out = np.stack([q @ one for q, one in zip(parts, inside, strict=True)], axis=-1)
+            out = added(t)
             weight = None if _even(sides) else weights(sides, t, v)
             return out if weight is None else out * weight[..., None]
 
@@ -116,8 +119,8 @@ class Filling:
 
     def _across(self, v: Array, found: Array) -> _Across:
         """Choose the fewest functions across that hold the interior within a quarter of the tolerance."""
-        for degree, spans in _choices(self.solution.halves):
-            across = _Across.of(self.solution.halves, degree, spans, v)
+        for degree, spans in _choices(self.halves):
+            across = _Across.of(self.halves, degree, spans, v)
             missed = float(np.abs(across.values(across.fitted(found)) - found).max())
             if missed <= self.tolerance / 4:
                 return across
@@ -125,6 +128,23 @@ class Filling:
             f"the interior errs by {missed:.2g} mm on {spans} spans of degree {degree} across: ask for a larger "
             "tolerance, fewer terms, or parameters whose layers along the rails are less thin (a smaller b)"
         )
+
+
+@dataclass(frozen=True)
+class Bubbles(Filling):
+    r"""The bubbles of a solution of partial differential equations, sum of :math:`\varphi_m(v)\, q_m(w(t))`."""
+
+    solution: Solution
+
+    def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+        del sides
+        inside = [bubbles(half, self.solution.terms, v).T for half in self.halves]
+
+        def values(t: Array) -> Array:
+            parts = self.solution.inside(self.solution.clock(t))
+            return np.stack([q @ one for q, one in zip(parts, inside, strict=True)], axis=-1)
+
+        return values
 
 
 def _choices(halves: tuple[int, int, int]) -> Iterator[tuple[int, int]]:

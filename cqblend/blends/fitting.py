@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds
+from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds, through
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
@@ -28,6 +28,8 @@ OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence o
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
 FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
+NONE = np.empty(0)
+
 Domain = tuple[float, float]
 Scale = Callable[[Array], Array]
 Moves = list[tuple[int, float, Array]]  # of contacts: on which side, at which t, to which native parameters
@@ -39,7 +41,8 @@ class Wanted:
 
     By side, ``fields`` are their cross directions, ``bulges`` factors on the lengths that the contacts suggest, as
     functions of t, ``orders`` those of continuity; ``steer`` is the largest angle (rad) by which directions are turned
-    for the sake of what is inside the blend.
+    for the sake of what is inside the blend. ``vectors``, functions of t, are cross derivatives that are given as they
+    are, instead of fields, bulges and lengths; they belong to points of the rails, which then may not shift along.
     """
 
     position: float = 1e-7
@@ -49,13 +52,15 @@ class Wanted:
     bulges: tuple[Scale, Scale] = (np.ones_like, np.ones_like)
     orders: tuple[int, int] = (1, 1)
     steer: float = 0.0
+    vectors: tuple[Scale, Scale] | None = None
 
 
 @dataclass(frozen=True)
 class Errors:
     """How far a fitted ribbon is from what was wanted, at every sample.
 
-    In space (mm), of that across the rail (what is along it only shifts the common parameter), in direction (rad), in
+    In space (mm), of that across the rail (what is along it only shifts the common parameter, unless derivatives are
+    given), in direction (rad), in
     length (relative), both less the slack of steering.
     """
 
@@ -118,10 +123,13 @@ def _build(
     jet = primary.jet(uv)
     c = make(primary.scale(primary.lift(uv), weight))
     point, rate = in_space(primary.position(c).jet(t, 1))
-    other = primaries[1 - side].jet(solved.uv[1 - side])[0]
-    asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
-    length = (wanted.bulges[side](t) * solved.reach[side])[:, None]
-    made, turned, ratio = aim(primary, c, uv, t, asked * length, wanted.orders[side], make, steering)
+    if wanted.vectors is not None:
+        asked = wanted.vectors[side](t)
+    else:
+        other = primaries[1 - side].jet(solved.uv[1 - side])[0]
+        asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
+        asked = asked * (wanted.bulges[side](t) * solved.reach[side])[:, None]
+    made, turned, ratio = aim(primary, c, uv, t, asked, wanted.orders[side], make, steering)
     domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
@@ -130,7 +138,7 @@ def _build(
     offset = (point - jet[0])[inside]
     errors = Errors(
         np.linalg.norm(offset, axis=1),
-        np.linalg.norm(cross(offset, unit(rate[inside])), axis=1),
+        np.linalg.norm(offset if wanted.vectors is not None else cross(offset, unit(rate[inside])), axis=1),
         (turned - steering.slack(t))[inside],
         (ratio - steering.slack(t))[inside],
     )
@@ -200,9 +208,17 @@ def circular(
 
 
 def cubic(
-    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, wanted: Wanted, *, closed: bool
+    primaries: tuple[Primary, Primary],
+    solve: Solver,
+    domain: Domain,
+    wanted: Wanted,
+    *,
+    closed: bool,
+    corners: Array = NONE,
 ) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
+
+    At ``corners``, where contacts are known to be no more than C1, the ribbons are C1 too.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/128
     of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
@@ -213,11 +229,11 @@ def cubic(
     GeometryError
         If what remains in position is more than ten times what is wanted.
     """
-    task = _Cubic(primaries, solve, domain, wanted, closed)
+    task = _Cubic(primaries, solve, domain, wanted, closed, corners)
     moves: Moves = []
     straight_on = (task.unsteered, task.unsteered)
-    breaks, built = task.refined(np.linspace(*domain, FEWEST + 1), moves, straight_on)
-    breaks, moves = _gathered(built, breaks)
+    breaks, built = task.refined(task.start(), moves, straight_on)
+    breaks, moves = _gathered(built, breaks, corners)
     if moves:
         built = task.through(breaks, moves, straight_on)[0]
     found = [pins(ribbon, wanted.steer) for ribbon in built]
@@ -237,6 +253,19 @@ class _Cubic:
     domain: Domain
     wanted: Wanted
     closed: bool
+    corners: Array
+
+    def start(self) -> Array:
+        """Return the breaks to start with: equal spans, and the corners."""
+        even = np.linspace(*self.domain, FEWEST + 1)
+        if not len(self.corners):
+            return even
+        clear = np.abs(even[:, None] - self.corners).min(axis=1) > (even[1] - even[0]) / 3
+        clear[[0, -1]] = True
+        inside = (self.corners > even[0] + SLIVER * (even[-1] - even[0])) & (
+            self.corners < even[-1] - SLIVER * (even[-1] - even[0])
+        )
+        return np.sort(np.concatenate([even[clear], self.corners[inside]]))
 
     @property
     def unsteered(self) -> Steering:
@@ -287,14 +316,28 @@ class _Cubic:
                 value = target[axis]
                 found[here, axis] = value if period is None else near_period(value, found[here, axis], period)
 
+        kinks = self._kinks(nodes)
+
         def make(values: Array) -> Curve:
-            return fit.interpolate(nodes, values[::3])
+            if not len(kinks):
+                return fit.interpolate(nodes, values[::3])
+            return through(nodes, values, np.unique([0, *kinks, len(nodes) - 1]), closed=False)
 
         ones = np.ones(len(t))
         first, second = (
             _build(self.primaries, t, solved, side, ones, make, self.wanted, steering[side]) for side in (0, 1)
         )
         return (first[0], second[0]), [first[1], second[1]]
+
+
+    def _kinks(self, nodes: Array) -> Array:
+        """Return which nodes, overlapping ones among them, are corners."""
+        if not len(self.corners):
+            return np.empty(0, dtype=int)
+        apart, period = nodes[:, None] - self.corners, self.domain[1] - self.domain[0]
+        if self.closed:
+            apart -= period * np.round(apart / period)
+        return np.flatnonzero(np.abs(apart).min(axis=1) < 1e-9 * period)
 
 
 def _pinned(ribbons: tuple[Ribbon, Ribbon], found: list[list[Pin]], breaks: Array, moves: Moves) -> tuple[Array, Moves]:
@@ -316,13 +359,13 @@ def _pinned(ribbons: tuple[Ribbon, Ribbon], found: list[list[Pin]], breaks: Arra
     return breaks, moves
 
 
-def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves]:
+def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array, corners: Array) -> tuple[Array, Moves]:
     """Bring knot-line crossings together with those that nearly coincide, and breaks together with crossings.
 
     The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a
     sliver between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross
     theirs in the plane of symmetry, apart by the tolerance of the edge. A break gives way to a crossing as far as a
-    third of its span off. Returns the breaks, and the native parameters through which a rail is to run at some of them,
+    third of its span off, unless it is a corner. Returns the breaks, and the native parameters through which a rail is to run at some of them,
     so that it crosses just there.
     """
     slack = SLIVER * (breaks[-1] - breaks[0])
@@ -341,11 +384,13 @@ def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array) -> tuple[Array, Moves
     for cluster in clusters:
         first = min(cluster.values())
         spans = np.diff(breaks)
-        room = np.concatenate([[0.0], np.minimum(spans[1:], spans[:-1]) / 3, [0.0]])  # ends stay
+        fixed = np.isin(breaks, corners)
+        fixed[[0, -1]] = True
+        room = np.where(fixed, 0.0, np.minimum(np.append(np.inf, spans), np.append(spans, np.inf)) / 3)
         near = np.abs(breaks - first) <= np.maximum(room, 2 * slack)
         if not near.any() and len(cluster) == 1:
             continue
-        at = float(breaks[0] if near[0] else breaks[-1] if near[-1] else first)
+        at = float(breaks[near & fixed][0]) if (near & fixed).any() else first
         breaks = np.sort(np.append(breaks[~near], at))
         moves += [(side, at, rails[side].native(np.array([t]))[0]) for side, t in cluster.items()]
     return breaks, moves

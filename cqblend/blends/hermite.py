@@ -20,7 +20,7 @@ import numpy as np
 
 from cqblend.blends.compact import compact
 from cqblend.blends.primaries import cross, unit
-from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.ribbons import Ribbon, faded, in_space
 from cqblend.blends.sections import Jets, section
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines import Curve, Surface
@@ -63,6 +63,7 @@ def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
 def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
     """Raise GeometryError where rail and cross direction are parallel: there, the blend would turn over."""
     t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
+    t = t[~faded(ribbon, t)]
     rate, vector = in_space(rail.jet(t, 1))[1], in_space(np.stack([rail(t), field(t)]))[1]
     sine = (cross(unit(rate), unit(vector)) * ribbon.primary.normals(ribbon.native(t))).sum(1)
     sine *= np.sign(sine.sum())

@@ -16,7 +16,7 @@ from cqblend.blends.along import SPLINES, Basis, Splines, Waves
 from cqblend.blends.breaks import merged
 from cqblend.blends.clock import Clock, speed
 from cqblend.blends.equations import Equation, Parameters, equations
-from cqblend.blends.filling import Filling
+from cqblend.blends.filling import ACROSS, Bubbles
 from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.minimum import Minimise
 from cqblend.blends.pde import Data, Ends, Solution, Task
@@ -113,12 +113,14 @@ class Problem:
         task = self.task(ribbons, closed=closed, by_length=by_length, ends=ends, accuracy=tolerance / 10)
         solution, clock = task.solve(self.terms), task.clock
         knots, (kinks, orders) = clock.inverse(task.basis.knots), clock.kinks()
-        fill = Filling(
-            solution,
+        fill = Bubbles(
+            solution.halves,
+            max(ACROSS, 4 * solution.terms),
             max(tolerance, INSIDE * task.data.width) if by_length else tolerance,
             closed,
             np.concatenate([knots, kinks]),
             np.concatenate([np.full(len(knots), SPLINES - 1), orders]),
+            solution,
         )
         blend = hermite(ribbons, form, tolerance, angular_tolerance, fill)
         lowest = min(self.halves) - 1

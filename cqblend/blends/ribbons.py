@@ -15,6 +15,7 @@ from cqblend.blends.primaries import Array, Primary
 from cqblend.splines import Curve
 from cqblend.splines.evaluation import quotient
 
+FADED = 1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
 RETURNS = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
 
 
@@ -25,7 +26,8 @@ class Ribbon:
     ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``order`` is that of the continuity
     between blend and surface (there is a d even if it is 0), ``direction`` (rad) and ``length`` (relative) the largest
     deviations of the fitted d from the wanted one. In a ``light`` one, a straight or circular rail on few and long
-    pieces, terms cancel, and its jets have lower degrees than they come with.
+    pieces, terms cancel, and its jets have lower degrees than they come with. One that ``fades`` may have directions
+    that vanish: there, the joint stays as sharp as it was.
     """
 
     primary: Primary
@@ -36,6 +38,7 @@ class Ribbon:
     direction: float = 0.0
     length: float = 0.0
     light: bool = False
+    fades: bool = False
 
     def native(self, t: Array) -> Array:
         """Return the native parameters (n, 2) at t, continuous along the rail."""
@@ -45,6 +48,14 @@ class Ribbon:
     def jets(self) -> tuple[Curve, ...]:
         """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
         return self.primary.jets(self.c, self.directions)
+
+
+def faded(ribbon: Ribbon, t: Array) -> Array:
+    """Tell where, at t (n,), the first derivative into the blend has vanished: nowhere if the ribbon does not fade."""
+    if not ribbon.fades:
+        return np.zeros(len(t), dtype=bool)
+    length = np.linalg.norm(in_space(np.stack([jet(t) for jet in ribbon.jets()[:2]]))[1], axis=1)
+    return np.asarray(length <= FADED * length.max())
 
 
 def returns(ribbon: Ribbon) -> bool:

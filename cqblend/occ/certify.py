@@ -12,6 +12,7 @@ from cqblend.blends.fairness import bending_energy
 from cqblend.blends.hermite import Blend, folded
 from cqblend.blends.primaries import Array
 from cqblend.blends.proof import prove
+from cqblend.blends.ribbons import faded
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
 from cqblend.occ.convert import to_face
@@ -58,10 +59,13 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
         t = spread(np.union1d(blend.surface.breaks[0], curve.breaks), STATIONS)
+        kept = faded(ribbon, t)
+        share = float(faded(ribbon, np.linspace(t[0], t[-1], STATIONS)).mean())
+        t = t[~kept]
         one = (BRep_Tool.Surface_s(face), np.stack([t, np.full_like(t, i)], -1))
         two = (bulk.surface_from_arrays(*surface.to_bspline()), curve(t))
         gap, angle, jump = contact(one, two)
-        records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0))
+        records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, share))
     return _certificate(
         blend,
         records,

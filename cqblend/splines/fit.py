@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines.bernstein import Array, basis, derivative
 from cqblend.splines.curve import Curve
+from cqblend.splines.surface import Surface
 
 
 @lru_cache(maxsize=32)
@@ -301,6 +302,77 @@ def approximate(
             return curve
         if 2 * spans > most:
             raise GeometryError(f"a spline of {spans} spans errs by {error:.2g}, more than {tolerance:.2g}")
+        spans *= 2
+
+
+def approximate_surface(
+    function: Callable[[Array, Array], Array],
+    breaks: tuple[Array, Array],
+    tolerance: float,
+    *,
+    orders: tuple[Array, Array],
+    most: int = 128,
+) -> Surface:
+    """Biquintic spline that is within a tolerance of a function of two parameters, on the fewest spans by doubling.
+
+    Least squares at eight points of each span, in both directions; the error is measured at eight others.
+
+    Parameters
+    ----------
+    function
+        Vectorised, (n,) and (m,) to the values (n, m, dim) on their grid.
+    breaks
+        Of its domain, in both directions, the ends first and last.
+    tolerance
+        Largest error of a component.
+    orders
+        Continuity of the function at the inner breaks, -1 to 4; those at which it is C4 need not stay.
+    most
+        Number of spans in one direction to end with.
+
+    Raises
+    ------
+    GeometryError
+        If the tolerance is not met; the message says what was reached.
+
+    Examples
+    --------
+    >>> wave = approximate_surface(
+    ...     lambda u, v: np.cos(np.add.outer(u, v))[..., None], ([0, 2], [0, 1]), 1e-9, orders=([], [])
+    ... )
+    >>> wave.degree, bool(abs(wave(1.3, 0.4) - np.cos(1.7)) < 1e-9)
+    ((5, 5), True)
+    """
+    given = [_checked(some) for some in breaks]
+    kinks = []
+    for some, order in zip(given, orders, strict=True):
+        inner, least = some[1:-1], np.clip(np.asarray(order, dtype=int), 0, 4)
+        kinks.append(_merged(some, inner[least < 4], 5 - least[least < 4]))
+    spans = 4
+    while True:
+        splines, backs, between = [], [], []
+        for some, (at, times) in zip(given, kinks, strict=True):
+            t = _among(some, spans, at)
+            repeats = np.ones(len(t) - 1, dtype=int)
+            repeats[np.searchsorted(t, at)] = times
+            splines.append(_quintics(t, repeats, closed=False))
+            steps = np.diff(t)[:, None]
+            nodes = (t[:-1, None] + steps * ((np.arange(8) + 0.5) / 8)).ravel()
+            backs.append((nodes, np.linalg.pinv(splines[-1](nodes))))
+            between.append((t[:-1, None] + steps * ((np.arange(8) + 0.05) / 8)).ravel())
+        (u, first), (v, second) = backs
+        poles = np.einsum("in,nmd,jm->ijd", first, function(u, v), second, optimize=True)
+        along, across = splines
+        surface = Surface(
+            (along.breaks, across.breaks),
+            np.einsum("pim,qjn,ijd->pqdmn", along.coefs, across.coefs, poles, optimize=True),
+            continuity=(along.continuity, across.continuity),
+        )
+        error = float(np.abs(surface.grid(*between) - function(*between)).max())
+        if error <= tolerance:
+            return surface
+        if 2 * spans > most:
+            raise GeometryError(f"a spline of {spans} x {spans} spans errs by {error:.2g}, more than {tolerance:.2g}")
         spans *= 2
 
 

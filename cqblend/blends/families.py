@@ -1,0 +1,392 @@
+r"""Families: a surface reshaped by one number s, S(u, v; s), with S(u, v; 0) the surface itself.
+
+Lee, Bedi and Dubey reshape in two ways. Control points move along their vectors from a reference point, each by its own
+amount,
+
+.. math:: p_{jk}(s) = p_{jk} + f_{jk}(s)\, (p_{jk} - C(s)),
+
+or every point of the surface moves along the unit normal, :math:`S + f(s)\, n`. Amounts may differ from control point to
+control point there too: then f is their own spline, :math:`\sum f_{jk}(s) N_{jk}(u, v)`.
+
+Both are evaluated as they are, with their derivatives by u, v and s: nothing is approximated. Only where somebody wants
+a whole offset surface as a spline is there a tolerance, unless its normals are a spline of its own kind, as those of
+planes, cylinders, cones, spheres and tori are.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cqblend.blends.contact import normal_jet
+from cqblend.blends.primaries import Array, Primary, Tensor, cross, unit
+from cqblend.errors import InputError
+from cqblend.splines import Curve, Surface, fit
+
+Amount = Callable[[Array], Any]
+
+MEETS = 1e-9  # of the size: ends of a surface that differ by less meet
+OWN = 1e-13  # of a normal: as near as that, a spline is the normal
+STILL = 1e-9  # of the distance that a reference moves a surface by: less across the surface does not move it
+VANISHES = 1e-6  # of an amount: as much as that may be left of it, or of its slope, where it must be zero
+
+
+@dataclass(frozen=True)
+class State:
+    """What a family is at parameters x (n,) of a relation: amounts (n, m), the reference (n, 3), and their rates."""
+
+    amounts: Array
+    rates: Array
+    reference: Array
+    drift: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """How amounts, and the reference, go along a relation: curves over x in [0, 1]."""
+
+    amounts: Curve
+    reference: Curve | None
+
+    def __call__(self, x: Array) -> State:
+        """Return the state at x (n,)."""
+        amounts, rates = self.amounts.jet(x, 1)
+        if self.reference is None:
+            none = np.zeros((len(x), 3))
+            return State(amounts, rates, none, none)
+        return State(amounts, rates, *self.reference.jet(x, 1))
+
+
+@dataclass(frozen=True)
+class Family(ABC):
+    """A surface and how it is reshaped.
+
+    Attributes
+    ----------
+    primary : Primary
+        The surface itself, s = 0.
+    functions : tuple of callable
+        The different amounts f(s), vectorised.
+    tolerance : float
+        Of the surfaces that :meth:`__call__` returns, relative to the largest amount.
+    """
+
+    primary: Primary
+    functions: tuple[Amount, ...]
+    tolerance: float = field(default=1e-6, kw_only=True)
+
+    lost: ClassVar[int] = 0  # orders of continuity, while the surface is reshaped
+
+    @abstractmethod
+    def jet(self, uv: Array, state: State) -> Array:
+        """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
+
+    @abstractmethod
+    def __call__(self, s: float, tolerance: float | None = None) -> Surface:
+        """Return the surface at s, over the same parameters; an offset that is no spline within a tolerance.
+
+        Raises
+        ------
+        GeometryError
+            If an offset is not a spline within its tolerance.
+        """
+
+    def bounds(self) -> Array:
+        """Return the domain of the native parameters, (2, 2); infinite where the surface goes on periodically."""
+        assert isinstance(self.primary, Tensor)
+        return np.array(
+            [
+                (-np.inf, np.inf) if period is not None else (breaks[0], breaks[-1])
+                for breaks, period in zip(self.primary.breaks, self.primary.periods, strict=True)
+            ]
+        )
+
+    def kinks(self, axis: int) -> tuple[Array, Array]:
+        """Return the inner knot lines of a native parameter, of all laps next to the first, and the continuity there."""
+        assert isinstance(self.primary, Tensor)
+        assert self.primary.knots is not None
+        lines, orders, period = self.primary.lines(axis), self.primary.knots[axis] - self.lost, self.primary.periods[axis]
+        if period is None:
+            return lines, orders
+        lines = np.append(self.primary.breaks[axis][0], lines)
+        orders = np.append(self.primary.joints[axis] - self.lost, orders)
+        return np.concatenate([lines + lap * period for lap in (-1, 0, 1)]), np.tile(orders, 3)
+
+    def size(self) -> float:
+        """Return the diagonal of the box of the surface's control points (mm)."""
+        assert isinstance(self.primary, Tensor)
+        points = self.primary.patches[:, :, :3] / self.primary.patches[:, :, 3:]
+        return float(np.linalg.norm(np.ptp(np.moveaxis(points, 2, -1).reshape(-1, 3), axis=0)))
+
+    def course(self, s: Curve, which: str) -> Course:
+        """Return the amounts, and the reference, for an s that goes along [0, 1].
+
+        Raises
+        ------
+        InputError
+            If an amount is not 0 at s = 0, or sets out from there so steeply that the blend would not be tangent to
+            the surface, or is no smooth function.
+        """
+        amounts = fit.reproduce(lambda x: self._amounts(s(x)[:, 0], which), (0.0, 1.0))
+        end = 0.0 if abs(s(0.0)[0]) < abs(s(1.0)[0]) else 1.0
+        largest = float(np.abs(amounts(np.linspace(0, 1, 65))).max())
+        value, slope = np.abs(amounts.jet(end, 1)).max(axis=1)
+        if value > VANISHES * largest:
+            raise InputError(
+                f"an amount of surface {which} is {value:.3g} at s = 0, where the surface must be itself: let it start "
+                "at 0"
+            )
+        if slope > VANISHES * largest:
+            raise InputError(
+                f"an amount of surface {which} sets out from s = 0 too steeply: along the relation its slope there is "
+                f"{slope:.3g}, not 0, and the blend would not be tangent to the surface; amounts need a finite "
+                "derivative at 0"
+            )
+        return Course(amounts, self._references(s))
+
+    def _references(self, s: Curve) -> Curve | None:
+        return None
+
+    def _amounts(self, s: Array, which: str) -> Array:
+        made = np.empty((len(s), len(self.functions)))
+        for i, function in enumerate(self.functions):
+            try:
+                made[:, i] = np.broadcast_to(np.asarray(function(s), dtype=np.float64), s.shape)
+            except (TypeError, ValueError) as error:
+                raise InputError(
+                    f"an amount of surface {which} takes an array of s and returns as many numbers: {error}"
+                ) from error
+        if not np.isfinite(made).all():
+            raise InputError(f"an amount of surface {which} is not finite for s from {s.min():.4g} to {s.max():.4g}")
+        return made
+
+
+@dataclass(frozen=True)
+class Moved(Family):
+    """Control points moved along their vectors from a reference point.
+
+    ``groups`` (nu, nv) tells which function each control point has, ``reference`` is a point (3,) or a function from
+    an array of s to points (n, 3).
+    """
+
+    surface: Surface
+    groups: Array
+    reference: Array | Callable[[Array], Any]
+
+    @classmethod
+    def of(
+        cls,
+        surface: Surface,
+        functions: tuple[Amount, ...],
+        groups: Array,
+        reference: Array | Callable[[Array], Any],
+        tolerance: float,
+    ) -> Moved:
+        """Make the family of a surface, which goes on periodically where it and its amounts do."""
+        wide = _shares(surface, groups, len(functions), surface.to_bspline()[2])
+        primary = Tensor.of(surface, closes(wide))
+        made = cls(primary, functions, surface, groups, reference, tolerance=tolerance)
+        made._check_moves()
+        return made
+
+    @cached_property
+    def _parts(self) -> Surface:
+        """Of each group, in turn: its control points' share of the surface (dim 3), and their part of unity."""
+        return _shares(self.surface, self.groups, len(self.functions), self.surface.to_bspline()[2])
+
+    def jet(self, uv: Array, state: State) -> Array:
+        assert isinstance(self.primary, Tensor)
+        u, v = self.primary.wrap(uv).T
+        n, m = len(uv), len(self.functions)
+        jet = self._parts.jet(u, v, 1)
+        partials = np.stack([jet[0, 0], jet[1, 0], jet[0, 1]]).reshape(3, n, m, 4)
+        share, one = partials[..., :3], partials[..., 3:]
+        moved = share - one * state.reference[:, None]  # what amounts multiply
+        out = np.empty((4, n, 3))
+        out[:3] = (share + state.amounts[..., None] * moved).sum(axis=2)
+        out[3] = (state.rates[..., None] * moved[0] - (state.amounts[..., None] * one[0]) * state.drift[:, None]).sum(
+            axis=1
+        )
+        return out
+
+    def __call__(self, s: float, tolerance: float | None = None) -> Surface:
+        degrees, knots, poles, weights = self.surface.to_bspline()
+        at = np.array([float(s)])
+        amounts = self._amounts(at, "given")[0][self.groups][..., None]
+        return Surface.from_bspline(degrees, knots, poles + amounts * (poles - self._at(at)[0]), weights)
+
+    def _references(self, s: Curve) -> Curve:
+        return fit.reproduce(lambda x: self._at(s(x)[:, 0]), (0.0, 1.0))
+
+    def _at(self, s: Array) -> Array:
+        """Return the reference points (n, 3)."""
+        given = self.reference(s) if callable(self.reference) else self.reference
+        try:
+            points = np.asarray(given, dtype=np.float64)
+            points = np.broadcast_to(
+                points if points.ndim < 2 or points.shape[0] != 3 or len(s) == 3 else points.T, (len(s), 3)
+            )
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"a reference that is a function takes an array of s and returns as many points: {error}"
+            ) from error
+        if not np.isfinite(points).all():
+            raise InputError("the reference point is not finite")
+        return points
+
+    def _check_moves(self) -> None:
+        """Raise InputError if the reference moves all points of the surface within it, as one inside a plane does."""
+        poles = self.surface.to_bspline()[2]
+        (u0, u1), (v0, v1) = self.surface.domain
+        u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(u0, u1, 9), np.linspace(v0, v1, 9), indexing="ij"))
+        jet = self.surface.jet(u, v, 1)
+        normal = cross(jet[1, 0], jet[0, 1])
+        length = np.linalg.norm(normal, axis=1)
+        normal[length > 0] /= length[length > 0, None]
+        towards = jet[0, 0] - self._at(np.zeros(1))[0]
+        size = float(np.abs(poles - poles.mean(axis=(0, 1))).max())
+        if np.abs((normal * towards).sum(axis=1)).max() <= STILL * max(size, float(np.abs(towards).max())):
+            point = ", ".join(f"{x:.6g}" for x in self._at(np.zeros(1))[0])
+            raise InputError(
+                f"the reference ({point}) lies in the surface, which is a plane, or a cone with its apex there: moving "
+                'control points from it does not move the surface; take another reference, or by="normal"'
+            )
+
+
+@dataclass(frozen=True)
+class Offset(Family):
+    """Points moved along unit normals, ``sign`` times the amount.
+
+    ``shares`` are the parts of unity of the functions, of dim m; None if there is one function.
+    """
+
+    sign: float = 1.0
+    shares: Surface | None = None
+
+    lost: ClassVar[int] = 1
+
+    @classmethod
+    def of(cls, surface: Surface, functions: tuple[Amount, ...], groups: Array, tolerance: float) -> Offset:
+        """Make the family of a spline surface, which goes on periodically where it and its amounts do."""
+        one = np.zeros((*groups.shape, 0))
+        shares = _shares(surface, groups, len(functions), one)
+        both = closes(surface), closes(shares)
+        closed = both[0][0] and both[1][0], both[0][1] and both[1][1]
+        return cls(Tensor.of(surface, closed), functions, shares=shares, tolerance=tolerance)
+
+    def jet(self, uv: Array, state: State) -> Array:
+        base = self.primary.jet(uv)
+        n, nu, nv = normal_jet(base)
+        out = np.empty((4, len(uv), 3))
+        if self.shares is None:
+            f = self.sign * state.amounts
+            out[0], out[1], out[2] = base[0] + f * n, base[1] + f * nu, base[2] + f * nv
+            out[3] = self.sign * state.rates * n
+            return out
+        assert isinstance(self.primary, Tensor)
+        jet = self.shares.jet(*self.primary.wrap(uv).T, 1)
+        f, fu, fv = (self.sign * (jet[k] * state.amounts).sum(axis=1)[:, None] for k in ((0, 0), (1, 0), (0, 1)))
+        out[0] = base[0] + f * n
+        out[1], out[2] = base[1] + f * nu + fu * n, base[2] + f * nv + fv * n
+        out[3] = self.sign * (jet[0, 0] * state.rates).sum(axis=1)[:, None] * n
+        return out
+
+    def __call__(self, s: float, tolerance: float | None = None) -> Surface:
+        amounts = self._amounts(np.array([float(s)]), "given")[0]
+        surface, exact = self._spline, self.normals
+        if not amounts.any():
+            return surface
+        if exact is not None and len(amounts) == 1:
+            degrees, knots, poles, weights = surface.to_bspline()
+            return Surface.from_bspline(degrees, knots, poles + self.sign * amounts[0] * exact.to_bspline()[2], weights)
+        still = np.zeros_like(amounts)
+
+        def values(u: Array, v: Array) -> Array:
+            uv = np.stack([grid.ravel() for grid in np.meshgrid(u, v, indexing="ij")], axis=-1)
+            state = State(*(np.broadcast_to(one, (len(uv), len(amounts))) for one in (amounts, still)), uv, uv)
+            return self.jet(uv, state)[0].reshape(len(u), len(v), 3)
+
+        share = self.tolerance if tolerance is None else tolerance
+        return fit.approximate_surface(
+            values,
+            surface.breaks,
+            share * float(np.abs(amounts).max()),
+            orders=(surface.continuity[0] - 1, surface.continuity[1] - 1),
+        )
+
+    @property
+    def _spline(self) -> Surface:
+        assert isinstance(self.primary, Tensor) and self.primary.surface is not None
+        return self.primary.surface
+
+    @cached_property
+    def normals(self) -> Surface | None:
+        """The unit normals as a spline of the surface's own degrees, knots and weights, if that is what they are."""
+        return own_normals(self._spline)
+
+
+def own_normals(surface: Surface) -> Surface | None:
+    """Return unit normals as a spline of the surface's own degrees, knots and weights; None if they are not one."""
+    degrees, knots, poles, weights = surface.to_bspline()
+    at = [_greville(degree, vector) for degree, vector in zip(degrees, knots, strict=True)]
+    designs = [
+        Curve.from_bspline(degree, vector, np.eye(len(g)))(g)
+        for degree, vector, g in zip(degrees, knots, at, strict=True)
+    ]
+    u, v = np.meshgrid(*at, indexing="ij")
+    try:
+        normal = _unit_normals(surface, u.ravel(), v.ravel())
+        weight = np.ones(poles.shape[:2]) if weights is None else designs[0] @ weights @ designs[1].T
+        values = normal.reshape(*u.shape, 3) * weight[..., None]
+        found = np.einsum("ij,jkd,lk->ild", np.linalg.inv(designs[0]), values, np.linalg.inv(designs[1]))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return None
+    made = Surface.from_bspline(degrees, knots, found if weights is None else found / weights[..., None], weights)
+    (u0, u1), (v0, v1) = surface.domain
+    u, v = np.meshgrid(np.linspace(u0, u1, 37)[1:-1], np.linspace(v0, v1, 31)[1:-1], indexing="ij")
+    missed = np.abs(made(u.ravel(), v.ravel()) - _unit_normals(surface, u.ravel(), v.ravel())).max()
+    return made if missed <= OWN * len(poles) * poles.shape[1] else None
+
+
+def _unit_normals(surface: Surface, u: Array, v: Array) -> Array:
+    jet = surface.jet(u, v, 1)
+    return unit(cross(jet[1, 0], jet[0, 1]))
+
+
+def _greville(degree: int, knots: Array) -> Array:
+    """Return the Greville abscissae, a little off the ends, where surfaces may be singular."""
+    count = len(knots) - degree - 1
+    g = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
+    return g + (knots[degree + 1] - knots[degree]) * 1e-2 * np.linspace(1, -1, count)
+
+
+def _shares(surface: Surface, groups: Array, count: int, values: Array) -> Surface:
+    """Return, group by group, the part that its control points have in a surface of given values, and in unity."""
+    degrees, knots, _, weights = surface.to_bspline()
+    wide = np.concatenate([values, np.ones((*groups.shape, 1))], axis=-1)
+    member = groups[..., None] == np.arange(count)
+    poles = (member[..., None] * wide[:, :, None]).reshape(*groups.shape, -1)
+    return Surface.from_bspline(degrees, knots, poles, weights)
+
+
+def closes(surface: Surface) -> tuple[bool, bool]:
+    """Whether a surface meets itself, with the same derivative, in its two directions."""
+    size = float(np.abs(surface.coefs[:, :, : surface.dim]).max())
+    flags = []
+    for axis in (0, 1):
+        (a, b), (c, d) = surface.domain[axis], surface.domain[1 - axis]
+        along = np.linspace(c, d, 17)
+        ends = []
+        for at in (a, b):
+            uv = (np.full(17, at), along)
+            jet = surface.jet(*(uv if axis == 0 else uv[::-1]), 1)
+            ends.append((jet[0, 0], jet[1, 0] if axis == 0 else jet[0, 1]))
+        (first, slope1), (last, slope2) = ends
+        scale = max(float(np.abs(slope1).max()), size / (b - a))
+        flags.append(bool(np.abs(first - last).max() <= MEETS * size and np.abs(slope1 - slope2).max() <= 1e-6 * scale))
+    return flags[0], flags[1]

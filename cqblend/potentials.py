@@ -1,0 +1,354 @@
+"""Potential blends: the front door to Lee, Bedi and Dubey's method.
+
+Surfaces are reshaped, a relation tells how far together, and the curves in which they meet are the blend. Thin: checks
+what it is given, and hands it to :mod:`cqblend.blends.meeting` and :mod:`cqblend.blends.sweep`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.blends import hermite
+from cqblend.blends.families import Family, Moved, Offset
+from cqblend.blends.meeting import Branch, Meeting, nearest_approach, point
+from cqblend.blends.primaries import Array
+from cqblend.blends.rails import Rail
+from cqblend.blends.relations import Relation
+from cqblend.blends.relations import relation as relation_of
+from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.sweep import Skin, Sweep, sweep
+from cqblend.errors import GeometryError, InputError, shown
+from cqblend.freeform import Blend
+from cqblend.request import FORM, choice, positive
+from cqblend.splines import Curve, Surface
+
+Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
+"""How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""
+
+Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
+
+START = 0.5  # x at which branches are looked for, half-way
+INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
+
+
+@dataclass(frozen=True)
+class PotentialBlend(Blend):
+    """A blend surface H(t, v) between two reshaped surfaces, v = 0 on surface 1 and 1 on surface 2.
+
+    Attributes
+    ----------
+    surface : Surface
+        H. Where the reshaped surfaces meet along a line of one of their own parameters, t is affine to that.
+    ribbons : tuple of Ribbon
+    form : {"exact", "compact"}
+    rails : tuple of Rail
+        On surface 1 where it meets S2(b), on surface 2 where it meets S1(a).
+    families : tuple of Family
+    relation : Relation
+    sweep : Sweep
+        The exact intersection curves: ``blend.swept(t, v)``.
+    skin : float
+        How far H is from them at most, where measured, mm.
+    """
+
+    families: tuple[Family, Family] = field(repr=False)
+    relation: Relation
+    sweep: Sweep = field(repr=False)
+    skin: float
+
+    def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
+        """Return the points (..., 3) in which the reshaped surfaces meet, at t and v = 1 - x, to rounding.
+
+        Raises
+        ------
+        InputError
+            t or v is outside its range.
+        """
+        t, v = np.broadcast_arrays(np.asarray(t, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        low, high = self.sweep.domain
+        if not (np.all((t >= low) & (t <= high)) and np.all((v >= 0) & (v <= 1))):
+            raise InputError(f"t runs over [{low:.9g}, {high:.9g}] and v over [0, 1]")
+        x = 1 - v.ravel()
+        q = self.sweep.solve(t.ravel(), x)
+        return self.sweep.curves.meeting.jets(q, x)[0][0].reshape(*t.shape, 3)
+
+
+def reshape(
+    surface: Any,
+    by: str = "reference",
+    *,
+    reference: Reference = "centroid",
+    tuning: Sequence[float] = (1.0, 1.0, 1.0),
+    amounts: Amounts = None,
+    tolerance: float = 1e-6,
+) -> Family:
+    r"""Make a family of surfaces S(u, v; s) out of one, S(u, v; 0).
+
+    By reference, control points move along their vectors from a reference point C, Lee, Bedi and Dubey's eq. 3; by
+    normal, points of the surface move along its unit normals:
+
+    .. math:: p_{jk}(s) = p_{jk} + f_{jk}(s) (p_{jk} - C(s)), \qquad
+        S(u, v; s) = S + f(u, v; s)\, n, \quad n = \frac{S_u \times S_v}{|S_u \times S_v|}.
+
+    Parameters
+    ----------
+    surface : Surface or a face
+    by : {"reference", "normal"}
+    reference
+        "centroid" of the control points, "extents" for the paper's rule (half of max - min of the control points'
+        coordinates, times `tuning`), a point, or a function from an array of s to as many points.
+    tuning : three float
+        The paper's delta, for "extents" only.
+    amounts
+        f(s): None for s itself, a factor on s (-1 shrinks, or offsets to the other side), a function of arrays of s, or
+        rows of these, one for each control point. By normal, f(u, v; s) is then the spline with these coefficients.
+        Functions must be 0 at 0, and smooth.
+    tolerance : float
+        Of offset surfaces as splines, relative to the largest amount. Offsets of planes, cylinders, cones, spheres and
+        tori are exact. Blends use none: they evaluate offsets as they are.
+
+    Returns
+    -------
+    Family
+        ``family(s)`` is the surface at s; `cqblend.potential_blend` takes the family.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type or shape, or the reference lies in a plane that it is to move.
+
+    References
+    ----------
+    T. Lee, S. Bedi, R. N. Dubey: A parametric surface blending method for complex engineering objects, 1993, "Reshaping
+    of parametric surfaces".
+
+    Examples
+    --------
+    >>> import cqblend
+    >>> corners = [[[0, 0, 0], [0, 4, 0]], [[4, 0, 0], [4, 4, 0]]]
+    >>> square = cqblend.Surface.from_bspline((1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), corners)
+    >>> cqblend.reshape(square, by="normal")(0.5)(0.5, 0.5).tolist()
+    [2.0, 2.0, 0.5]
+    >>> cqblend.reshape(square, reference=(2, 2, -2))(0.5)(0, 0).tolist()
+    [-1.0, -1.0, 1.0]
+    """
+    if not isinstance(surface, Surface):
+        from cqblend.native import face_of
+        from cqblend.occ.convert import to_surface
+
+        surface = to_surface(face_of(surface, "surface"))
+    if surface.dim != 3:
+        raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
+    by = choice("by", by, ("reference", "normal"))
+    tolerance = positive("tolerance", tolerance)
+    poles = surface.to_bspline()[2]
+    functions, groups = _amounts(amounts, poles.shape[:2])
+    if by == "normal":
+        if not (isinstance(reference, str) and reference == "centroid"):
+            raise InputError('reference is an option of by="reference": normals need none')
+        return Offset.of(surface, functions, groups, tolerance)
+    return Moved.of(surface, functions, groups, _reference(reference, tuning, poles), tolerance)
+
+
+def _amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array], Any], ...], Array]:
+    """Return the different amounts as functions, and which of them each control point has."""
+    if given is None or callable(given) or not isinstance(given, list | tuple | np.ndarray):
+        return (_amount(given),), np.zeros(shape, dtype=int)
+    rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in given]
+    if tuple(map(len, rows)) != (shape[1],) * shape[0]:
+        raise InputError(
+            f"amounts are one, or one for each of the {shape[0]} x {shape[1]} control points, in {shape[0]} rows, not "
+            f"rows of {', '.join(map(str, map(len, rows)))}"
+        )
+    found: dict[Any, int] = {}
+    functions = []
+    groups = np.empty(shape, dtype=int)
+    for i, row in enumerate(rows):
+        for j, one in enumerate(row):
+            function = _amount(one)
+            key = one if one is None or callable(one) else float(one)
+            if key not in found:
+                found[key] = len(functions)
+                functions.append(function)
+            groups[i, j] = found[key]
+    return tuple(functions), groups
+
+
+def _amount(given: Any) -> Callable[[Array], Any]:
+    if given is None:
+        return np.positive
+    if callable(given):
+        return given  # type: ignore[no-any-return]
+    factor = _number("amounts", given)
+    return lambda s: factor * s
+
+
+def _number(name: str, given: object) -> float:
+    if isinstance(given, bool) or not isinstance(given, int | float | np.number) or not np.isfinite(given):
+        raise InputError(f"{name} must be a finite number, or a function of s, not {shown(given)}")
+    return float(given)
+
+
+def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
+    if callable(given):
+        return given  # type: ignore[no-any-return]
+    factors = np.array([_number("tuning", one) for one in tuning])
+    if factors.shape != (3,):
+        raise InputError(f"tuning is three numbers, not {shown(tuning)}")
+    if isinstance(given, str):
+        rule = choice("reference", given, ("centroid", "extents"))
+        if rule == "extents":
+            return np.asarray(factors * np.ptp(poles, axis=(0, 1)) / 2)
+        return np.asarray(poles.mean(axis=(0, 1)))
+    try:
+        made = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        made = np.empty(0)
+    if made.shape != (3,) or not np.isfinite(made).all():
+        raise InputError(f'a reference is "centroid", "extents", a point or a function of s, not {shown(given)}')
+    return made
+
+
+def potential_blend(
+    surface1: Any,
+    surface2: Any,
+    relation: Any,
+    *,
+    near: ArrayLike | None = None,
+    form: str = "auto",
+    tolerance: float = 1e-7,
+    angular_tolerance: float = 1e-5,
+    skin: float | None = None,
+) -> PotentialBlend:
+    r"""Blend two surfaces by the curves in which they meet while they are reshaped.
+
+    With the families S1, S2 and a relation (s1, s2)(x) from (a, 0) to (0, b) that touches the axes, the blend is all
+    points of
+
+    .. math:: S_1(u_1, v_1; s_1(x)) = S_2(u_2, v_2; s_2(x)), \quad 0 \le x \le 1.
+
+    Its rails are where S1(a) meets surface 2 and where S2(b) meets surface 1: a sets how far it reaches on surface 2, b
+    how far on surface 1. It is tangent to both.
+
+    Parameters
+    ----------
+    surface1, surface2 : Family, Surface or a face
+        What `cqblend.reshape` made; surfaces and faces are reshaped from their centroids.
+    relation
+        `cqblend.Conic`, `cqblend.BezierRelation`, or a function x -> (s1, s2), or two, of arrays.
+    near : a point, optional
+        Which of several intersection curves is meant: that nearest to the point, half-way through the relation.
+    form, tolerance, angular_tolerance
+        Of the joints, as in `cqblend.hermite_blend`: "exact" keeps rails and tangent planes to rounding, "compact" is
+        a spline of least degree within the tolerances (mm and rad).
+    skin : float, optional
+        How far the blend may be from the intersection curves in between, and the rails from those at x = 0 and 1, mm.
+        By default 1e-5 of the distance between the rails, but not below `tolerance`.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, the relation does not touch the axes, or an amount does not start at 0.
+    GeometryError
+        The surfaces do not meet, touch, meet in several curves (give `near`), part while they are reshaped, leave their
+        domains, or turn over on themselves; the message names s and the place. Or as in `cqblend.hermite_blend`.
+    DegreeError
+        The exact form would need a degree above 25.
+
+    Notes
+    -----
+    Where an amount vanishes, so does the cross derivative on the other surface: the joint stays there as it was. The
+    certificate says on how much of the rail (``certificate.rails[i].kept``), and leaves it out of the angle.
+
+    References
+    ----------
+    T. Lee, S. Bedi, R. N. Dubey: A parametric surface blending method for complex engineering objects, 1993; the
+    potential method of C. Hoffmann and J. Hopcroft, 1987.
+
+    Examples
+    --------
+    >>> import cqblend
+    >>> def square(o, u, v):
+    ...     o, u, v = map(np.array, (o, u, v))
+    ...     corners = [[o, o + v], [o + u, o + u + v]]
+    ...     return cqblend.Surface.from_bspline((1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), corners)
+    >>> floor = cqblend.reshape(square((0, 0, 0), (9, 0, 0), (0, 9, 0)), by="normal")
+    >>> wall = cqblend.reshape(square((0, 0, 0), (0, 9, 0), (0, 0, 9)), by="normal")
+    >>> blend = cqblend.potential_blend(floor, wall, cqblend.Conic(2, 2, 0))
+    >>> radius = np.linalg.norm(blend.surface(0.5, 0.3)[[0, 2]] - [2, 2])
+    >>> bool(abs(radius - 2) < 2e-5), blend.certificate.angle < 1e-10
+    (True, True)
+    """
+    pair = relation_of(relation)
+    form = choice("form", form, FORM)
+    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    skin = None if skin is None else positive("skin", skin)
+    families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
+    meeting = Meeting.of((families[0], families[1]), pair)
+    swept = sweep(meeting, _branch(meeting, near), START)
+    allowed = max(tolerance, INSIDE * swept.width) if skin is None else skin
+    ribbons = swept.ribbons(allowed)
+    fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
+    made = hermite.hermite(ribbons, form, tolerance, angular_tolerance, fill)
+    hermite.check_creases(made.surface)
+    missed = fill.missed(made.surface)
+    if not missed <= 2 * allowed:
+        raise GeometryError(
+            f"the blend misses the intersection curves by {missed:.2g} mm, more than {allowed:.2g}: ask for a larger skin"
+        )
+    rails = (_rail(ribbons[0], families[0]), _rail(ribbons[1], families[1]))
+    return PotentialBlend(made.surface, made.ribbons, made.form, rails, (families[0], families[1]), pair, swept, missed)
+
+
+def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
+    """Return the one branch of the intersection half-way, or that nearest to a point."""
+    target = None
+    if near is not None:
+        try:
+            target = np.array(near, dtype=np.float64)
+        except (TypeError, ValueError):
+            target = np.empty(0)
+        if target.shape != (3,) or not np.isfinite(target).all():
+            raise InputError(f"near is a point of three numbers, not {shown(near)}")
+    found = meeting.branches(START)
+    s1, s2 = meeting.s(START)
+    if not found:
+        distance, place = nearest_approach(meeting, START)
+        raise GeometryError(
+            f"the reshaped surfaces do not meet at s = ({s1:.4g}, {s2:.4g}), half-way: they come within {distance:.3g} mm "
+            f"of each other, at {point(place)}; choose other a and b, another reference, or move them"
+        )
+    if target is not None:
+        return min(found, key=lambda one: float(np.linalg.norm(one.points - target, axis=1).min()))
+    if len(found) > 1:
+        places = ", ".join(
+            f"{'closed' if one.closed else 'open'} through {point(one.points[len(one.points) // 2])}" for one in found
+        )
+        raise GeometryError(
+            f"the reshaped surfaces meet in {len(found)} curves at s = ({s1:.4g}, {s2:.4g}), half-way: {places}; choose "
+            "one with near=(x, y, z)"
+        )
+    return found[0]
+
+
+def _rail(ribbon: Ribbon, family: Family) -> Rail:
+    """Return what a ribbon starts on: a surface, with laps of it where that is periodic, and a curve on it."""
+    surface = family.primary.surface  # type: ignore[attr-defined]
+    c = ribbon.c
+    weight = c[0] + c[1]
+    plane = Curve.stack([c[1], c[3], weight])
+    curve = Curve(plane.breaks, plane.coefs, rational=True, continuity=plane.continuity).reduce()
+    for axis, period in enumerate(family.primary.periods):
+        if period is None:
+            continue
+        low, high = (float(bound[axis]) for bound in curve.bounds())
+        a, b = surface.domain[axis]
+        before, after = (max(0, int(np.ceil(over / period - 1e-9))) for over in (a - low, high - b))
+        if before or after:
+            surface = surface.tiled(axis, before, after, continuity=1)
+    return Rail(surface, curve)
