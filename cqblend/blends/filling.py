@@ -15,6 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 from functools import partial
 
 import numpy as np
@@ -52,6 +53,8 @@ class Filling(ABC):
     closed: bool
     kinks: Array
     orders: Array
+
+    firm: ClassVar[bool] = False  # whether the kinks are sure to be there
 
     @abstractmethod
     def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
@@ -104,7 +107,8 @@ class Filling(ABC):
             orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted], axis=0)])
         fit = partial(approximate, sample, breaks, self.tolerance / 4, closed=self.closed)
         smooth = orders >= SPLINES - 1
-        for at, allowed in ((kinks[smooth], orders[smooth]), (kinks, np.maximum(orders, 1))):
+        ways = ((kinks[smooth], orders[smooth]), (kinks, np.maximum(orders, 1)))
+        for at, allowed in ways[self.firm :]:
             try:
                 return fit(kinks=at, orders=allowed, most=SPANS)
             except GeometryError:

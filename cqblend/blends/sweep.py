@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
@@ -385,6 +385,8 @@ class Skin(Filling):
     """Fills the section between two ribbons up to a swept surface."""
 
     swept: Swept
+
+    firm: ClassVar[bool] = True
 
     @classmethod
     def over(cls, swept: Swept, closed: bool, tolerance: float, kinks: tuple[Array, Array] = SMOOTH) -> Skin:

@@ -252,6 +252,8 @@ def approximate(
 ) -> Curve:
     """Least-squares quintic spline of a function, with knots among given breaks as far as these are dense enough.
 
+    Spans in which it errs are halved until it does not. The function is asked once for each point.
+
     Parameters
     ----------
     function
@@ -266,12 +268,12 @@ def approximate(
     closed
         Whether the function goes on periodically: then the spline does.
     spans, most
-        Number of equal spans to start with, and to end with.
+        Number of equal spans to start with, and of spans to end with.
 
     Raises
     ------
     GeometryError
-        If the tolerance is not met; the message says what was reached.
+        If the tolerance is not met; the message says what was reached, and where.
 
     Examples
     --------
@@ -286,23 +288,45 @@ def approximate(
     at, times = _merged(given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4))
     inside = (at < given[-1]) & ((at > given[0]) | closed)
     at, times = at[inside], times[inside]
+    t = _among(given, spans, at)
+    read: dict[tuple[float, float], Array] = {}  # by span, values at nodes and at points in between
     while True:
-        t = _among(given, spans, at)
+        ends = list(zip(t[:-1].tolist(), t[1:].tolist(), strict=True))
+        fresh = np.array([pair for pair in ends if pair not in read])
+        points = fresh[:, :1] + np.diff(fresh) * PLACES
+        values = function(points.ravel()).reshape(len(fresh), len(PLACES), -1)
+        read |= zip(map(tuple, fresh.tolist()), values, strict=True)
+        found = np.stack([read[pair] for pair in ends])  # (spans, places, dim)
         repeats = np.ones(len(t) - 1, dtype=int)
         repeats[np.searchsorted(t, at)] = times
         splines = _quintics(t, repeats, closed=closed)
-        steps = np.diff(t)[:, None]
-        nodes = (t[:-1, None] + steps * ((np.arange(8) + 0.5) / 8)).ravel()
-        q, r = np.linalg.qr(splines(nodes))
-        poles = np.linalg.solve(r, q.T @ function(nodes))
+        nodes, between = np.split(t[:-1, None] + np.diff(t)[:, None] * PLACES, 2, axis=1)
+        q, r = np.linalg.qr(splines(nodes.ravel()))
+        poles = np.linalg.solve(r, q.T @ found[:, :8].reshape(-1, found.shape[2]))
         curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
-        between = (t[:-1, None] + steps * ((np.arange(8) + 0.05) / 8)).ravel()
-        error = float(np.abs(curve(between) - function(between)).max())
-        if error <= tolerance:
+        missed = np.abs(curve(between.ravel()).reshape(*between.shape, -1) - found[:, 8:]).max(axis=(1, 2))
+        bad = missed > tolerance
+        if not bad.any():
             return curve
-        if 2 * spans > most:
-            raise GeometryError(f"a spline of {spans} spans errs by {error:.2g}, more than {tolerance:.2g}")
-        spans *= 2
+        middles = _middles(t[:-1][bad], t[1:][bad], given)
+        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < SHORTEST * (given[-1] - given[0]):
+            worst = t[missed.argmax()]
+            raise GeometryError(
+                f"a spline of {len(t) - 1} spans errs by {missed.max():.2g} near t = {worst:.6g}, more than "
+                f"{tolerance:.2g}"
+            )
+        t = np.sort(np.concatenate([t, middles]))
+
+
+PLACES = np.concatenate([(np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8])  # in a span: to fit, to measure
+SHORTEST = 1 / 4096  # span, as a share of the domain
+
+
+def _middles(starts: Array, ends: Array, breaks: Array) -> Array:
+    """Return where to divide spans: half-way, or at a given break next to that."""
+    middle = (starts + ends) / 2
+    near = breaks[np.abs(middle[:, None] - breaks).argmin(axis=1)]
+    return np.where(np.abs(near - middle) <= 0.2 * (ends - starts), near, middle)
 
 
 def approximate_surface(
