@@ -19,7 +19,9 @@ from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
 from cqblend.blends.primaries import Array
 from cqblend.blends.problem import Problem
+from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.sweep import EdgeSweep, Skin, from_edge, tied
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.occ.certify import certify
@@ -84,14 +86,31 @@ def blend_shape(
     return shape, tuple(faces), Certificate.merge(certificates)
 
 
+def _sizes(request: BlendRequest) -> tuple[float, ...]:
+    """Return the lengths (mm) that set how large a blend is."""
+    if request.relation is not None:
+        return request.relation.a, request.relation.b
+    return (request.radius,) if request.radius is not None else request.width or (0.0,)
+
+
 def _size(request: BlendRequest) -> float:
-    return request.radius if request.radius is not None else max(request.width or (0.0,))
+    return max(_sizes(request))
+
+
+def _swept(joint: Joint, request: BlendRequest) -> EdgeSweep | None:
+    """Return the intersection curves of the moved sides, for a potential section."""
+    if request.relation is None:
+        return None
+    return from_edge(joint.sides, joint.stations, joint.spine.length, request.relation)
 
 
 def _solver(joint: Joint, request: BlendRequest) -> Solver:
     """Return the function from t to contacts."""
+    swept = _swept(joint, request)
 
     def solve(t: Array) -> Contacts:
+        if swept is not None:
+            return swept.contacts(t)
         stations = intersect(joint.sides, joint.stations(t), joint.spine.length)
         if request.radius is not None:
             return rolling_ball(joint.sides, stations, request.radius)
@@ -147,6 +166,10 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
 def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest) -> Blend:
     """Fill what is between two ribbons."""
     form = request.form, request.tolerance, request.angular_tolerance
+    swept = _swept(joint, request)
+    if swept is not None:
+        closed, inside = joint.spine.closed, max(request.tolerance, RAIL_TOLERANCE * _size(request))
+        return hermite(ribbons, *form, Skin.over(swept.around(ribbons[0].c.domain, closed=closed), closed, inside))
     if request.order is None:
         return hermite(ribbons, *form)
     problem = Problem(request.order, request.parameters, request.terms)
@@ -199,7 +222,7 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
 def _check_size(joint: Joint, request: BlendRequest) -> None:
     """Raise SizeError if contacts leave their faces: on the whole of a closed edge, in the middle of an open one."""
     size = _size(request)
-    least = request.radius if request.radius is not None else min(request.width or (size,))
+    least = min(_sizes(request))
     if least < 10 * joint.tolerance:
         raise SizeError(f"size {least:g} is below ten times the edge's own tolerance, {joint.tolerance:.2g}")
     if size > joint.extent:
@@ -222,10 +245,12 @@ def _largest(joint: Joint, request: BlendRequest) -> str:
     """Say which size would fit, as far as contacts and faces tell; nothing if they would let the asked one pass."""
 
     def fits(factor: float) -> bool:
+        conic = request.relation
         scaled = replace(
             request,
             radius=None if request.radius is None else request.radius * factor,
             width=None if request.width is None else (request.width[0] * factor, request.width[1] * factor),
+            relation=None if conic is None else Conic(conic.a * factor, conic.b * factor, conic.lam * factor**2),
         )
         try:
             _check_size(joint, scaled)
@@ -252,7 +277,7 @@ def _floor(value: float) -> float:
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
     """Fit rails of the lightest form."""
     solve, closed = _solver(joint, request), joint.spine.closed
-    wanted = _wanted(request)
+    wanted = _wanted(joint, request)
     if not closed:
         rails = fitting.straight(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
@@ -268,8 +293,12 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
     return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
-def _wanted(request: BlendRequest) -> Wanted:
+def _wanted(joint: Joint, request: BlendRequest) -> Wanted:
     """Return what the ribbons are to be."""
+    swept = _swept(joint, request)
+    if swept is not None:
+        inside = max(request.tolerance, RAIL_TOLERANCE * _size(request))
+        return tied(swept.around((0.0, 1.0), closed=joint.spine.closed), inside, _size(request))
     first, second = (partial(np.full_like, fill_value=factor) for factor in request.bulge)
     return Wanted(
         position=max(RAIL_TOLERANCE * _size(request), 1e-7),

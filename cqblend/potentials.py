@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
+from cqblend.blends.checks import number
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Branch, Meeting, nearest_approach, point
 from cqblend.blends.primaries import Array
@@ -184,20 +185,14 @@ def _amount(given: Any) -> Callable[[Array], Any]:
         return np.positive
     if callable(given):
         return given  # type: ignore[no-any-return]
-    factor = _number("amounts", given)
+    factor = number("amounts", given)
     return lambda s: factor * s
-
-
-def _number(name: str, given: object) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float | np.number) or not np.isfinite(given):
-        raise InputError(f"{name} must be a finite number, or a function of s, not {shown(given)}")
-    return float(given)
 
 
 def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
     if callable(given):
         return given  # type: ignore[no-any-return]
-    factors = np.array([_number("tuning", one) for one in tuning])
+    factors = np.array([number("tuning", one) for one in tuning])
     if factors.shape != (3,):
         raise InputError(f"tuning is three numbers, not {shown(tuning)}")
     if isinstance(given, str):

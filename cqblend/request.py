@@ -12,6 +12,7 @@ from functools import partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from cqblend.blends.relations import Conic
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 
 if TYPE_CHECKING:
@@ -19,15 +20,14 @@ if TYPE_CHECKING:
 
 Continuity = Literal["G0", "G1", "G2", "G3"]
 Tangents = Literal["parametric", "perpendicular", "chord"]
-Section = Literal["hermite", "pde"]
+Section = Literal["hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 
 # What is built, and what is part of the interface but not built yet.
 CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
 _TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
 _TANGENTS_LATER = ("guide", "combination")
-_SECTION: tuple[Section, ...] = ("hermite", "pde")
-_SECTION_LATER = ("potential",)
+_SECTION: tuple[Section, ...] = ("hermite", "pde", "potential")
 FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 
 Chosen = TypeVar("Chosen", bound=str)
@@ -53,7 +53,7 @@ class BlendRequest:
     Attributes
     ----------
     radius : float or None
-        Radius of the rolling ball, mm. Exactly one of radius and width is given.
+        Radius of the rolling ball, mm. Exactly one of radius and width is given, but for the potential section.
     width : tuple of float or None
         Distance of the rails from the edge on side 1 and on side 2, mm.
     continuity : tuple of {"G0", "G1", "G2", "G3"}
@@ -64,8 +64,10 @@ class BlendRequest:
         Factors on the length of the cross derivatives.
     steer : float
         Largest angle by which directions are turned so that the blend has no crease inside, rad.
-    section : {"hermite", "pde"}
+    section : {"hermite", "pde", "potential"}
         How the interior is filled.
+    relation : Conic or None
+        How far side 1 and side 2 are moved together (mm), for the potential section; None for others.
     order : tuple of int or None
         Of the partial differential equations of x, y and z; None for other sections.
     parameters
@@ -87,6 +89,7 @@ class BlendRequest:
     bulge: tuple[float, float]
     steer: float
     section: Section
+    relation: Conic | None
     order: tuple[int, int, int] | None
     parameters: Any
     terms: int | None
@@ -106,6 +109,9 @@ class BlendRequest:
         bulge: object = 1.0,
         steer: object = STEER,
         section: object = "hermite",
+        a: object = None,
+        b: object = None,
+        lam: object = None,
         order: object = None,
         parameters: Any = None,
         terms: object = "auto",
@@ -135,10 +141,17 @@ class BlendRequest:
         ...
         cqblend.errors.InputError: radius must be above 0, not -1
         """
-        if (radius is None) == (width is None):
-            given = "neither" if radius is None else "both"
-            raise InputError(f"give exactly one of radius and width, not {given}")
-        section = choice("section", section, _SECTION, _SECTION_LATER)
+        section = choice("section", section, _SECTION)
+        relation = None
+        if section == "potential":
+            _refuse(section, radius=radius, width=width)
+            _refuse(section, tangents=tangents != "perpendicular", bulge=bulge != 1.0, steer=steer != STEER)
+            relation = _potential(a, b, lam)
+        else:
+            _refuse(section, a=a, b=b, lam=lam)
+            if (radius is None) == (width is None):
+                given = "neither" if radius is None else "both"
+                raise InputError(f"give exactly one of radius and width, not {given}")
         continuity, orders = _smoothness(continuity, section, order, parameters, terms)
         return cls(
             radius=None if radius is None else _size("radius", radius),
@@ -148,6 +161,7 @@ class BlendRequest:
             bulge=pair("bulge", bulge, positive),
             steer=turn("steer", steer),
             section=section,
+            relation=relation,
             order=orders,
             parameters=parameters,
             terms=None if terms == "auto" else count("terms", terms, MOST_TERMS),
@@ -163,15 +177,11 @@ def _smoothness(
 ) -> tuple[tuple[Continuity, Continuity], tuple[int, int, int] | None]:
     """Return the continuity on both sides, and the orders of the equations that give it."""
     if section != "pde":
-        for name, value in (
-            ("order", order),
-            ("parameters", parameters),
-            ("terms", None if terms == "auto" else terms),
-        ):
-            if value is not None:
-                raise InputError(f'{name} is an option of section="pde", not of {section!r}')
-        wanted = "G1" if continuity is None else continuity
-        return pair("continuity", wanted, partial(choice, built=CONTINUITY)), None
+        _refuse(section, order=order, parameters=parameters, terms=None if terms == "auto" else terms)
+        wanted = pair("continuity", "G1" if continuity is None else continuity, partial(choice, built=CONTINUITY))
+        if section == "potential" and wanted != ("G1", "G1"):
+            raise InputError(f"a potential blend is G1 on both sides, not {shown(continuity)}: leave continuity out")
+        return wanted, None
     made = orders(4 if order is None else order)
     follows: Continuity = CONTINUITY[min(made) // 2 - 1]
     if continuity is not None:
@@ -182,6 +192,28 @@ def _smoothness(
                     "sides: leave continuity out, or take order 2 for G0, 4 for G1, 6 for G2"
                 )
     return (follows, follows), made
+
+
+BELONGS = {"pde": ("order", "parameters", "terms"), "potential": ("a", "b", "lam")}
+
+
+def _refuse(section: Section, **given: object) -> None:
+    """Raise InputError if an option was given that the section does not have."""
+    for name, value in given.items():
+        if value is not None and value is not False:
+            owner = next((other for other, names in BELONGS.items() if name in names), None)
+            if owner is not None:
+                raise InputError(f'{name} is an option of section="{owner}", not of {section!r}')
+            way = ": a and b set how far it reaches" if name in ("radius", "width") else ": leave it out"
+            raise InputError(f"{name} is no option of section={section!r}{way}")
+
+
+def _potential(a: object, b: object, lam: object) -> Conic:
+    """Return the relation of a potential section; each of a and b is the other one if it is left out."""
+    if a is None and b is None:
+        raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
+    first, second = _size("a", b if a is None else a), _size("b", a if b is None else b)
+    return Conic(first, second, 0.0 if lam is None else lam)
 
 
 def _shortly(made: tuple[int, int, int]) -> str:

@@ -17,8 +17,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cqblend.blends.checks import number
 from cqblend.errors import CqblendError, InputError, shown
-from cqblend.request import positive
 from cqblend.splines import Curve, fit
 
 Array = NDArray[Any]
@@ -137,7 +137,7 @@ class Relation:
 
 @dataclass(frozen=True)
 class Conic(Relation):
-    r"""The conic of eq. 2 that touches the axes at (a, 0) and (0, b), exact and monotone,
+    r"""The conic of eq. 2 that touches the axes at (a, 0) and (0, b), exact and monotone.
 
     .. math:: s_1 = a (1 - x)^2 / D, \quad s_2 = b x^2 / D, \quad D = (1 - x)^2 + 2 w x (1 - x) + x^2,
         \quad w = \sqrt{(1 - \lambda / ab) / 2}.
@@ -158,36 +158,28 @@ class Conic(Relation):
     """
 
     curve: Curve = field(init=False, repr=False)
-    given: tuple[float, float, float] = field(init=False)
+    lam: float = field(init=False)
 
     def __init__(self, a: float, b: float, lam: float = 0.0) -> None:
-        a, b = positive("a", a), positive("b", b)
-        lam = conic_parameter(lam, a, b)
+        a, b, lam = number("a", a), number("b", b), number("lam", lam)
+        if not a > 0 or not b > 0:
+            raise InputError(f"a and b must be above 0, not {a:g} and {b:g}")
+        if not lam < a * b:
+            raise InputError(
+                f"lam must be below a b = {a * b:g}, not {lam:g}: there, the conic is the straight line from (a, 0) to "
+                "(0, b), and above it has no branch between them; 0 is an ellipse, negative values are sharper"
+            )
         w = float(np.sqrt((1 - lam / (a * b)) / 2))
-        object.__setattr__(self, "given", (a, b, lam))
+        object.__setattr__(self, "lam", lam)
         object.__setattr__(self, "curve", Curve.bezier([[a, 0], [0, 0], [0, b]], weights=[1, w, 1]))
         self.__post_init__()
 
 
-def conic_parameter(lam: object, a: float, b: float) -> float:
-    """Return lambda, checked against ab."""
-    number = positive("lam", lam, zero=True) if not _negative(lam) else -positive("-lam", -lam)  # type: ignore[operator]
-    if not number < a * b:
-        raise InputError(
-            f"lam must be below a b = {a * b:g}, not {number:g}: there, the conic is the straight line from (a, 0) to "
-            "(0, b), and above it has no branch between them; 0 is an ellipse, negative values are sharper"
-        )
-    return number
-
-
-def _negative(value: object) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | float | np.number) and bool(value < 0)
-
-
 @dataclass(frozen=True)
 class BezierRelation(Relation):
-    """A Bezier curve (s1, s2)(x) of any degree above 1, from points (n, 2): the first two on the first axis, the last
-    two on the second one.
+    """A Bezier curve (s1, s2)(x) of degree 2 or more, from points (n, 2).
+
+    The first two lie on the first axis, the last two on the second one.
 
     Raises
     ------

@@ -12,22 +12,24 @@ joints exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
 from cqblend.blends import fitting
-from cqblend.blends.contact import Contacts, Solver, newton
+from cqblend.blends.contact import FLAT, Contacts, Side, Solver, Stations, intersect, inward, newton
+from cqblend.blends.families import Course, Offset
 from cqblend.blends.filling import Filling
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.meeting import OUTSIDE, TANGENTIAL, Branch, Meeting
 from cqblend.blends.primaries import Array, cross, unit
+from cqblend.blends.relations import Relation
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.sections import Jets, section
-from cqblend.errors import GeometryError
+from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve, Surface, fit
 
 STATIONS, STEPS = 65, 17  # of the table from which solutions start
@@ -41,6 +43,7 @@ SHARE = 1 / 16  # of a tolerance inside, that of the rails
 ACROSS = 24  # points at which the swept surface is read
 MEASURED = (149, 33)  # points along and across, at which a blend is measured
 
+ANYWHERE = np.tile([-np.inf, np.inf], (4, 1))
 SMOOTH = np.empty(0), np.empty(0, dtype=int)
 
 Ends: TypeAlias = tuple[tuple[Array, Array], tuple[Array, Array]]
@@ -56,6 +59,10 @@ class Swept(Protocol):
 
     def points(self, t: Array, x: Array) -> Array:
         """Return the points (n, m, 3) of the curves at t (n,) and x (m,)."""
+        ...
+
+    def ends(self, t: Array) -> Ends:
+        """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
         ...
 
 
@@ -267,6 +274,8 @@ class Sweep:
     def ends(self, t: Array) -> Ends:
         """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
         one, none = np.ones(len(t)), np.zeros(len(t))
+        if self.closed:
+            t = self.domain[0] + np.mod(t - self.domain[0], self.domain[1] - self.domain[0])
         first, second = self.solve(t, one), self.solve(t, none)
         return (
             (first[:, :2], -self.curves.cross_derivatives(first, t, one, 0)),
@@ -358,7 +367,7 @@ class Sweep:
         first, second = (family.primary for family in self.curves.meeting.families)
         around: Callable[..., Solver] = fitting.around if self.closed else fitting.along
         solve = around(contacts, (first, second))
-        wanted = tied(self, self.closed, tolerance, self.width)
+        wanted = tied(self, tolerance, self.width)
         at, orders = self.kinks
         one, two = fitting.cubic(
             (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < 3]
@@ -366,17 +375,12 @@ class Sweep:
         return replace(one, fades=True), replace(two, fades=True)
 
 
-def tied(swept: Sweep, closed: bool, tolerance: float, width: float) -> Wanted:
+def tied(swept: Swept, tolerance: float, width: float) -> Wanted:
     """Return what ribbons are to be so that what is between them can be within a tolerance (mm) of a swept surface."""
-
-    def vectors(side: int, t: Array) -> Array:
-        low, high = swept.domain
-        return swept.ends(low + np.mod(t - low, high - low) if closed else t)[side][1]
-
     return Wanted(
         position=SHARE * tolerance,
         length=tolerance / width,
-        vectors=(partial(vectors, 0), partial(vectors, 1)),
+        vectors=(lambda t: swept.ends(t)[0][1], lambda t: swept.ends(t)[1][1]),
     )
 
 
@@ -458,35 +462,91 @@ def _steady(meeting: Meeting, branch: Branch, at: Curve) -> int | None:
 class EdgeSweep:
     """Curves that set out from a sharp edge, cut by its stations' planes; solved anew wherever they are asked for.
 
-    ``ramp`` are the curves while both surfaces are reshaped from 0 to where the relation is at ``x0``, over [0, 1];
-    ``start`` returns the parameters (n, 4) of the edge at t.
+    ``ramp`` is how both sides are moved from 0 to where the relation is half-way; ``start`` returns the edge's stations
+    at t. On a ``closed`` edge, t is taken modulo 1.
     """
 
-    curves: Curves
-    ramp: Curves
-    start: Callable[[Array], Array]
-    x0: float
+    meeting: Meeting
+    ramp: Meeting
+    start: Callable[[Array], Stations]
+    closed: bool = False
     domain: tuple[float, float] = (0.0, 1.0)
 
-    def solve(self, t: Array, x: Iterable[float]) -> Array:
-        """Return parameters (n, m, 4) at t (n,) and x (m,), ascending."""
-        there = self.ramp.carried(self.start(t), t, 0.0, np.array([0.0, 1.0]))[:, 1]
-        return self.curves.carried(there, t, self.x0, np.asarray(x, dtype=np.float64))
+    def around(self, domain: tuple[float, float], *, closed: bool) -> EdgeSweep:
+        """Return the curves over a range of t."""
+        return replace(self, domain=domain, closed=closed)
+
+    def _solved(self, t: Array, x: Sequence[float] | Array) -> tuple[Array, Stations, Curves]:
+        """Return parameters (n, m, 4) at t (n,) and x (m,), ascending; the stations, and the curves there."""
+        at = self.start(np.mod(t, 1.0) if self.closed else t)
+        phase = Planes(lambda _: (at.point, at.direction))
+        ramp, curves = Curves(self.ramp, phase), Curves(self.meeting, phase)
+        try:
+            half = ramp.carried(np.concatenate(at.uv, axis=1), at.t, 0.0, np.array([0.0, 1.0]))[:, 1]
+            return curves.carried(half, at.t, 0.5, np.asarray(x, dtype=np.float64)), at, curves
+        except GeometryError as error:
+            raise SizeError(str(error)) from error
 
     def points(self, t: Array, x: Array) -> Array:
-        """Return the points (n, m, 3) of the curves at t (n,) and x (m,)."""
+        """Return the points (n, m, 3) of the curves at t (n,) and x (m,).
+
+        Raises
+        ------
+        SizeError
+            Where the moved sides do not meet; the message names s and the place.
+        """
         order = np.argsort(x)
-        q = self.solve(t, x[order])
-        found = self.curves.meeting.jets(q.reshape(-1, 4), np.tile(x[order], len(t)))[0][0].reshape(len(t), len(x), 3)
-        out = np.empty_like(found)
-        out[:, order] = found
-        return out
+        q, _, _ = self._solved(t, x[order])
+        found = np.empty((len(t), len(x), 3))
+        points = self.meeting.jets(q.reshape(-1, 4), np.tile(x[order], len(t)))[0][0]
+        found[:, order] = points.reshape(found.shape)
+        return found
 
     def ends(self, t: Array) -> Ends:
         """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
-        q = self.solve(t, (0.0, 1.0))
+        q, at, curves = self._solved(t, (0.0, 1.0))
         one, none = np.ones(len(t)), np.zeros(len(t))
         return (
-            (q[:, 1, :2], -self.curves.cross_derivatives(q[:, 1], t, one, 0)),
-            (q[:, 0, 2:], self.curves.cross_derivatives(q[:, 0], t, none, 1)),
+            (q[:, 1, :2], -curves.cross_derivatives(q[:, 1], at.t, one, 0)),
+            (q[:, 0, 2:], curves.cross_derivatives(q[:, 0], at.t, none, 1)),
         )
+
+    def contacts(self, t: Array) -> Contacts:
+        """Return the rails' points at t, with their distances from the edge."""
+        q, at, _ = self._solved(t, (0.0, 1.0))
+        uv = q[:, 1, :2], q[:, 0, 2:]
+        primaries = (family.primary for family in self.meeting.families)
+        reach = [
+            np.linalg.norm(primary.jet(one)[0] - at.point, axis=1) for primary, one in zip(primaries, uv, strict=True)
+        ]
+        return Contacts(t, at.point, uv, np.stack(reach))
+
+
+def from_edge(
+    sides: tuple[Side, Side], stations: Callable[[Array], Stations], length: float, relation: Relation
+) -> EdgeSweep:
+    """Return the curves in which two sides of an edge meet while they are moved along their normals.
+
+    They move to where the blend will be: into the material at a convex edge, out of it at a concave one. Side 1 by a
+    moves the rail on side 2, and conversely.
+
+    Raises
+    ------
+    GeometryError
+        The edge is convex here and concave there.
+    """
+
+    def start(t: Array) -> Stations:
+        return intersect(sides, stations(t), length)
+
+    turn = inward(sides, start(np.linspace(0.02, 0.98, 25)))[2]
+    if turn.max() > FLAT and turn.min() < -FLAT:
+        raise GeometryError("the edge changes between convex and concave: its sides cannot be moved towards the blend")
+    into = -float(np.sign(turn.sum()))
+    first, second = (Offset(side.primary, (np.positive,), sign=into * side.outward) for side in sides)
+    size = 4 * max(relation.a, relation.b)
+
+    def along(s: Curve) -> Meeting:
+        return Meeting((first, second), s, (Course(s[0], None), Course(s[1], None)), ANYWHERE, size)
+
+    return EdgeSweep(along(relation.curve), along(Curve.bezier([[0.0, 0.0], relation(0.5)])), start)
