@@ -97,11 +97,16 @@ def _size(request: BlendRequest) -> float:
     return max(_sizes(request))
 
 
+def _inside(request: BlendRequest) -> float:
+    """Return how far a potential blend may be from the curves that it is made of (mm)."""
+    return max(request.tolerance, RAIL_TOLERANCE * _size(request))
+
+
 def _swept(joint: Joint, request: BlendRequest) -> EdgeSweep | None:
     """Return the intersection curves of the moved sides, for a potential section."""
     if request.relation is None:
         return None
-    return from_edge(joint.sides, joint.stations, joint.spine.length, request.relation)
+    return from_edge(joint.sides, joint.stations, joint.spine.length, request.relation, closed=joint.spine.closed)
 
 
 def _solver(joint: Joint, request: BlendRequest) -> Solver:
@@ -168,8 +173,11 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
     form = request.form, request.tolerance, request.angular_tolerance
     swept = _swept(joint, request)
     if swept is not None:
-        closed, inside = joint.spine.closed, max(request.tolerance, RAIL_TOLERANCE * _size(request))
-        return hermite(ribbons, *form, Skin.over(swept.around(ribbons[0].c.domain, closed=closed), closed, inside))
+        domain, turn = ribbons[0].c.domain, joint.spine.turn()
+        swept = replace(swept, domain=domain)
+        if ribbons[0].light and turn is not None:
+            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
+        return hermite(ribbons, *form, Skin.over(swept, joint.spine.closed, _inside(request)))
     if request.order is None:
         return hermite(ribbons, *form)
     problem = Problem(request.order, request.parameters, request.terms)
@@ -297,8 +305,7 @@ def _wanted(joint: Joint, request: BlendRequest) -> Wanted:
     """Return what the ribbons are to be."""
     swept = _swept(joint, request)
     if swept is not None:
-        inside = max(request.tolerance, RAIL_TOLERANCE * _size(request))
-        return tied(swept.around((0.0, 1.0), closed=joint.spine.closed), inside, _size(request))
+        return tied(swept, _inside(request), _size(request))
     first, second = (partial(np.full_like, fill_value=factor) for factor in request.bulge)
     return Wanted(
         position=max(RAIL_TOLERANCE * _size(request), 1e-7),

@@ -110,7 +110,11 @@ class Family(ABC):
         """Return the inner knot lines of a native parameter, of all laps next to the first, and the continuity there."""
         assert isinstance(self.primary, Tensor)
         assert self.primary.knots is not None
-        lines, orders, period = self.primary.lines(axis), self.primary.knots[axis] - self.lost, self.primary.periods[axis]
+        lines, orders, period = (
+            self.primary.lines(axis),
+            self.primary.knots[axis] - self.lost,
+            self.primary.periods[axis],
+        )
         if period is None:
             return lines, orders
         lines = np.append(self.primary.breaks[axis][0], lines)

@@ -35,6 +35,7 @@ DEGREE = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4
 FINEST = 64  # spans across
 ACROSS = 72  # points across, at least, at which the interior is read
 SAME = 1e-13  # of the interior: as near as that, it is the same
+EASILY = 1e-4  # of the tolerance: as near as that, polynomials on the section's own pieces will do
 SPANS = 128  # along, at most, before an interior gets kinks that it could do without
 LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
 
@@ -94,7 +95,7 @@ class Filling(ABC):
         def sample(t: Array) -> Array:
             return across.fitted(values(t))
 
-        curve = _simple(sample, breaks, degree, SAME * size)
+        curve = _simple(sample, breaks, degree, max(SAME * size, EASILY * self.tolerance))
         if curve is None:
             curve = self._along(sample, breaks, None if _even(sides) else jets)
         return Interior(curve, across.tables, across.breaks, across.continuity)
@@ -217,6 +218,9 @@ def _simple(sample: Callable[[Array], Array], breaks: Array, degree: int, tolera
     steps = np.diff(breaks)
     values = sample((breaks[:-1] + nodes[:, None] * steps).ravel()).reshape(degree + 1, len(steps), -1)
     matrix = np.linalg.inv(bernstein.basis(degree, 1 - nodes, nodes).T)
-    curve = Curve(breaks, np.einsum("pk,knd->pdn", matrix, values))
+    values[-1, :-1] = values[0, 1:]  # the same points, but for rounding
+    coefs = np.einsum("pk,knd->pdn", matrix, values)
+    coefs[0], coefs[-1] = values[0].T, values[-1].T
+    curve = Curve(breaks, coefs, continuity=np.zeros(len(steps) - 1, dtype=int))
     between = (breaks[:-1] + np.array([0.13, 0.41, 0.77])[:, None] * steps).ravel()
     return curve if np.abs(curve(between) - sample(between)).max() <= tolerance else None

@@ -124,7 +124,7 @@ def _build(
     c = make(primary.scale(primary.lift(uv), weight))
     point, rate = in_space(primary.position(c).jet(t, 1))
     if wanted.vectors is not None:
-        asked = wanted.vectors[side](t)
+        asked = wanted.vectors[side](solved.t)
     else:
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
@@ -189,22 +189,33 @@ def circular(
     half-angle pair about the axis is linear in the rail's parameter, so that everything carried round the axis is
     quadratic.
     """
-    total = turn * (domain[1] - domain[0])
-    count = max(1, int(np.ceil(total / (np.pi / 2) - 1e-9)))
-    step = total / count
-    x = np.arange(4 * count + 1) / 4
-    piece = np.minimum(x.astype(int), count - 1)
-    a, b = 1 + (x - piece) * (np.cos(step / 2) - 1), (x - piece) * np.sin(step / 2)
-    solved = solve(domain[0] + (step * piece + 2 * np.arctan2(b, a)) / turn)
+    count = _arcs(domain, turn)
     breaks = np.linspace(*domain, count + 1)
-    t = np.interp(x, np.arange(count + 1), breaks)
+    t = np.interp(np.arange(4 * count + 1) / 4, np.arange(count + 1), breaks)
+    at, weight = arc_clock(domain, turn, t)
+    solved = solve(at)
 
     def make(values: Array) -> Curve:
         start, middle, end = values[:-4:4], values[2::4], values[4::4]
         coefs = np.stack([start, 2 * middle - (start + end) / 2, end])
         return Curve(breaks, coefs.transpose(0, 2, 1), continuity=np.zeros(count - 1, int))
 
-    return _exact_pair(primaries, solved, t, a**2 + b**2, make, wanted, size)
+    return _exact_pair(primaries, solved, t, weight, make, wanted, size)
+
+
+def _arcs(domain: Domain, turn: float) -> int:
+    """Return into how many arcs of a quarter turn at most a rail is divided."""
+    return max(1, int(np.ceil(turn * (domain[1] - domain[0]) / (np.pi / 2) - 1e-9)))
+
+
+def arc_clock(domain: Domain, turn: float, t: Array) -> tuple[Array, Array]:
+    """Return, at parameters t (n,) of :func:`circular` rails, the edge's own, and the weight."""
+    count = _arcs(domain, turn)
+    step = turn * (domain[1] - domain[0]) / count
+    x = (t - domain[0]) / (domain[1] - domain[0]) * count
+    piece = np.clip(x.astype(int), 0, count - 1)
+    a, b = 1 + (x - piece) * (np.cos(step / 2) - 1), (x - piece) * np.sin(step / 2)
+    return domain[0] + (step * piece + 2 * np.arctan2(b, a)) / turn, a**2 + b**2
 
 
 def cubic(
@@ -328,7 +339,6 @@ class _Cubic:
             _build(self.primaries, t, solved, side, ones, make, self.wanted, steering[side]) for side in (0, 1)
         )
         return (first[0], second[0]), [first[1], second[1]]
-
 
     def _kinks(self, nodes: Array) -> Array:
         """Return which nodes, overlapping ones among them, are corners."""

@@ -463,7 +463,7 @@ class EdgeSweep:
     """Curves that set out from a sharp edge, cut by its stations' planes; solved anew wherever they are asked for.
 
     ``ramp`` is how both sides are moved from 0 to where the relation is half-way; ``start`` returns the edge's stations
-    at t. On a ``closed`` edge, t is taken modulo 1.
+    at the edge's own t, which ``clock`` tells. On a ``closed`` edge, that is taken modulo 1.
     """
 
     meeting: Meeting
@@ -471,13 +471,11 @@ class EdgeSweep:
     start: Callable[[Array], Stations]
     closed: bool = False
     domain: tuple[float, float] = (0.0, 1.0)
-
-    def around(self, domain: tuple[float, float], *, closed: bool) -> EdgeSweep:
-        """Return the curves over a range of t."""
-        return replace(self, domain=domain, closed=closed)
+    clock: Callable[[Array], Array] = np.positive
 
     def _solved(self, t: Array, x: Sequence[float] | Array) -> tuple[Array, Stations, Curves]:
         """Return parameters (n, m, 4) at t (n,) and x (m,), ascending; the stations, and the curves there."""
+        t = self.clock(t)
         at = self.start(np.mod(t, 1.0) if self.closed else t)
         phase = Planes(lambda _: (at.point, at.direction))
         ramp, curves = Curves(self.ramp, phase), Curves(self.meeting, phase)
@@ -523,7 +521,12 @@ class EdgeSweep:
 
 
 def from_edge(
-    sides: tuple[Side, Side], stations: Callable[[Array], Stations], length: float, relation: Relation
+    sides: tuple[Side, Side],
+    stations: Callable[[Array], Stations],
+    length: float,
+    relation: Relation,
+    *,
+    closed: bool,
 ) -> EdgeSweep:
     """Return the curves in which two sides of an edge meet while they are moved along their normals.
 
@@ -549,4 +552,4 @@ def from_edge(
     def along(s: Curve) -> Meeting:
         return Meeting((first, second), s, (Course(s[0], None), Course(s[1], None)), ANYWHERE, size)
 
-    return EdgeSweep(along(relation.curve), along(Curve.bezier([[0.0, 0.0], relation(0.5)])), start)
+    return EdgeSweep(along(relation.curve), along(Curve.bezier([[0.0, 0.0], relation(0.5)])), start, closed)
