@@ -7,7 +7,7 @@ what it is given, and hands it to :mod:`cqblend.blends.meeting` and :mod:`cqblen
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,7 +21,7 @@ from cqblend.blends.primaries import Array
 from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, faded
 from cqblend.blends.sweep import Skin, Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
@@ -329,6 +329,11 @@ def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
             "one with near=(x, y, z)"
         )
     return found[0]
+
+
+def _kept(ribbon: Ribbon) -> Ribbon:
+    """Return a ribbon that says itself whether it is tangent to its surface all along."""
+    return replace(ribbon, order=0) if faded(ribbon, np.linspace(*ribbon.c.domain, 1025)).any() else ribbon
 
 
 def _rail(ribbon: Ribbon, family: Family) -> Rail:

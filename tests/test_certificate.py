@@ -63,7 +63,7 @@ def test_table_is_aligned_and_complete():
     table = lines[2:]
     assert len(table) == 2 + 3
     assert len({len(line) for line in table}) == 1
-    assert all(len(line.split()) == len(fields(RailRecord)) for line in table[2:])
+    assert all(len(line.split()) == len(fields(RailRecord)) - 1 for line in table[2:])  # all but kept
     units = dict(zip(table[0].replace("curvature jump", "curvature_jump").split()[3:], table[1].split(), strict=True))
     assert units == {
         "gap": "mm",
@@ -73,6 +73,11 @@ def test_table_is_aligned_and_complete():
         "length": "rel.",
         "tolerance": "mm",
     }
+
+
+def test_joints_that_stay_are_told_below_the_table():
+    rails = (replace(ONE.rails[0], kept=0.25), *ONE.rails[1:])
+    assert str(replace(ONE, rails=rails)).splitlines()[-1] == "side 1: the joint stays as it was on 25.0% of the rail"
 
 
 def test_equal_widths_print_once():

@@ -1,6 +1,7 @@
 """Every option is checked at the door: by type, by range, and against what is built."""
 
 import math
+import re
 from decimal import Decimal
 from fractions import Fraction
 
@@ -90,12 +91,47 @@ def test_a_pair_has_two_values(width):
         {"width": lambda t: 1 + t},
         {"width": (1, lambda t: 1 + t)},
         *({"radius": 1, "tangents": name} for name in ("guide", "combination", ("chord", "guide"))),
-        {"radius": 1, "section": "potential"},
     ],
 )
 def test_what_is_not_built_yet_raises(options):
     with pytest.raises(UnsupportedError, match="not built yet"):
         checked(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"radius": 1, "a": 1}, "radius is no option of section='potential': a and b set how far it reaches"),
+        ({"width": (1, 2), "a": 1}, "width is no option of section='potential'"),
+        ({"a": 1, "tangents": "chord"}, "tangents is no option of section='potential'"),
+        ({"a": 1, "bulge": 2}, "bulge is no option"),
+        ({"a": 1, "steer": 0}, "steer is no option"),
+        ({"a": 1, "order": 4}, "order is an option of section=\"pde\", not of 'potential'"),
+        ({"a": 1, "continuity": "G2"}, "a potential blend is G1 on both sides"),
+        ({}, "takes a and b"),
+        ({"lam": -1}, "takes a and b"),
+        ({"a": -1}, "a must be above 0"),
+        ({"a": 1, "b": math.nan}, "b must be finite"),
+        ({"a": 2, "b": 3, "lam": 6}, "lam must be below a b = 6, not 6"),
+        ({"a": 2, "lam": "0"}, "lam must be a finite number"),
+    ],
+)
+def test_potential_sections_take_their_own_options(options, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        checked(**{"section": "potential", **options})
+
+
+@pytest.mark.parametrize("section", ["hermite", "pde"])
+@pytest.mark.parametrize("name", ["a", "b", "lam"])
+def test_other_sections_do_not_take_those_of_potential_ones(section, name):
+    with pytest.raises(InputError, match=f'{name} is an option of section="potential", not of {section!r}'):
+        checked(1, section=section, **{name: 1})
+
+
+def test_one_of_a_and_b_is_both():
+    request = checked(section="potential", b=3, lam=-2)
+    assert (request.relation.a, request.relation.b, request.relation.lam) == (3, 3, -2)
+    assert (request.radius, request.width, request.continuity) == (None, None, ("G1", "G1"))
 
 
 @pytest.mark.parametrize("name", ["continuity", "tangents", "section", "form"])

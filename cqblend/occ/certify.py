@@ -12,7 +12,7 @@ from cqblend.blends.fairness import bending_energy
 from cqblend.blends.hermite import Blend, folded
 from cqblend.blends.primaries import Array
 from cqblend.blends.proof import prove
-from cqblend.blends.ribbons import faded
+from cqblend.blends.ribbons import Ribbon, faded
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
 from cqblend.occ.convert import to_face
@@ -29,7 +29,10 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
     """Measure a verified proposal."""
     records = []
     for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rails, strict=True)):
-        found = [continuity_between(((proposal.blend, edge), (proposal.sides[i], edge)), SAMPLES) for edge in edges]
+        sharp = partial(_tied, rail) if rail.fades else None
+        found = [
+            continuity_between(((proposal.blend, edge), (proposal.sides[i], edge)), SAMPLES, sharp) for edge in edges
+        ]
         records.append(
             RailRecord(
                 side=i + 1,
@@ -41,6 +44,7 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
                 direction=rail.direction,
                 length=rail.length,
                 tolerance=max(one.tolerance for one in found),
+                kept=_kept(rail),
             )
         )
     return _certificate(
@@ -59,13 +63,11 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
         t = spread(np.union1d(blend.surface.breaks[0], curve.breaks), STATIONS)
-        kept = faded(ribbon, t)
-        share = float(faded(ribbon, np.linspace(t[0], t[-1], STATIONS)).mean())
-        t = t[~kept]
+        t = t[_tied(ribbon, t)]
         one = (BRep_Tool.Surface_s(face), np.stack([t, np.full_like(t, i)], -1))
         two = (bulk.surface_from_arrays(*surface.to_bspline()), curve(t))
         gap, angle, jump = contact(one, two)
-        records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, share))
+        records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, _kept(ribbon)))
     return _certificate(
         blend,
         records,
@@ -74,6 +76,15 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
         stations=STATIONS,
         valid=folded(blend.surface) is None,
     )
+
+
+def _tied(ribbon: Ribbon, t: Array) -> Array:
+    return ~faded(ribbon, t)
+
+
+def _kept(ribbon: Ribbon) -> float:
+    """Return on what share of its rail a ribbon has faded."""
+    return float(faded(ribbon, np.linspace(*ribbon.c.domain, STATIONS)).mean()) if ribbon.fades else 0.0
 
 
 def _certificate(

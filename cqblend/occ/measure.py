@@ -199,14 +199,23 @@ def edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[Side, Side]:
     return sides[0], sides[1]
 
 
-def continuity_between(sides: tuple[Side, Side], samples: int = 1000) -> Continuity:
-    """Measure how two known sides of an edge meet: :func:`continuity` without the search for them."""
+def continuity_between(
+    sides: tuple[Side, Side], samples: int = 1000, where: Callable[[Array], Array] | None = None
+) -> Continuity:
+    """Measure how two known sides of an edge meet: :func:`continuity` without the search for them.
+
+    ``where`` tells at which parameters (n,) of the edge angle and curvature count; everywhere if it is not given.
+    """
     edge = sides[0][1]
     ts = sample_parameters(sides, samples)
     points, tangents = _curve(edge, ts)
     one, two = (edge_samples(use, face, ts) for face, use in sides)
     pairs = ((one.points, two.points), (one.points, points), (two.points, points))
     angles = angle_between(one.normals, two.normals)
+    jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
+    if where is not None:
+        left_out = ~where(ts)
+        angles[left_out], jumps[left_out] = np.nan, np.nan
     measured = int(np.isfinite(angles).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
@@ -214,7 +223,7 @@ def continuity_between(sides: tuple[Side, Side], samples: int = 1000) -> Continu
     return Continuity(
         gap=max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in pairs),
         angle=float(angles[worst]),
-        curvature_jump=float(np.nanmax(_spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents)))),
+        curvature_jump=float(np.nanmax(jumps)),
         tolerance=BRep_Tool.Tolerance_s(edge),
         kind=_kind(edge, tangents[worst], one.normals[worst], two.normals[worst], float(angles[worst])),
         samples=measured,
