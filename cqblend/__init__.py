@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cqblend.blends.rails import Rail
     from cqblend.blends.relations import BezierRelation, Conic, Relation
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
-    from cqblend.front import BlendResult, blend_edges, continuity, to_curve, to_edge, to_face, to_surface, verify
+    from cqblend.front import BlendResult, blend_edges, continuity, insert_blend, to_curve, to_edge, to_face, to_surface, verify
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.patterns import Pattern, unroll
@@ -64,6 +64,7 @@ __all__ = [
     "curve_on",
     "errors",
     "hermite_blend",
+    "insert_blend",
     "normalise",
     "pde_blend",
     "potential_blend",
@@ -103,6 +104,7 @@ _HOME = {
     "continuity": "front",
     "curve_on": "freeform",
     "hermite_blend": "freeform",
+    "insert_blend": "front",
     "normalise": "splines.unit_length",
     "pde_blend": "pdes",
     "potential_blend": "potentials",

@@ -17,13 +17,14 @@ from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
-from cqblend.blends.primaries import Array
+from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.sweep import EdgeSweep, Skin, from_edge, tied
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
+from cqblend.errors import CqblendError, GeometryError, InputError, SelectionError, SizeError, TopologyError, VerificationError
+from cqblend.occ.adapt import FaceSide
 from cqblend.occ.certify import certify
 from cqblend.occ.joint import Joint
 from cqblend.occ.selection import Picks
@@ -46,6 +47,7 @@ CROSSED = (
     "InvalidImbricationOfWires",
     "cuts through",
 )  # what is said of that
+SAME_FACE = 1e-10  # of the size of a solid: a surface that differs less from a face's is that of the face
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 
@@ -84,6 +86,81 @@ def blend_shape(
         faces.append(proposal.blend)
         certificates.append(certificate)
     return shape, tuple(faces), Certificate.merge(certificates)
+
+
+def insert_shape(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], blend: Blend, first: TopoDS_Face | None
+) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
+    """Put a blend of surfaces into a shape, in the place of an edge between faces on these surfaces.
+
+    Raises
+    ------
+    SelectionError
+        As :func:`blend_shape`, or the edges are several joints.
+    InputError
+        The blend's rails do not lie on the two faces.
+    CqblendError
+        The blend does not fit into the shape.
+    """
+    picks = Picks(shape, edges, first)
+    joint = picks.take(shape)
+    if picks:
+        raise SelectionError("the edges belong to several joints: a blend takes the place of one")
+    try:
+        fitted = _fitted(joint, blend)
+        surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
+        proposal = surgery.closed() if joint.spine.closed else surgery.open()
+        limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
+        problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
+        if problems:
+            raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
+    except CqblendError as error:
+        raise type(error)(f"edge {joint.edge}: {error}") from error
+    certificate = certify(joint, proposal, fitted)
+    return replaced_solid(shape, joint.solid, proposal.solid), proposal.blend, certificate
+
+
+def _fitted(joint: Joint, blend: Blend) -> Blend:
+    """Return a blend with its sides and its sense those of a joint, its ribbons on the joint's own surfaces."""
+    size = joint.extent
+    for swapped in (False, True):
+        ribbons = blend.ribbons[::-1] if swapped else blend.ribbons
+        if all(_on(ribbon, side, size) for ribbon, side in zip(ribbons, joint.sides, strict=True)):
+            break
+    else:
+        raise InputError(
+            "the blend's rails do not lie on the two faces in their own parameters: make it between "
+            "cqblend.to_surface(face) of both, and of faces on splines (.toNURBS() of a CadQuery shape has no others)"
+        )
+    first, second = (
+        replace(ribbon, primary=side.primary) for ribbon, side in zip(ribbons, joint.sides, strict=True)
+    )
+    surface = blend.surface.reverse(1) if swapped else blend.surface
+    t = np.linspace(*first.c.domain, 257)
+    point, rate = in_space(first.primary.position(first.c).jet(t, 1))
+    stations = joint.stations(np.linspace(0.02, 0.98, 33))
+    nearest = np.linalg.norm(stations.point[:, None] - point, axis=2).argmin(axis=1)
+    if (rate[nearest] * stations.direction).sum() < 0:
+        first, second = (
+            replace(
+                one,
+                c=one.c.reverse(),
+                directions=tuple(direction.reverse() for direction in one.directions),
+                uv=one.uv[::-1],
+            )
+            for one in (first, second)
+        )
+        surface = surface.reverse(0)
+    return replace(blend, surface=surface, ribbons=(first, second))
+
+
+def _on(ribbon: Ribbon, side: FaceSide, size: float) -> bool:
+    """Whether a ribbon runs on a face, in the face's own parameters."""
+    if not isinstance(ribbon.primary, Tensor) or not isinstance(side.primary, Tensor) or not side.native.is_native():
+        return False
+    t = np.linspace(*ribbon.c.domain, 33)
+    uv = ribbon.native(t)
+    return bool(np.abs(side.primary.jet(uv)[0] - ribbon.primary.jet(uv)[0]).max() <= SAME_FACE * size)
 
 
 def _sizes(request: BlendRequest) -> tuple[float, ...]:

@@ -7,8 +7,10 @@ and gives back shapes of the same library. Must not compute anything.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cqblend.blends.hermite import Blend
 from cqblend.certificate import Certificate
-from cqblend.edges import blend_shape
+from cqblend.edges import blend_shape, insert_shape
+from cqblend.errors import InputError, shown
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
 from cqblend.occ import convert, measure, pcurves, verification
 from cqblend.request import STEER, BlendRequest
@@ -162,6 +164,51 @@ def blend_edges(
         faces=tuple(wrapped_like(native, face) for face in faces),
         certificate=certificate,
     )
+
+
+def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> BlendResult:
+    """Put a blend of surfaces into a solid, in the place of the edge between two faces that lie on these surfaces.
+
+    The faces are cut at the blend's rails, and the result is verified before it is returned. The input is left as it
+    was.
+
+    Parameters
+    ----------
+    shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
+        The solid, or a compound of solids.
+    edges : an edge, or an iterable of edges
+        Edges of that very shape that make up one joint of two faces. These must be faces on B-splines, in whose own
+        parameters the blend's rails run: ``shape.toNURBS()`` (CadQuery) turns others into such.
+    blend : Blend
+        What `cqblend.hermite_blend`, `cqblend.pde_blend` or `cqblend.potential_blend` made of
+        ``cqblend.to_surface(face)`` of the two faces. On an open joint, it must reach over the faces at both ends.
+    first : a face, optional
+        The face that counts as side 1 in the certificate.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, or the rails do not lie on the two faces.
+    SelectionError
+        An edge is foreign to the shape, a seam, degenerate, smooth already, or the edges are several joints.
+    GeometryError, TopologyError, VerificationError
+        The blend does not fit into the shape, or the result failed verification.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> box = cadquery.Solid.makeBox(30, 20, 10).toNURBS()
+    >>> edge = cadquery.Workplane(box).edges("|Z and >X and >Y").val()
+    >>> east, north = (cqblend.to_surface(cadquery.Workplane(box).faces(f).val()) for f in (">X", ">Y"))
+    >>> sides = [cqblend.reshape(one, by="normal", amounts=-1) for one in (east, north)]
+    """
+    if not isinstance(blend, Blend):
+        raise InputError(f"a blend to insert is what hermite_blend, pde_blend or potential_blend made, not {shown(blend)}")
+    native = native_shape(shape)
+    whole, face, certificate = insert_shape(
+        to_topods(native), edges_of(edges), blend, None if first is None else face_of(first, "first")
+    )
+    return BlendResult(wrapped_like(native, whole), (wrapped_like(native, face),), certificate)
 
 
 def continuity(shape: Any, edge: Any) -> "Continuity":

@@ -297,7 +297,10 @@ def potential_blend(
             f"the blend misses the intersection curves by {missed:.2g} mm, more than {allowed:.2g}: ask for a larger skin"
         )
     rails = (_rail(ribbons[0], families[0]), _rail(ribbons[1], families[1]))
-    return PotentialBlend(made.surface, made.ribbons, made.form, rails, (families[0], families[1]), pair, swept, missed)
+    first, second = map(_kept, made.ribbons)
+    return PotentialBlend(
+        made.surface, (first, second), made.form, rails, (families[0], families[1]), pair, swept, missed
+    )
 
 
 def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:

@@ -72,6 +72,19 @@ def wing():
     return cqblend.Surface.from_bspline((3, 1), (knots, [0, 0, 1, 1]), poles), part
 
 
+def closed_solid(surface):
+    """Return the solid of a surface that closes in u, with flat ends."""
+    side = cq.Face(cqblend.to_face(surface))
+    rims = [edge for edge in side.Edges() if edge.IsClosed()]
+    return cq.Solid.makeSolid(cq.Shell.makeShell([side, *(cq.Face.makeFromWires(cq.Wire.assembleEdges([rim])) for rim in rims)]))
+
+
+def aircraft():
+    """Return fuselage and wing as one solid, and the edge in which they meet."""
+    body = closed_solid(fuselage()).fuse(closed_solid(wing()[0]))
+    return body, [edge for edge in body.Edges() if edge.IsClosed() and 0.5 < edge.Center().y < 2]
+
+
 def fairing(a=0.3, b=0.45, lam=0.0, **options):
     """Return the fairing of figure 6: elliptic below, none on top, forked aft, and its two families."""
     conic = cqblend.Conic(a, b, lam)
