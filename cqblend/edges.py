@@ -254,7 +254,8 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
             swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
-        return hermite(ribbons, *form, Skin.over(swept, joint.spine.closed, _inside(request)))
+        skin = Skin.over(swept, joint.spine.closed, _inside(request))
+        return hermite(ribbons, request.form, min(request.tolerance, skin.compact), request.angular_tolerance, skin)
     if request.order is None:
         return hermite(ribbons, *form)
     problem = Problem(request.order, request.parameters, request.terms)

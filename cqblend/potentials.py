@@ -62,6 +62,13 @@ class PotentialBlend(Blend):
     sweep: Sweep = field(repr=False)
     skin: float
 
+    @property
+    def hermite(self) -> Blend:
+        """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
+        first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
+        made = hermite.hermite((first, second), self.form, 1e-7, 1e-5)
+        return Blend(made.surface, self.ribbons, made.form, self.rails)
+
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
         """Return the points (..., 3) in which the reshaped surfaces meet, at t and v = 1 - x, to rounding.
 
@@ -289,7 +296,7 @@ def potential_blend(
     allowed = max(tolerance, INSIDE * swept.width) if skin is None else skin
     ribbons = swept.ribbons(allowed)
     fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
-    made = hermite.hermite(ribbons, form, tolerance, angular_tolerance, fill)
+    made = hermite.hermite(ribbons, form, min(tolerance, fill.compact), angular_tolerance, fill)
     hermite.check_creases(made.surface)
     missed = fill.missed(made.surface)
     if not missed <= 2 * allowed:

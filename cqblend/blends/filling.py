@@ -32,8 +32,9 @@ from cqblend.splines.fit import approximate
 from cqblend.splines.knots import extract
 
 DEGREE = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
-FINEST = 64  # spans across
-ACROSS = 72  # points across, at least, at which the interior is read
+ACROSS = 72  # points across, at least, at which solutions are read
+FINER = 3  # times as many, where these are not enough
+DENSE = 2 / np.pi  # spans for each point, at most: there are points in every one of them
 SAME = 1e-13  # of the interior: as near as that, it is the same
 EASILY = 1e-4  # of the tolerance: as near as that, polynomials on the section's own pieces will do
 SPANS = 128  # along, at most, before an interior gets kinks that it could do without
@@ -56,6 +57,10 @@ class Filling(ABC):
     orders: Array
 
     firm: ClassVar[bool] = False  # whether the kinks are sure to be there
+    advice: ClassVar[tuple[str, str]] = (
+        "fewer terms, or parameters whose layers along the rails are less thin (a smaller b)",
+        "fewer modes",
+    )  # what to do about too many spans across and along
 
     @abstractmethod
     def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
@@ -74,31 +79,43 @@ class Filling(ABC):
 
     def interior(self, sides: tuple[Jets, Jets]) -> Interior | None:
         """Return what is added as splines, None if it is within the tolerance."""
-        jets = aligned([*sides[0], *sides[1]])
-        breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        v = (1 - np.cos(np.pi * (np.arange(self.points) + 0.5) / self.points)) / 2
-        added = self.added(sides, v)
-
-        def values(t: Array) -> Array:
-            """Return the interior at t (n,) and all v, times the section's weight: (n, m, 3)."""
-            out = added(t)
-            weight = None if _even(sides) else weights(sides, t, v)
-            return out if weight is None else out * weight[..., None]
-
-        t = np.union1d(np.linspace(breaks[0], breaks[-1], 257), (breaks[:-1] + breaks[1:]) / 2)
-        found = values(t)
-        size = float(np.abs(found).max())
-        if size <= self.tolerance / 4:
-            return None
-        across = self._across(v, found)
+        for points in (self.points, FINER * self.points):
+            v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
+            values = self._values(sides, v)
+            jets = aligned([*sides[0], *sides[1]])
+            breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
+            found = values(np.union1d(np.linspace(breaks[0], breaks[-1], 257), (breaks[:-1] + breaks[1:]) / 2))
+            size = float(np.abs(found).max())
+            if size <= self.tolerance / 4:
+                return None
+            across = self._across(v, found)
+            if across is not None:
+                break
+        else:
+            raise GeometryError(
+                f"the interior, {size:.2g} mm away from a Hermite section, takes more than {int(DENSE * points)} spans "
+                f"across: ask for a larger tolerance, or {self.advice[0]}"
+            )
 
         def sample(t: Array) -> Array:
+            assert across is not None
             return across.fitted(values(t))
 
         curve = _simple(sample, breaks, degree, max(SAME * size, EASILY * self.tolerance))
         if curve is None:
             curve = self._along(sample, breaks, None if _even(sides) else jets)
         return Interior(curve, across.tables, across.breaks, across.continuity)
+
+    def _values(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+        """Return the interior at all v times the section's weight, as a function of t (n,): (n, m, 3)."""
+        added = self.added(sides, v)
+
+        def values(t: Array) -> Array:
+            out = added(t)
+            weight = None if _even(sides) else weights(sides, t, v)
+            return out if weight is None else out * weight[..., None]
+
+        return values
 
     def _along(self, sample: Callable[[Array], Array], breaks: Array, weighted: list[Curve] | None) -> Curve:
         """Approximate the interior along: C4 if that goes, else with the kinks of rails and weights, C1 at least."""
@@ -119,20 +136,16 @@ class Filling(ABC):
         except GeometryError as error:
             raise GeometryError(
                 f"the interior between the rails cannot be approximated along them: {error}; ask for a larger "
-                "tolerance, or fewer modes"
+                f"tolerance, or {self.advice[1]}"
             ) from error
 
-    def _across(self, v: Array, found: Array) -> _Across:
-        """Choose the fewest functions across that hold the interior within a quarter of the tolerance."""
-        for degree, spans in _choices(self.halves):
+    def _across(self, v: Array, found: Array) -> _Across | None:
+        """Choose the fewest functions across that hold the interior within a quarter of the tolerance; None if none."""
+        for degree, spans in _choices(self.halves, DENSE * len(v)):
             across = _Across.of(self.halves, degree, spans, v)
-            missed = float(np.abs(across.values(across.fitted(found)) - found).max())
-            if missed <= self.tolerance / 4:
+            if np.abs(across.values(across.fitted(found)) - found).max() <= self.tolerance / 4:
                 return across
-        raise GeometryError(
-            f"the interior errs by {missed:.2g} mm on {spans} spans of degree {degree} across: ask for a larger "
-            "tolerance, fewer terms, or parameters whose layers along the rails are less thin (a smaller b)"
-        )
+        return None
 
 
 @dataclass(frozen=True)
@@ -152,12 +165,12 @@ class Bubbles(Filling):
         return values
 
 
-def _choices(halves: tuple[int, int, int]) -> Iterator[tuple[int, int]]:
+def _choices(halves: tuple[int, int, int], most: float) -> Iterator[tuple[int, int]]:
     """Yield degrees across and numbers of spans: polynomials first, then splines."""
     least = 2 * max(halves)
     yield from ((degree, 1) for degree in range(least, DEGREE + 1))
     spans = 2
-    while spans <= FINEST:
+    while spans <= most:
         yield DEGREE, spans
         spans += max(1, spans // 2)
 

@@ -24,10 +24,10 @@ from cqblend.blends.contact import FLAT, Contacts, Side, Solver, Stations, inter
 from cqblend.blends.families import Course, Offset
 from cqblend.blends.filling import Filling
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.meeting import OUTSIDE, TANGENTIAL, Branch, Meeting
+from cqblend.blends.meeting import OUTSIDE, TANGENTIAL, Branch, Meeting, point
 from cqblend.blends.primaries import Array, cross, unit
 from cqblend.blends.relations import Relation
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.ribbons import FADED, Ribbon
 from cqblend.blends.sections import Jets, section
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve, Surface, fit
@@ -335,6 +335,24 @@ class Sweep:
                 outside = middle
         return inside
 
+    def _check_sides(self) -> None:
+        """Raise GeometryError where the blend would set out to the other side of a rail than elsewhere."""
+        for side, (uv, vectors) in enumerate(self.ends(self.t)):
+            jet = self.curves.meeting.families[side].primary.jet(uv)
+            rate = np.gradient(jet[0], self.t, axis=0)
+            size = np.linalg.norm(vectors, axis=1)
+            across = (cross(rate, vectors) * unit(cross(jet[1], jet[2]))).sum(axis=1)
+            across[size <= FADED * size.max()] = 0.0
+            wrong = across * np.sign(across.sum()) < 0
+            if wrong.any():
+                i = int(wrong.argmax())
+                other = 2 - side
+                raise GeometryError(
+                    f"surface {other} does not move to the same side all along: at s = 0 of surface {side + 1}, "
+                    f"{point(jet[0, i])}, the blend would set out backwards; choose another reference for surface "
+                    f"{other}, on the other side of it, or amounts of one sign"
+                )
+
     @cached_property
     def kinks(self) -> tuple[Array, Array]:
         """Parameters t at which the swept surface is known not to be smooth, and its continuity there.
@@ -364,6 +382,7 @@ class Sweep:
             middle = self.curves.meeting.jets(self._interpolated(t, half), half)[0][0]
             return Contacts(t, middle, (ends[0][0], ends[1][0]), np.ones((2, len(t))))
 
+        self._check_sides()
         first, second = (family.primary for family in self.curves.meeting.families)
         around: Callable[..., Solver] = fitting.around if self.closed else fitting.along
         solve = around(contacts, (first, second))
@@ -391,6 +410,7 @@ class Skin(Filling):
     swept: Swept
 
     firm: ClassVar[bool] = True
+    advice: ClassVar[tuple[str, str]] = ("a relation that is less sharp", "a larger skin")
 
     @classmethod
     def over(cls, swept: Swept, closed: bool, tolerance: float, kinks: tuple[Array, Array] = SMOOTH) -> Skin:
@@ -401,6 +421,11 @@ class Skin(Filling):
         """Return how far the swept surface is from the section."""
         plain = section(sides)
         return lambda t: self.swept.points(t, 1 - v) - plain.grid(t, v)
+
+    @property
+    def compact(self) -> float:
+        """What compact joints may be off (mm), so that what is between them can be within the tolerance."""
+        return self.tolerance / 8
 
     def missed(self, surface: Surface) -> float:
         """Return how far a blend surface is from the curves at most (mm), between where these were read."""
