@@ -22,7 +22,17 @@ if TYPE_CHECKING:
     from cqblend.blends.rails import Rail
     from cqblend.blends.relations import BezierRelation, Conic, Relation
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
-    from cqblend.front import BlendResult, blend_edges, continuity, insert_blend, to_curve, to_edge, to_face, to_surface, verify
+    from cqblend.front import (
+        BlendResult,
+        blend_edges,
+        continuity,
+        insert_blend,
+        to_curve,
+        to_edge,
+        to_face,
+        to_surface,
+        verify,
+    )
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
     from cqblend.patterns import Pattern, unroll

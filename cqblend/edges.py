@@ -23,7 +23,15 @@ from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.sweep import EdgeSweep, Skin, from_edge, tied
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, GeometryError, InputError, SelectionError, SizeError, TopologyError, VerificationError
+from cqblend.errors import (
+    CqblendError,
+    GeometryError,
+    InputError,
+    SelectionError,
+    SizeError,
+    TopologyError,
+    VerificationError,
+)
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.certify import certify
 from cqblend.occ.joint import Joint
@@ -132,9 +140,7 @@ def _fitted(joint: Joint, blend: Blend) -> Blend:
             "the blend's rails do not lie on the two faces in their own parameters: make it between "
             "cqblend.to_surface(face) of both, and of faces on splines (.toNURBS() of a CadQuery shape has no others)"
         )
-    first, second = (
-        replace(ribbon, primary=side.primary) for ribbon, side in zip(ribbons, joint.sides, strict=True)
-    )
+    first, second = (replace(ribbon, primary=side.primary) for ribbon, side in zip(ribbons, joint.sides, strict=True))
     surface = blend.surface.reverse(1) if swapped else blend.surface
     t = np.linspace(*first.c.domain, 257)
     point, rate = in_space(first.primary.position(first.c).jet(t, 1))

@@ -203,7 +203,9 @@ def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> 
     >>> sides = [cqblend.reshape(one, by="normal", amounts=-1) for one in (east, north)]
     """
     if not isinstance(blend, Blend):
-        raise InputError(f"a blend to insert is what hermite_blend, pde_blend or potential_blend made, not {shown(blend)}")
+        raise InputError(
+            f"a blend to insert is what hermite_blend, pde_blend or potential_blend made, not {shown(blend)}"
+        )
     native = native_shape(shape)
     whole, face, certificate = insert_shape(
         to_topods(native), edges_of(edges), blend, None if first is None else face_of(first, "first")

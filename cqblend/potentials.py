@@ -174,7 +174,7 @@ def _amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array]
             f"rows of {', '.join(map(str, map(len, rows)))}"
         )
     found: dict[Any, int] = {}
-    functions = []
+    functions: list[Callable[[Array], Any]] = []
     groups = np.empty(shape, dtype=int)
     for i, row in enumerate(rows):
         for j, one in enumerate(row):
@@ -191,14 +191,14 @@ def _amount(given: Any) -> Callable[[Array], Any]:
     if given is None:
         return np.positive
     if callable(given):
-        return given  # type: ignore[no-any-return]
+        return given
     factor = number("amounts", given)
     return lambda s: factor * s
 
 
 def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
     if callable(given):
-        return given  # type: ignore[no-any-return]
+        return given
     factors = np.array([number("tuning", one) for one in tuning])
     if factors.shape != (3,):
         raise InputError(f"tuning is three numbers, not {shown(tuning)}")
@@ -301,7 +301,8 @@ def potential_blend(
     missed = fill.missed(made.surface)
     if not missed <= 2 * allowed:
         raise GeometryError(
-            f"the blend misses the intersection curves by {missed:.2g} mm, more than {allowed:.2g}: ask for a larger skin"
+            f"the blend misses the intersection curves by {missed:.2g} mm, more than {allowed:.2g}: ask for a larger "
+            "skin"
         )
     rails = (_rail(ribbons[0], families[0]), _rail(ribbons[1], families[1]))
     first, second = map(_kept, made.ribbons)
@@ -325,8 +326,8 @@ def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
     if not found:
         distance, place = nearest_approach(meeting, START)
         raise GeometryError(
-            f"the reshaped surfaces do not meet at s = ({s1:.4g}, {s2:.4g}), half-way: they come within {distance:.3g} mm "
-            f"of each other, at {point(place)}; choose other a and b, another reference, or move them"
+            f"the reshaped surfaces do not meet at s = ({s1:.4g}, {s2:.4g}), half-way: they come within {distance:.3g} "
+            f"mm of each other, at {point(place)}; choose other a and b, another reference, or move them"
         )
     if target is not None:
         return min(found, key=lambda one: float(np.linalg.norm(one.points - target, axis=1).min()))
@@ -335,8 +336,8 @@ def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
             f"{'closed' if one.closed else 'open'} through {point(one.points[len(one.points) // 2])}" for one in found
         )
         raise GeometryError(
-            f"the reshaped surfaces meet in {len(found)} curves at s = ({s1:.4g}, {s2:.4g}), half-way: {places}; choose "
-            "one with near=(x, y, z)"
+            f"the reshaped surfaces meet in {len(found)} curves at s = ({s1:.4g}, {s2:.4g}), half-way: {places}; "
+            "choose one with near=(x, y, z)"
         )
     return found[0]
 

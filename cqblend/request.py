@@ -111,7 +111,7 @@ class BlendRequest:
         section: object = "hermite",
         a: object = None,
         b: object = None,
-        lam: object = None,
+        lam: Any = None,
         order: object = None,
         parameters: Any = None,
         terms: object = "auto",
@@ -208,7 +208,7 @@ def _refuse(section: Section, **given: object) -> None:
             raise InputError(f"{name} is no option of section={section!r}{way}")
 
 
-def _potential(a: object, b: object, lam: object) -> Conic:
+def _potential(a: object, b: object, lam: Any) -> Conic:
     """Return the relation of a potential section; each of a and b is the other one if it is left out."""
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')

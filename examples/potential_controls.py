@@ -37,7 +37,7 @@ CONTROLS = {
 
 
 def reach(blend):
-    """Return how far the rails are from the joint of the surfaces as they were, on surface 1 and 2, in the middle (mm)."""
+    """Return how far the rails on surface 1 and 2 are from the joint of the surfaces as they were, in the middle."""
     edge = cqblend.potential_blend(
         cqblend.reshape(tower, reference=MIDDLE, amounts=1e-3),
         cqblend.reshape(ground, reference=(0, 0, -12), amounts=1e-3),

@@ -29,7 +29,9 @@ def ground():
 def tower():
     """Return the paper's surface 1, figure 4a: half a tube with 4 x 5 control points that stands on the other one."""
     angle = np.linspace(-0.3, np.pi + 0.3, 5)
-    rows = [((2.6 - 0.12 * z) * np.cos(angle), (3.2 - 0.12 * z) * np.sin(angle) - 2, np.full(5, z)) for z in (-3, 0, 3, 6)]
+    rows = [
+        ((2.6 - 0.12 * z) * np.cos(angle), (3.2 - 0.12 * z) * np.sin(angle) - 2, np.full(5, z)) for z in (-3, 0, 3, 6)
+    ]
     return bezier(np.moveaxis(rows, 1, 2))
 
 
@@ -76,7 +78,9 @@ def closed_solid(surface):
     """Return the solid of a surface that closes in u, with flat ends."""
     side = cq.Face(cqblend.to_face(surface))
     rims = [edge for edge in side.Edges() if edge.IsClosed()]
-    return cq.Solid.makeSolid(cq.Shell.makeShell([side, *(cq.Face.makeFromWires(cq.Wire.assembleEdges([rim])) for rim in rims)]))
+    return cq.Solid.makeSolid(
+        cq.Shell.makeShell([side, *(cq.Face.makeFromWires(cq.Wire.assembleEdges([rim])) for rim in rims)])
+    )
 
 
 def aircraft():

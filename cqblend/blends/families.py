@@ -5,8 +5,8 @@ amount,
 
 .. math:: p_{jk}(s) = p_{jk} + f_{jk}(s)\, (p_{jk} - C(s)),
 
-or every point of the surface moves along the unit normal, :math:`S + f(s)\, n`. Amounts may differ from control point to
-control point there too: then f is their own spline, :math:`\sum f_{jk}(s) N_{jk}(u, v)`.
+or every point of the surface moves along the unit normal, :math:`S + f(s)\, n`. Amounts may differ from control point
+to control point there too: then f is their own spline, :math:`\sum f_{jk}(s) N_{jk}(u, v)`.
 
 Both are evaluated as they are, with their derivatives by u, v and s: nothing is approximated. Only where somebody wants
 a whole offset surface as a spline is there a tolerance, unless its normals are a spline of its own kind, as those of
@@ -107,7 +107,7 @@ class Family(ABC):
         )
 
     def kinks(self, axis: int) -> tuple[Array, Array]:
-        """Return the inner knot lines of a native parameter, of all laps next to the first, and the continuity there."""
+        """Return the inner knot lines of a parameter, of the laps next to the first too, and the continuity there."""
         assert isinstance(self.primary, Tensor)
         assert self.primary.knots is not None
         lines, orders, period = (
@@ -151,10 +151,7 @@ class Family(ABC):
                 f"{slope:.3g}, not 0, and the blend would not be tangent to the surface; amounts need a finite "
                 "derivative at 0"
             )
-        return Course(amounts, self._references(s))
-
-    def _references(self, s: Curve) -> Curve | None:
-        return None
+        return Course(amounts, None)
 
     def _amounts(self, s: Array, which: str) -> Array:
         made = np.empty((len(s), len(self.functions)))
@@ -204,6 +201,7 @@ class Moved(Family):
         return _shares(self.surface, self.groups, len(self.functions), self.surface.to_bspline()[2])
 
     def jet(self, uv: Array, state: State) -> Array:
+        """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
         assert isinstance(self.primary, Tensor)
         u, v = self.primary.wrap(uv).T
         n, m = len(uv), len(self.functions)
@@ -219,13 +217,23 @@ class Moved(Family):
         return out
 
     def __call__(self, s: float, tolerance: float | None = None) -> Surface:
+        """Return the surface at s, over the same parameters, exactly."""
+        del tolerance
         degrees, knots, poles, weights = self.surface.to_bspline()
         at = np.array([float(s)])
         amounts = self._amounts(at, "given")[0][self.groups][..., None]
         return Surface.from_bspline(degrees, knots, poles + amounts * (poles - self._at(at)[0]), weights)
 
-    def _references(self, s: Curve) -> Curve:
-        return fit.reproduce(lambda x: self._at(s(x)[:, 0]), (0.0, 1.0))
+    def course(self, s: Curve, which: str) -> Course:
+        """Return the amounts, and the reference, for an s that goes along [0, 1].
+
+        Raises
+        ------
+        InputError
+            As :meth:`Family.course`.
+        """
+        amounts = super().course(s, which).amounts
+        return Course(amounts, fit.reproduce(lambda x: self._at(s(x)[:, 0]), (0.0, 1.0)))
 
     def _at(self, s: Array) -> Array:
         """Return the reference points (n, 3)."""
@@ -284,6 +292,7 @@ class Offset(Family):
         return cls(Tensor.of(surface, closed), functions, shares=shares, tolerance=tolerance)
 
     def jet(self, uv: Array, state: State) -> Array:
+        """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
         base = self.primary.jet(uv)
         n, nu, nv = normal_jet(base)
         out = np.empty((4, len(uv), 3))
@@ -293,7 +302,8 @@ class Offset(Family):
             out[3] = self.sign * state.rates * n
             return out
         assert isinstance(self.primary, Tensor)
-        jet = self.shares.jet(*self.primary.wrap(uv).T, 1)
+        u, v = self.primary.wrap(uv).T
+        jet = self.shares.jet(u, v, 1)
         f, fu, fv = (self.sign * (jet[k] * state.amounts).sum(axis=1)[:, None] for k in ((0, 0), (1, 0), (0, 1)))
         out[0] = base[0] + f * n
         out[1], out[2] = base[1] + f * nu + fu * n, base[2] + f * nv + fv * n
@@ -301,6 +311,13 @@ class Offset(Family):
         return out
 
     def __call__(self, s: float, tolerance: float | None = None) -> Surface:
+        """Return the surface at s, over the same parameters: exactly, or within a tolerance.
+
+        Raises
+        ------
+        GeometryError
+            If it is not a spline within the tolerance.
+        """
         amounts = self._amounts(np.array([float(s)]), "given")[0]
         surface, exact = self._spline, self.normals
         if not amounts.any():
@@ -312,7 +329,8 @@ class Offset(Family):
 
         def values(u: Array, v: Array) -> Array:
             uv = np.stack([grid.ravel() for grid in np.meshgrid(u, v, indexing="ij")], axis=-1)
-            state = State(*(np.broadcast_to(one, (len(uv), len(amounts))) for one in (amounts, still)), uv, uv)
+            now, rates = (np.broadcast_to(one, (len(uv), len(amounts))) for one in (amounts, still))
+            state = State(now, rates, uv, uv)
             return self.jet(uv, state)[0].reshape(len(u), len(v), 3)
 
         share = self.tolerance if tolerance is None else tolerance
@@ -325,7 +343,8 @@ class Offset(Family):
 
     @property
     def _spline(self) -> Surface:
-        assert isinstance(self.primary, Tensor) and self.primary.surface is not None
+        assert isinstance(self.primary, Tensor)
+        assert self.primary.surface is not None
         return self.primary.surface
 
     @cached_property
@@ -388,7 +407,8 @@ def closes(surface: Surface) -> tuple[bool, bool]:
         ends = []
         for at in (a, b):
             uv = (np.full(17, at), along)
-            jet = surface.jet(*(uv if axis == 0 else uv[::-1]), 1)
+            u, v = uv if axis == 0 else uv[::-1]
+            jet = surface.jet(u, v, 1)
             ends.append((jet[0, 0], jet[1, 0] if axis == 0 else jet[0, 1]))
         (first, slope1), (last, slope2) = ends
         scale = max(float(np.abs(slope1).max()), size / (b - a))

@@ -15,8 +15,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import ClassVar
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -155,6 +155,7 @@ class Bubbles(Filling):
     solution: Solution
 
     def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+        """Return the sum of the bubbles."""
         del sides
         inside = [bubbles(half, self.solution.terms, v).T for half in self.halves]
 

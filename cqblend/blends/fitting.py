@@ -375,8 +375,8 @@ def _gathered(rails: tuple[Ribbon, Ribbon], breaks: Array, corners: Array) -> tu
     The blend has a knot wherever one of its rails crosses a knot line; two knots nearly at one place would leave a
     sliver between them, whose derivatives are rounding noise. On a symmetric part that is the rule: both rails cross
     theirs in the plane of symmetry, apart by the tolerance of the edge. A break gives way to a crossing as far as a
-    third of its span off, unless it is a corner. Returns the breaks, and the native parameters through which a rail is to run at some of them,
-    so that it crosses just there.
+    third of its span off, unless it is a corner. Returns the breaks, and the native parameters through which a rail is
+    to run at some of them, so that it crosses just there.
     """
     slack = SLIVER * (breaks[-1] - breaks[0])
     crossings = []

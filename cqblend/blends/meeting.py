@@ -206,10 +206,10 @@ class Meeting:
                 step /= 2
                 continue
             moved = float(np.linalg.norm(there - here))
-            if length > 3 * moved and (start - here) @ first_way > 0 >= (start - there) @ first_way:
-                if np.linalg.norm(start - here) < 2 * moved and direction @ first_way > 0.5:
-                    chain.append(self._around(seed, made))
-                    return np.stack(chain), True
+            passed = (start - here) @ first_way > 0 >= (start - there) @ first_way and direction @ first_way > 0.5
+            if passed and length > 3 * moved and np.linalg.norm(start - here) < 2 * moved:
+                chain.append(self._around(seed, made))
+                return np.stack(chain), True
             chain.append(made)
             q, here, way, length = made, there, direction, length + moved
             step = min(step * float(np.clip(TURN / max(turned, 1e-3), 0.5, 2.0)), LONGEST * self.scale)
@@ -229,8 +229,8 @@ def nearest_approach(meeting: Meeting, x: float) -> tuple[float, Array]:
     """Return how near two surfaces that do not meet come to each other at x, about, and where."""
     s = meeting.s(x)
     grids = []
-    for i, family in enumerate(meeting.families):
-        surface = family(float(s[i]), 1e-3)
+    for family, amount in zip(meeting.families, s.tolist(), strict=True):
+        surface = family(amount, 1e-3)
         u, v = (np.linspace(low, high, 48) for low, high in surface.domain)
         grids.append(surface.grid(u, v).reshape(-1, 3))
     best, place = np.inf, grids[0][0]
@@ -333,7 +333,6 @@ class _Parts:
         coefs, windows = self.coefs[..., used], self.windows[used]
         counts = np.where(large, 4, 1)
         offsets = np.cumsum(counts) - counts
-        order = [np.flatnonzero(~large)]
         parts = [coefs[..., ~large]]
         places = [windows[~large]]
         quarters = coefs[..., large]

@@ -171,7 +171,7 @@ class Conic(Relation):
             )
         w = float(np.sqrt((1 - lam / (a * b)) / 2))
         object.__setattr__(self, "lam", lam)
-        object.__setattr__(self, "curve", Curve.bezier([[a, 0], [0, 0], [0, b]], weights=[1, w, 1]))
+        object.__setattr__(self, "curve", Curve.bezier(np.array([[a, 0], [0, 0], [0, b]]), weights=[1, w, 1]))
         self.__post_init__()
 
 

@@ -577,4 +577,4 @@ def from_edge(
     def along(s: Curve) -> Meeting:
         return Meeting((first, second), s, (Course(s[0], None), Course(s[1], None)), ANYWHERE, size)
 
-    return EdgeSweep(along(relation.curve), along(Curve.bezier([[0.0, 0.0], relation(0.5)])), start, closed)
+    return EdgeSweep(along(relation.curve), along(Curve.bezier(np.stack([np.zeros(2), relation(0.5)]))), start, closed)

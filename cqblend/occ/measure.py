@@ -214,8 +214,8 @@ def continuity_between(
     angles = angle_between(one.normals, two.normals)
     jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
     if where is not None:
-        left_out = ~where(ts)
-        angles[left_out], jumps[left_out] = np.nan, np.nan
+        counts = where(ts)
+        angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
     measured = int(np.isfinite(angles).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")

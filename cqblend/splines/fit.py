@@ -392,7 +392,8 @@ def approximate_surface(
             np.einsum("pim,qjn,ijd->pqdmn", along.coefs, across.coefs, poles, optimize=True),
             continuity=(along.continuity, across.continuity),
         )
-        error = float(np.abs(surface.grid(*between) - function(*between)).max())
+        u, v = between
+        error = float(np.abs(surface.grid(u, v) - function(u, v)).max())
         if error <= tolerance:
             return surface
         if 2 * spans > most:
