@@ -361,5 +361,5 @@ def _rail(ribbon: Ribbon, family: Family) -> Rail:
         a, b = surface.domain[axis]
         before, after = (max(0, int(np.ceil(over / period - 1e-9))) for over in (a - low, high - b))
         if before or after:
-            surface = surface.tiled(axis, before, after, continuity=1)
+            surface = surface.tiled(axis, before, after)
     return Rail(surface, curve)

@@ -54,13 +54,13 @@ def sharpness(blend):
     return float((np.linalg.norm(np.cross(rate, second), axis=1) / np.linalg.norm(rate, axis=1) ** 3).max())
 
 
-blends = {name: made(**options) for name, options in CONTROLS.items()}
+by_control = {name: made(**options) for name, options in CONTROLS.items()}
 if __name__ == "__main__":
     print(f"{'':24s}reach 1  reach 2  sharpness")
-    for name, blend in blends.items():
+    for name, blend in by_control.items():
         one, two = reach(blend)
         print(f"{name:24s}{one:7.3f}  {two:7.3f}  {sharpness(blend):9.2f}")
 
 if "show_object" in globals():
-    faces = [cqblend.to_face(surface) for surface in (*primaries, blends["a = b = 1"].surface)]
+    faces = [cqblend.to_face(surface) for surface in (*primaries, by_control["a = b = 1"].surface)]
     show_object(cq.Compound.makeCompound(map(cq.Face, faces)), name="blend")  # type: ignore[name-defined]  # noqa: F821

@@ -24,11 +24,11 @@ def patch_blend(relation, **options):
     return cqblend.potential_blend(tower, ground, relation, **options)
 
 
-blends = {name: patch_blend(relation, form="exact") for name, relation in RELATIONS.items()}
-for name, blend in blends.items():
+by_relation = {name: patch_blend(relation, form="exact") for name, relation in RELATIONS.items()}
+for name, blend in by_relation.items():
     print(name)
     print(blend.certificate)
 
 if "show_object" in globals():
-    faces = [cqblend.to_face(surface) for surface in (*primaries, blends["elliptic"].surface)]
+    faces = [cqblend.to_face(surface) for surface in (*primaries, by_relation["elliptic"].surface)]
     show_object(cq.Compound.makeCompound(map(cq.Face, faces)), name="blend")  # type: ignore[name-defined]  # noqa: F821

@@ -1,5 +1,6 @@
 """The examples and the Python in the documentation: what a reader will copy must run, and print what it says."""
 
+import os
 import re
 import subprocess
 import sys
@@ -24,7 +25,7 @@ def python(code, folder):
         text=True,
         cwd=folder,
         check=False,
-        env={"PYTHONPATH": str(ROOT)},
+        env={"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'examples'}"},
     )
 
 
@@ -61,7 +62,7 @@ def test_unrolled(path, tmp_path):
         text=True,
         cwd=tmp_path,
         check=False,
-        env={"PYTHONPATH": str(ROOT)},
+        env={"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'examples'}"},
     )
     assert done.returncode == 0, done.stderr
     text = path.read_text(encoding="utf-8")

@@ -210,11 +210,11 @@ def _alike(one: Ribbon, other: Ribbon) -> bool:
     return all(np.abs(a(t) - b(t)).max() <= ALIKE * np.abs(b(t)).max() for a, b in pairs)
 
 
-def through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Curve:
+def through(nodes: Array, values: Array, corners: Array, *, closed: bool, sharp: Sequence[int] | Array = ()) -> Curve:
     """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
 
     There are two more values between neighbouring nodes, at equal distances. From them come the slopes at the corners,
-    of third order, and the same on both sides.
+    of third order, and the same on both sides; at ``sharp`` corners each side has its own.
     """
     steps = np.diff(nodes)
     weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
@@ -223,12 +223,16 @@ def through(nodes: Array, values: Array, corners: Array, *, closed: bool) -> Cur
         np.einsum("w,wnd->nd", weights, spans) / steps[:, None],
         np.einsum("w,wnd->nd", -weights[::-1], spans) / steps[:, None],
     )
-    slopes = np.concatenate([right[:1], (right[1:] + left[:-1]) / 2, left[-1:]])
+    before, after = (np.concatenate(pair) for pair in ((right[:1], left), (right, left[-1:])))
+    even = np.ones(len(nodes), dtype=bool)
+    even[np.asarray(sharp, dtype=int)] = False
+    before[even] = after[even] = (before[even] + after[even]) / 2
     if closed:
-        slopes[0] = slopes[-1] = (right[0] + left[-1]) / 2
+        before[-1] = after[0] = (right[0] + left[-1]) / 2
     whole: Curve | None = None
     for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
-        piece = fit.interpolate(nodes[i : j + 1], values[3 * i : 3 * j + 1 : 3], derivatives=slopes[[i, j]])
-        whole = piece if whole is None else whole.join(piece, continuity=1)
+        slopes = np.stack([after[i], before[j]])
+        piece = fit.interpolate(nodes[i : j + 1], values[3 * i : 3 * j + 1 : 3], derivatives=slopes)
+        whole = piece if whole is None else whole.join(piece, continuity=int(even[i]))
     assert whole is not None
     return whole.reduce(tolerance=1e-13)

@@ -12,13 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds, through
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.fields import Along, Field, directions, perpendicular
-from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
+from cqblend.blends.primaries import Array, Primary, Tensor, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.errors import GeometryError
@@ -29,6 +31,7 @@ EXACT = 2e-13  # residual, relative to the size, up to which a lighter form coun
 FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
 NONE = np.empty(0)
+DENSE, SECANTS = 129, 30  # contacts between which crossings of knot lines are looked for, and steps to find them
 
 Domain = tuple[float, float]
 Scale = Callable[[Array], Array]
@@ -113,11 +116,12 @@ def _build(
     make: Maker,
     wanted: Wanted,
     steering: Steering,
+    turn: Maker | None = None,
 ) -> tuple[Ribbon, Errors]:
     """Fit one ribbon to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
-    them. The samples may reach past the domain of the steering, on which the ribbon is wanted and errors are measured.
+    them. ``turn`` does so for directions, if these take another way. The samples may reach past the domain of the steering, on which the ribbon is wanted and errors are measured.
     """
     primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
@@ -129,7 +133,7 @@ def _build(
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
         asked = asked * (wanted.bulges[side](t) * solved.reach[side])[:, None]
-    made, turned, ratio = aim(primary, c, uv, t, asked, wanted.orders[side], make, steering)
+    made, turned, ratio = aim(primary, c, uv, t, asked, wanted.orders[side], turn or make, steering)
     domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
@@ -229,7 +233,8 @@ def cubic(
 ) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
 
-    At ``corners``, where contacts are known to be no more than C1, the ribbons are C1 too.
+    At ``corners``, where contacts are known to be no more than C1, the ribbons are C1 too; and, if derivatives are
+    given, where they cross knot lines at which their surface is less than C3.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/128
     of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
@@ -240,7 +245,13 @@ def cubic(
     GeometryError
         If what remains in position is more than ten times what is wanted.
     """
-    task = _Cubic(primaries, solve, domain, wanted, closed, corners)
+    crossed: list[_Crossed] = []
+    if wanted.vectors is not None:
+        crossed = [one for i, primary in enumerate(primaries) for one in _crossed(solve, primary, i, domain)]
+        at = np.array([one.t for one in crossed])
+        corners = _apart(np.concatenate([corners, at]), SLIVER * (domain[1] - domain[0]))
+        crossed = [one._replace(t=float(corners[np.abs(corners - one.t).argmin()])) for one in crossed]
+    task = _Cubic(primaries, solve, domain, wanted, closed, corners, tuple(crossed))
     moves: Moves = []
     straight_on = (task.unsteered, task.unsteered)
     breaks, built = task.refined(task.start(), moves, straight_on)
@@ -255,6 +266,83 @@ def cubic(
     return built
 
 
+class _Crossed(NamedTuple):
+    """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``; ``sharp`` if it is less than C2."""
+
+    t: float
+    side: int
+    axis: int
+    value: float
+    sharp: bool
+
+
+def _crossed(solve: Solver, primary: Primary, side: int, domain: Domain) -> list[_Crossed]:
+    """Return where contacts cross knot lines of a spline at which it is less than C3."""
+    if not isinstance(primary, Tensor) or primary.knots is None:
+        return []
+    rough: list[list[tuple[float, int]]] = [
+        list(zip(primary.lines(axis).tolist(), primary.knots[axis].tolist(), strict=True)) for axis in (0, 1)
+    ]
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            rough[axis].append((float(primary.breaks[axis][0]), primary.joints[axis]))
+    if all(order >= 3 for lines in rough for _, order in lines):
+        return []
+    t = np.linspace(*domain, DENSE)
+    uv = solve(t).uv[side]
+    found: list[tuple[_Crossed, float, float, float]] = []  # with the end of the bracket, and the values at both ends
+    for axis, lines in enumerate(rough):
+        period = primary.periods[axis]
+        for line, order in lines:
+            off = _past(uv[:, axis], line, period)
+            jump = np.inf if period is None else period / 4
+            passing = (off[:-1] * off[1:] <= 0) & (np.abs(np.diff(off)) < jump) & (off[:-1] != off[1:])
+            if order < 3:
+                found += [
+                    (
+                        _Crossed(float(t[i]), side, axis, line, order < 2),
+                        float(t[i + 1]),
+                        float(off[i]),
+                        float(off[i + 1]),
+                    )
+                    for i in np.flatnonzero(passing)
+                ]
+    if not found:
+        return []
+    low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
+    high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
+    axes = np.array([one.axis for one, *_ in found])
+    middle = low
+    for _ in range(SECANTS):  # regula falsi, the Illinois way
+        middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
+        order = np.argsort(middle, kind="stable")
+        reached = np.empty_like(middle)
+        reached[order] = solve(middle[order]).uv[side][np.arange(len(order)), axes[order]]
+        values = np.array(
+            [
+                float(_past(reached[k : k + 1], one.value, primary.periods[one.axis])[0])
+                for k, (one, *_) in enumerate(found)
+            ]
+        )
+        ahead = values * first > 0
+        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+        first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
+        if np.abs(values).max() <= 1e-13:
+            break
+    return [one._replace(t=at) for (one, *_), at in zip(found, middle.tolist(), strict=True)]
+
+
+def _past(values: Array, line: float, period: float | None) -> Array:
+    """Return how far (n,) parameters are past a knot line, of the nearest lap."""
+    return values - (line if period is None else near_period(np.full_like(values, line), values, period))
+
+
+def _apart(t: Array, slack: float) -> Array:
+    """Return parameters in order, without those that nearly repeat another."""
+    t = np.sort(t)
+    return t[np.append(True, np.diff(t) > slack)] if len(t) else t
+
+
 @dataclass(frozen=True)
 class _Cubic:
     """The task of :func:`cubic`."""
@@ -265,6 +353,7 @@ class _Cubic:
     wanted: Wanted
     closed: bool
     corners: Array
+    crossed: tuple[_Crossed, ...]  # knot lines, at some of the corners
 
     def start(self) -> Array:
         """Return the breaks to start with: equal spans, and the corners."""
@@ -327,24 +416,40 @@ class _Cubic:
                 value = target[axis]
                 found[here, axis] = value if period is None else near_period(value, found[here, axis], period)
 
-        kinks = self._kinks(nodes)
+        for one in self.crossed:
+            here, found = self._kinks(t, np.array([one.t])), solved.uv[one.side]
+            found[here, one.axis] -= _past(found[here, one.axis], one.value, self.primaries[one.side].periods[one.axis])
+        corners = self._kinks(nodes, self.corners)
+        sharp = [np.array([one.t for one in self.crossed if one.side == side and one.sharp]) for side in (0, 1)]
+        pieces = np.unique([0, *corners, len(nodes) - 1])
 
-        def make(values: Array) -> Curve:
-            if not len(kinks):
+        def make(values: Array, sharp: Array = NONE) -> Curve:
+            if not len(corners):
                 return fit.interpolate(nodes, values[::3])
-            return through(nodes, values, np.unique([0, *kinks, len(nodes) - 1]), closed=False)
+            return through(nodes, values, pieces, closed=False, sharp=sharp)
 
         ones = np.ones(len(t))
         first, second = (
-            _build(self.primaries, t, solved, side, ones, make, self.wanted, steering[side]) for side in (0, 1)
+            _build(
+                self.primaries,
+                t,
+                solved,
+                side,
+                ones,
+                make,
+                self.wanted,
+                steering[side],
+                partial(make, sharp=self._kinks(nodes, sharp[side])),
+            )
+            for side in (0, 1)
         )
         return (first[0], second[0]), [first[1], second[1]]
 
-    def _kinks(self, nodes: Array) -> Array:
+    def _kinks(self, nodes: Array, corners: Array) -> Array:
         """Return which nodes, overlapping ones among them, are corners."""
-        if not len(self.corners):
+        if not len(corners):
             return np.empty(0, dtype=int)
-        apart, period = nodes[:, None] - self.corners, self.domain[1] - self.domain[0]
+        apart, period = nodes[:, None] - corners, self.domain[1] - self.domain[0]
         if self.closed:
             apart -= period * np.round(apart / period)
         return np.flatnonzero(np.abs(apart).min(axis=1) < 1e-9 * period)

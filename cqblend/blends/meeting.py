@@ -45,7 +45,7 @@ class Branch:
 class Meeting:
     """Two families, reshaped together.
 
-    ``s`` are the (s1, s2) at x in [0, 1], ``courses`` what the families are there.
+    ``s`` are the (s1, s2) at x in [0, 1], eased, ``courses`` what the families are there.
     """
 
     families: tuple[Family, Family]
@@ -58,9 +58,10 @@ class Meeting:
     def of(cls, families: tuple[Family, Family], relation: Relation) -> Meeting:
         """Prepare two families, that of surface 1 first."""
         first, second = families
-        courses = first.course(relation.curve[0], "1"), second.course(relation.curve[1], "2")
+        s = relation.eased
+        courses = first.course(s[0], "1"), second.course(s[1], "2")
         bounds = np.concatenate([family.bounds() for family in families])
-        return cls(families, relation.curve, courses, bounds, min(family.size() for family in families))
+        return cls(families, s, courses, bounds, min(family.size() for family in families))
 
     def jets(self, q: Array, x: Array) -> tuple[Array, Array]:
         """Return S, Su, Sv, Sx, (4, n, 3), of both surfaces at parameters (n, 4) and x (n,)."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -90,6 +91,19 @@ class Relation:
     def __call__(self, x: ArrayLike) -> Array:
         """Return (s1, s2) at x, (..., 2)."""
         return self.curve(x)
+
+    @cached_property
+    def eased(self) -> Curve:
+        r"""The same curve at x(y) = k y + (1 - k) (3 y^2 - 2 y^3), which sets out and arrives less hastily.
+
+        So that cross derivatives, which at the ends are as long as x is fast, are about as long as the blend is wide
+        however sharp it is: k is 1 for speeds up to twice the reach, and less for more.
+        """
+        rate1, rate2 = self.curve(0.0, 1)[0], self.curve(1.0, 1)[1]
+        k = min(1.0, 2 * self.a / abs(rate1), 2 * self.b / abs(rate2))
+        return (
+            self.curve if k == 1.0 else self.curve.compose(Curve.bezier(np.array([[0.0], [k / 3], [1 - k / 3], [1.0]])))
+        )
 
     def first(self, s2: ArrayLike) -> Array:
         """Return the s1 that belongs to s2: where several do, the one nearest to x = 0.

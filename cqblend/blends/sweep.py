@@ -577,4 +577,6 @@ def from_edge(
     def along(s: Curve) -> Meeting:
         return Meeting((first, second), s, (Course(s[0], None), Course(s[1], None)), ANYWHERE, size)
 
-    return EdgeSweep(along(relation.curve), along(Curve.bezier(np.stack([np.zeros(2), relation(0.5)]))), start, closed)
+    return EdgeSweep(
+        along(relation.eased), along(Curve.bezier(np.stack([np.zeros(2), relation.eased(0.5)]))), start, closed
+    )
