@@ -13,14 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds, through
 from cqblend.blends.contact import Contacts, Solver
+from cqblend.blends.corners import Crossed, crossed, past
 from cqblend.blends.fields import Along, Field, directions, perpendicular
-from cqblend.blends.primaries import Array, Primary, Tensor, cross, near_period, unit, unwrapped
+from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.errors import GeometryError
@@ -31,7 +31,6 @@ EXACT = 2e-13  # residual, relative to the size, up to which a lighter form coun
 FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
 NONE = np.empty(0)
-DENSE, SECANTS = 129, 30  # contacts between which crossings of knot lines are looked for, and steps to find them
 
 Domain = tuple[float, float]
 Scale = Callable[[Array], Array]
@@ -121,7 +120,8 @@ def _build(
     """Fit one ribbon to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
-    them. ``turn`` does so for directions, if these take another way. The samples may reach past the domain of the steering, on which the ribbon is wanted and errors are measured.
+    them. ``turn`` does so for directions, if these take another way. The samples may reach past the domain of the
+    steering, on which the ribbon is wanted and errors are measured.
     """
     primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
@@ -245,13 +245,13 @@ def cubic(
     GeometryError
         If what remains in position is more than ten times what is wanted.
     """
-    crossed: list[_Crossed] = []
+    lines: list[Crossed] = []
     if wanted.vectors is not None:
-        crossed = [one for i, primary in enumerate(primaries) for one in _crossed(solve, primary, i, domain)]
-        at = np.array([one.t for one in crossed])
+        lines = [one for i, primary in enumerate(primaries) for one in crossed(solve, primary, i, domain)]
+        at = np.array([one.t for one in lines])
         corners = _apart(np.concatenate([corners, at]), SLIVER * (domain[1] - domain[0]))
-        crossed = [one._replace(t=float(corners[np.abs(corners - one.t).argmin()])) for one in crossed]
-    task = _Cubic(primaries, solve, domain, wanted, closed, corners, tuple(crossed))
+        lines = [one._replace(t=float(corners[np.abs(corners - one.t).argmin()])) for one in lines]
+    task = _Cubic(primaries, solve, domain, wanted, closed, corners, tuple(lines))
     moves: Moves = []
     straight_on = (task.unsteered, task.unsteered)
     breaks, built = task.refined(task.start(), moves, straight_on)
@@ -264,77 +264,6 @@ def cubic(
         steered = tuple(replace(task.unsteered, pins=tuple(some)) for some in found)
         breaks, built = task.refined(breaks, moves, (steered[0], steered[1]))
     return built
-
-
-class _Crossed(NamedTuple):
-    """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``; ``sharp`` if it is less than C2."""
-
-    t: float
-    side: int
-    axis: int
-    value: float
-    sharp: bool
-
-
-def _crossed(solve: Solver, primary: Primary, side: int, domain: Domain) -> list[_Crossed]:
-    """Return where contacts cross knot lines of a spline at which it is less than C3."""
-    if not isinstance(primary, Tensor) or primary.knots is None:
-        return []
-    rough: list[list[tuple[float, int]]] = [
-        list(zip(primary.lines(axis).tolist(), primary.knots[axis].tolist(), strict=True)) for axis in (0, 1)
-    ]
-    for axis, period in enumerate(primary.periods):
-        if period is not None:
-            rough[axis].append((float(primary.breaks[axis][0]), primary.joints[axis]))
-    if all(order >= 3 for lines in rough for _, order in lines):
-        return []
-    t = np.linspace(*domain, DENSE)
-    uv = solve(t).uv[side]
-    found: list[tuple[_Crossed, float, float, float]] = []  # with the end of the bracket, and the values at both ends
-    for axis, lines in enumerate(rough):
-        period = primary.periods[axis]
-        for line, order in lines:
-            off = _past(uv[:, axis], line, period)
-            jump = np.inf if period is None else period / 4
-            passing = (off[:-1] * off[1:] <= 0) & (np.abs(np.diff(off)) < jump) & (off[:-1] != off[1:])
-            if order < 3:
-                found += [
-                    (
-                        _Crossed(float(t[i]), side, axis, line, order < 2),
-                        float(t[i + 1]),
-                        float(off[i]),
-                        float(off[i + 1]),
-                    )
-                    for i in np.flatnonzero(passing)
-                ]
-    if not found:
-        return []
-    low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
-    high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
-    axes = np.array([one.axis for one, *_ in found])
-    middle = low
-    for _ in range(SECANTS):  # regula falsi, the Illinois way
-        middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
-        order = np.argsort(middle, kind="stable")
-        reached = np.empty_like(middle)
-        reached[order] = solve(middle[order]).uv[side][np.arange(len(order)), axes[order]]
-        values = np.array(
-            [
-                float(_past(reached[k : k + 1], one.value, primary.periods[one.axis])[0])
-                for k, (one, *_) in enumerate(found)
-            ]
-        )
-        ahead = values * first > 0
-        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-        first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
-        if np.abs(values).max() <= 1e-13:
-            break
-    return [one._replace(t=at) for (one, *_), at in zip(found, middle.tolist(), strict=True)]
-
-
-def _past(values: Array, line: float, period: float | None) -> Array:
-    """Return how far (n,) parameters are past a knot line, of the nearest lap."""
-    return values - (line if period is None else near_period(np.full_like(values, line), values, period))
 
 
 def _apart(t: Array, slack: float) -> Array:
@@ -353,7 +282,7 @@ class _Cubic:
     wanted: Wanted
     closed: bool
     corners: Array
-    crossed: tuple[_Crossed, ...]  # knot lines, at some of the corners
+    crossed: tuple[Crossed, ...]  # knot lines, at some of the corners
 
     def start(self) -> Array:
         """Return the breaks to start with: equal spans, and the corners."""
@@ -418,7 +347,7 @@ class _Cubic:
 
         for one in self.crossed:
             here, found = self._kinks(t, np.array([one.t])), solved.uv[one.side]
-            found[here, one.axis] -= _past(found[here, one.axis], one.value, self.primaries[one.side].periods[one.axis])
+            found[here, one.axis] -= past(found[here, one.axis], one.value, self.primaries[one.side].periods[one.axis])
         corners = self._kinks(nodes, self.corners)
         sharp = [np.array([one.t for one in self.crossed if one.side == side and one.sharp]) for side in (0, 1)]
         pieces = np.unique([0, *corners, len(nodes) - 1])

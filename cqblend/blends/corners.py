@@ -1,0 +1,92 @@
+"""Corners: where rails, before they are fitted, cross knot lines at which a spline is not smooth enough for a fit.
+
+Parameters of contacts have kinks there, even where the surface in space has none: circles as rational splines are made
+of arcs whose parameters only just join. A fit that knows the places needs no more spans because of them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cqblend.blends.contact import Solver
+from cqblend.blends.primaries import Array, Primary, Tensor, near_period
+
+ROUGH = 3  # continuity, below which a knot line makes corners
+DENSE, SECANTS = 129, 30  # contacts between which crossings are looked for, and steps to find them
+EXACT = 1e-13  # of a parameter: as near as that, a line is reached
+
+
+class Crossed(NamedTuple):
+    """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``.
+
+    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0.
+    """
+
+    t: float
+    side: int
+    axis: int
+    value: float
+    sharp: bool
+
+
+def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, float]) -> list[Crossed]:
+    """Return where contacts cross knot lines of a spline at which it is less than C3."""
+    if not isinstance(primary, Tensor) or primary.knots is None:
+        return []
+    rough: list[list[tuple[float, int]]] = [
+        list(zip(primary.lines(axis).tolist(), primary.knots[axis].tolist(), strict=True)) for axis in (0, 1)
+    ]
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            rough[axis].append((float(primary.breaks[axis][0]), primary.joints[axis]))
+    if all(order >= ROUGH for lines in rough for _, order in lines):
+        return []
+    t = np.linspace(*domain, DENSE)
+    uv = solve(t).uv[side]
+    found: list[tuple[Crossed, float, float, float]] = []  # with the end of the bracket, and the values at both ends
+    for axis, lines in enumerate(rough):
+        period = primary.periods[axis]
+        for line, order in lines:
+            off = past(uv[:, axis], line, period)
+            jump = np.inf if period is None else period / 4
+            passing = (off[:-1] * off[1:] <= 0) & (np.abs(np.diff(off)) < jump) & (off[:-1] != off[1:])
+            if order < 3:
+                found += [
+                    (
+                        Crossed(float(t[i]), side, axis, line, order < 2),
+                        float(t[i + 1]),
+                        float(off[i]),
+                        float(off[i + 1]),
+                    )
+                    for i in np.flatnonzero(passing)
+                ]
+    if not found:
+        return []
+    low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
+    high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
+    axes = np.array([one.axis for one, *_ in found])
+    middle = low
+    for _ in range(SECANTS):  # regula falsi, the Illinois way
+        middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
+        ascending = np.argsort(middle, kind="stable")
+        reached = np.empty_like(middle)
+        reached[ascending] = solve(middle[ascending]).uv[side][np.arange(len(middle)), axes[ascending]]
+        values = np.array(
+            [
+                float(past(reached[k : k + 1], one.value, primary.periods[one.axis])[0])
+                for k, (one, *_) in enumerate(found)
+            ]
+        )
+        ahead = values * first > 0
+        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
+        first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
+        if np.abs(values).max() <= EXACT:
+            break
+    return [one._replace(t=at) for (one, *_), at in zip(found, middle.tolist(), strict=True)]
+
+
+def past(values: Array, line: float, period: float | None) -> Array:
+    """Return how far (n,) parameters are past a knot line, of the nearest lap."""
+    return values - (line if period is None else near_period(np.full_like(values, line), values, period))
