@@ -146,7 +146,8 @@ class Relation:
             middle = (low + high) / 2
             past = (self.curve(middle)[:, 1 - wanted] - s) * sign >= 0
             low, high = np.where(past, low, middle), np.where(past, middle, high)
-        return self.curve(high)[:, wanted].reshape(values.shape)
+        off = [np.abs(self.curve(end)[:, 1 - wanted] - s) for end in (low, high)]
+        return self.curve(np.where(off[0] <= off[1], low, high))[:, wanted].reshape(values.shape)
 
 
 @dataclass(frozen=True)
