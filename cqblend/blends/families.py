@@ -88,7 +88,7 @@ class Family(ABC):
 
     @abstractmethod
     def __call__(self, s: float, tolerance: float | None = None) -> Surface:
-        """Return the surface at s, over the same parameters; an offset that is no spline within a tolerance.
+        """Return the surface at s, over the same parameters; an offset that is no spline within a tolerance (mm).
 
         Raises
         ------
@@ -311,7 +311,7 @@ class Offset(Family):
         return out
 
     def __call__(self, s: float, tolerance: float | None = None) -> Surface:
-        """Return the surface at s, over the same parameters: exactly, or within a tolerance.
+        """Return the surface at s, over the same parameters: exactly, or within a tolerance (mm).
 
         Raises
         ------
@@ -333,11 +333,10 @@ class Offset(Family):
             state = State(now, rates, uv, uv)
             return self.jet(uv, state)[0].reshape(len(u), len(v), 3)
 
-        share = self.tolerance if tolerance is None else tolerance
         return fit.approximate_surface(
             values,
             surface.breaks,
-            share * float(np.abs(amounts).max()),
+            self.tolerance * float(np.abs(amounts).max()) if tolerance is None else tolerance,
             orders=(surface.continuity[0] - 1, surface.continuity[1] - 1),
         )
 

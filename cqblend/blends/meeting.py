@@ -19,14 +19,16 @@ from cqblend.blends.relations import Relation
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 
+ROUGH = 1e-4  # of the size, by which the splines of offsets, whose boxes are tested, may be off
 PARTS = 48  # of the common box of both surfaces: as large, at most, is a last part
 MOST_PAIRS = 60_000  # of parts that may meet: more are surfaces that touch along an area
-TURN = 0.15  # rad, by which a branch turns from point to point, about
-SHORTEST, LONGEST = 1e-7, 1 / 24  # steps, of the size
+TURN = 0.25  # rad, by which a branch turns in a step, about
+SHORTEST, LONGEST = 1e-7, 1 / 12  # steps, of the size
+ASTRAY = 0.01  # of a step: by as much a point half-way may be off the smooth curve between both ends
 MOST_STEPS = 5_000
 OUTSIDE = 1e-9  # of a domain, by which a point may be outside
 TANGENTIAL = 1e-5  # sine of the angle between surfaces, below which they touch
-NEAR = 0.05  # of a step: as near to a branch, a point lies on it
+NEAR = 0.07  # of a step: as near to a branch, a point lies on it
 
 
 @dataclass(frozen=True)
@@ -89,9 +91,9 @@ class Meeting:
         GeometryError
             The surfaces touch, or coincide, somewhere.
         """
-        s = self.s(x)
-        surfaces = [family(float(s[i]), 1e-3) for i, family in enumerate(self.families)]
-        start, half = _candidates(surfaces[0], surfaces[1])
+        rough = ROUGH * self.scale
+        first, second = (family(s, rough) for family, s in zip(self.families, self.s(x).tolist(), strict=True))
+        start, half = _candidates(first, second, rough)
         seeds = self._onto(start, half, x)
         found: list[Branch] = []
         while len(seeds):
@@ -145,8 +147,12 @@ class Meeting:
         made, good = newton(system, q[None], self.scale, stride)
         return made[0] if good[0] else None
 
-    def _at_bound(self, q: Array, x: float, axis: int, value: float) -> Array | None:
-        """Return the point of the intersection at which one parameter has a value, next to q."""
+    def _at_bound(self, inside: Array, outside: Array, x: float) -> Array | None:
+        """Return the point of the intersection, between two others, at the end of a domain."""
+        over = self.outside(outside[None])[0]
+        axis = int(over.argmax())
+        low, high = self.bounds[axis]
+        value = float(low if outside[axis] < low else high)
 
         def system(z: Array) -> tuple[Array, Array, Array]:
             first, second = self.jets(z, np.full(len(z), x))
@@ -157,11 +163,28 @@ class Meeting:
             residual = np.concatenate([first[0] - second[0], ((z[:, axis] - value) * size)[:, None]], axis=1)
             return residual, matrix, np.linalg.norm(matrix[:, :3], axis=1)
 
-        made, good = newton(system, q[None], self.scale, self.scale)
-        if not good[0]:
+        share = (value - inside[axis]) / (outside[axis] - inside[axis])
+        made, good = newton(system, (inside + share * (outside - inside))[None], self.scale, self.scale)
+        if not good[0] or self.outside(made).max() > OUTSIDE:
             return None
         made[0, axis] = value
         return made[0]
+
+    def _half_way(
+        self, ends: tuple[Array, Array], points: tuple[Array, Array], ways: tuple[Array, Array], x: float
+    ) -> Array | None:
+        """Return the point half-way between two of a branch; None if it is not where a smooth curve between them is.
+
+        Then the second one is of another branch, or the step too long.
+        """
+        chord = points[1] - points[0]
+        length = float(np.linalg.norm(chord))
+        middle = (points[0] + points[1]) / 2 + length / 8 * (ways[0] - ways[1])
+        half = self._corrected((ends[0] + ends[1]) / 2, x, middle, chord / length, length)
+        if half is None or self.outside(half[None]).max() > OUTSIDE:
+            return None
+        at = self.jets(half[None], np.array([x]))[0][0, 0]
+        return half if np.linalg.norm(at - middle) <= ASTRAY * length else None
 
     def _follow(self, seed: Array, x: float) -> Branch:
         """Follow the branch through a point of it."""
@@ -180,38 +203,39 @@ class Meeting:
         first_way = way = sense * self._tangent(seed, x)
         q, step, length = seed, LONGEST * self.scale / 4, 0.0
         for _ in range(MOST_STEPS):
+            if step < SHORTEST * self.scale:
+                break
             first, second = self.jets(q[None], np.array([x]))
             rate = np.concatenate([tangent_coordinates(jet[:3], way[None])[0] for jet in (first, second)])
             made = self._corrected(q + step * rate, x, here + step * way, way, step)
-            if made is None or step < SHORTEST * self.scale:
-                if step < SHORTEST * self.scale:
-                    break
-                step /= 2
-                continue
-            over = self.outside(made[None])[0]
-            if over.max() > OUTSIDE:
-                axis = int(over.argmax())
-                low, high = self.bounds[axis]
-                end = self._at_bound(made, x, axis, float(low if made[axis] < low else high))
-                if end is not None and (self.outside(end[None]) <= OUTSIDE).all():
-                    if np.linalg.norm(self.jets(end[None], np.array([x]))[0][0, 0] - here) > SHORTEST * self.scale:
-                        chain.append(end)
-                    return np.stack(chain), False
+            ended = False
+            if made is not None and self.outside(made[None]).max() > OUTSIDE:
+                made, ended = self._at_bound(q, made, x), True
+            if made is None:
                 step /= 2
                 continue
             there = self.jets(made[None], np.array([x]))[0][0, 0]
+            moved = float(np.linalg.norm(there - here))
+            if ended and moved <= SHORTEST * self.scale:
+                return np.stack(chain), False
             direction = self._tangent(made, x)
             direction *= np.sign(direction @ way) or 1.0
             turned = float(np.arccos(np.clip(direction @ way, -1, 1)))
-            if turned > 2 * TURN and step > 4 * SHORTEST * self.scale:
+            half = (
+                None
+                if turned > 1.5 * TURN or moved > 2 * step
+                else self._half_way((q, made), (here, there), (way, direction), x)
+            )
+            if half is None:
                 step /= 2
                 continue
-            moved = float(np.linalg.norm(there - here))
             passed = (start - here) @ first_way > 0 >= (start - there) @ first_way and direction @ first_way > 0.5
             if passed and length > 3 * moved and np.linalg.norm(start - here) < 2 * moved:
                 chain.append(self._around(seed, made))
                 return np.stack(chain), True
-            chain.append(made)
+            chain += [half, made]
+            if ended:
+                return np.stack(chain), False
             q, here, way, length = made, there, direction, length + moved
             step = min(step * float(np.clip(TURN / max(turned, 1e-3), 0.5, 2.0)), LONGEST * self.scale)
         raise GeometryError(f"the intersection of the surfaces cannot be followed past {self.place(q, x)}")
@@ -231,7 +255,7 @@ def nearest_approach(meeting: Meeting, x: float) -> tuple[float, Array]:
     s = meeting.s(x)
     grids = []
     for family, amount in zip(meeting.families, s.tolist(), strict=True):
-        surface = family(amount, 1e-3)
+        surface = family(amount, ROUGH * meeting.scale)
         u, v = (np.linspace(low, high, 48) for low, high in surface.domain)
         grids.append(surface.grid(u, v).reshape(-1, 3))
     best, place = np.inf, grids[0][0]
@@ -258,8 +282,11 @@ def _distance(points: Array, chain: Array) -> Array:
     return np.asarray(distance.min(axis=1) > NEAR, dtype=float)
 
 
-def _candidates(first: Surface, second: Surface) -> tuple[Array, Array]:
-    """Return middles (n, 4) and half widths (n, 4) of the parts of both surfaces whose boxes overlap, halved enough."""
+def _candidates(first: Surface, second: Surface, off: float) -> tuple[Array, Array]:
+    """Return middles (n, 4) and half widths (n, 4) of the parts of both surfaces whose boxes overlap, halved enough.
+
+    The surfaces may be ``off`` by so much (mm).
+    """
     sides = [_Parts.of(first), _Parts.of(second)]
     i, j = (grid.ravel() for grid in np.indices((len(sides[0].windows), len(sides[1].windows))))
     common = [
@@ -270,8 +297,7 @@ def _candidates(first: Surface, second: Surface) -> tuple[Array, Array]:
     while True:
         low = np.maximum(sides[0].low[i], sides[1].low[j])
         high = np.minimum(sides[0].high[i], sides[1].high[j])
-        slack = 1e-12 * np.abs(high).max(initial=0.0)
-        meet = (low <= high + slack).all(axis=1)
+        meet = (low <= high + 2 * off).all(axis=1)
         i, j = i[meet], j[meet]
         if len(i) > MOST_PAIRS:
             middle = (low[meet] + high[meet]).mean(axis=0) / 2

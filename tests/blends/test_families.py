@@ -13,7 +13,9 @@ from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface
 
 RNG = np.random.default_rng(6)
-NET = RNG.normal(size=(4, 5, 3)) + 3 * np.stack(np.meshgrid(np.arange(4), np.arange(5), [0], indexing="ij"), -1)[:, :, 0]
+NET = (
+    RNG.normal(size=(4, 5, 3)) + 3 * np.stack(np.meshgrid(np.arange(4), np.arange(5), [0], indexing="ij"), -1)[:, :, 0]
+)
 UV = RNG.random((7, 2))
 
 
@@ -106,7 +108,10 @@ def test_weights_stay():
 
 @pytest.mark.parametrize("name", ["centroid", "function", "per control point", "normal", "normal per control point"])
 def test_derivatives_are_those_of_the_values(name):
-    options = {"normal": {"by": "normal"}, "normal per control point": {"by": "normal", **CASES["per control point"][0]}}
+    options = {
+        "normal": {"by": "normal"},
+        "normal per control point": {"by": "normal", **CASES["per control point"][0]},
+    }
     family = reshape(bezier(NET), **(options[name] if name in options else CASES[name][0]))
     course = family.course(Curve.bezier(np.array([[0.0], [0.0], [0.3]])), "1")
     x, h = RNG.random(7), 1e-5
@@ -116,7 +121,9 @@ def test_derivatives_are_those_of_the_values(name):
 
     jet = family.jet(UV, course(x))
     for k, step in enumerate(np.eye(2) * h, 1):
-        assert np.abs((point(UV + step, x) - point(UV - step, x)) / (2 * h) - jet[k]).max() < 1e-8 * np.abs(jet[k]).max()
+        assert (
+            np.abs((point(UV + step, x) - point(UV - step, x)) / (2 * h) - jet[k]).max() < 1e-8 * np.abs(jet[k]).max()
+        )
     assert np.abs((point(UV, x + h) - point(UV, x - h)) / (2 * h) - jet[3]).max() < 1e-8 * np.abs(jet[3]).max()
 
 

@@ -20,9 +20,7 @@ def conic(a, b, lam, s1, s2):
     return b**2 * s1**2 + a**2 * s2**2 + a**2 * b**2 - 2 * a * b**2 * s1 - 2 * a**2 * b * s2 + 2 * lam * s1 * s2
 
 
-@given(
-    st.floats(0.01, 100), st.floats(0.01, 100), st.floats(-100, 0.99, exclude_max=True), st.floats(0, 1, width=16)
-)
+@given(st.floats(0.01, 100), st.floats(0.01, 100), st.floats(-100, 0.99, exclude_max=True), st.floats(0, 1, width=16))
 def test_conics_solve_equation_2(a, b, share, x):
     lam = share * a * b
     s1, s2 = (Fraction(float(s)) for s in Conic(a, b, lam)(x))
