@@ -52,7 +52,7 @@ class PotentialBlend(Blend):
     families : tuple of Family
     relation : Relation
     sweep : Sweep
-        The exact intersection curves: ``blend.swept(t, v)``.
+        The exact intersection curves: ``blend.swept(t, v)``, at the amounts ``blend.amounts(v)``.
     skin : float
         How far H is from them at most, where measured, mm.
     """
@@ -61,6 +61,10 @@ class PotentialBlend(Blend):
     relation: Relation
     sweep: Sweep = field(repr=False)
     skin: float
+
+    def amounts(self, v: ArrayLike) -> Array:
+        """Return (s1, s2), (..., 2), by which the surfaces are reshaped at v: (0, b) at 0, (a, 0) at 1."""
+        return self.sweep.curves.meeting.s(1 - np.asarray(v, dtype=np.float64))
 
     @property
     def hermite(self) -> Blend:

@@ -142,7 +142,7 @@ def faces():
 @pytest.mark.parametrize("name", faces())
 @pytest.mark.parametrize("sign", [1, -1])
 def test_offsets_of_analytic_faces_are_exact_families(name, sign):
-    """By OCCT's own offset of the face: every point of the reshaped surface is at s from the old one, along its normal."""
+    """By OCCT: every point of the reshaped surface is at s from the face."""
     face = faces()[name]
     family = reshape(face, by="normal", amounts=sign)
     surface, base = family(0.5), to_surface(face)

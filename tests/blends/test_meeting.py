@@ -1,5 +1,6 @@
-"""Intersections of reshaped surfaces: all branches, by counting level curves on a grid; points on both, in fractions."""
+"""Intersections of reshaped surfaces: branches counted as level curves on a grid; points on both, in fractions."""
 
+import itertools
 from collections import deque
 from fractions import Fraction
 from math import comb
@@ -86,10 +87,7 @@ def test_all_branches_are_found(seed):
 def de_casteljau(net, u, v):
     def at(points, x):
         while len(points) > 1:
-            points = [
-                [(1 - x) * a + x * b for a, b in zip(p, q, strict=True)]
-                for p, q in zip(points[:-1], points[1:], strict=True)
-            ]
+            points = [[(1 - x) * a + x * b for a, b in zip(p, q, strict=True)] for p, q in itertools.pairwise(points)]
         return points[0]
 
     u, v = Fraction(float(u)), Fraction(float(v))
@@ -166,7 +164,7 @@ def touching(lift):
 
 def test_surfaces_that_touch_are_told():
     ball = to_surface(cq.Workplane().sphere(5).faces().val())
-    small = to_surface(cq.Workplane().sphere(3).faces().val()) + [8, 0, 0]
+    small = to_surface(cq.Workplane().sphere(3).faces().val()) + np.array([8, 0, 0])
     for made in (touching(5.0), meeting(ball, small, STILL / 10, STILL / 10)):
         with pytest.raises(GeometryError, match=r"touch|cannot be followed"):
             made.branches(0.5)
@@ -175,7 +173,7 @@ def test_surfaces_that_touch_are_told():
 def test_surfaces_that_coincide_are_told():
     one = height_field(np.zeros((3, 3)))
     with pytest.raises(GeometryError, match="touch"):
-        meeting(one, one + [0.1, 0.2, 0.0], STILL * 1e-3, STILL * 1e-3).branches(0.5)
+        meeting(one, one + np.array([0.1, 0.2, 0.0]), STILL * 1e-3, STILL * 1e-3).branches(0.5)
 
 
 def test_surfaces_that_stay_apart_have_no_branches():
