@@ -74,6 +74,13 @@ def _parser() -> argparse.ArgumentParser:
     size = blend.add_mutually_exclusive_group(required=True)
     size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
     size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
+    size.add_argument(
+        "--potential",
+        type=_relation,
+        metavar="A[,B[,L]]",
+        help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
+        "0, an ellipse; the less, the sharper",
+    )
     blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
@@ -154,6 +161,16 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
+def _relation(text: str) -> tuple[float, ...]:
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        numbers = ()
+    if not 1 <= len(numbers) <= 3:
+        raise argparse.ArgumentTypeError(f"{text!r} is not one to three numbers, as in 2 or 2,3,-10")
+    return numbers
+
+
 def _orders(text: str) -> tuple[int, ...]:
     try:
         orders = tuple(map(int, text.split(",")))
@@ -192,8 +209,9 @@ def _blend(options: argparse.Namespace) -> None:
         width=options.width,
         continuity=options.continuity,
         form=options.form,
-        section="hermite" if options.order is None else "pde",
+        section="potential" if options.potential else "hermite" if options.order is None else "pde",
         order=options.order,
+        **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
     )
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)

@@ -110,6 +110,7 @@ def reshape(
     Parameters
     ----------
     surface : Surface or a face
+        Normals of a face point out of the material.
     by : {"reference", "normal"}
     reference
         "centroid" of the control points, "extents" for the paper's rule (half of max - min of the control points'
@@ -149,11 +150,13 @@ def reshape(
     >>> cqblend.reshape(square, reference=(2, 2, -2))(0.5)(0, 0).tolist()
     [-1.0, -1.0, 1.0]
     """
+    outward = 1.0
     if not isinstance(surface, Surface):
         from cqblend.native import face_of
-        from cqblend.occ.convert import to_surface
+        from cqblend.occ.convert import outward_sign, to_surface
 
-        surface = to_surface(face_of(surface, "surface"))
+        face = face_of(surface, "surface")
+        surface, outward = to_surface(face), outward_sign(face)
     if surface.dim != 3:
         raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
     by = choice("by", by, ("reference", "normal"))
@@ -163,7 +166,7 @@ def reshape(
     if by == "normal":
         if not (isinstance(reference, str) and reference == "centroid"):
             raise InputError('reference is an option of by="reference": normals need none')
-        return Offset.of(surface, functions, groups, tolerance)
+        return Offset.of(surface, functions, groups, tolerance, outward)
     return Moved.of(surface, functions, groups, _reference(reference, tuning, poles), tolerance)
 
 

@@ -120,8 +120,8 @@ def tiled(views: Sequence[tuple[Sequence[Any], Any, Any, float]], columns: int, 
     picture.draw(placed, PICTURES / f"{name}.png", size=(900, height * rows))
 
 
-def pde(example: str, key: str, look: tuple[Any, Any, float], *, columns: int, height: int, zebra: bool) -> None:
-    """Draw the blends that an example makes by partial differential equations, with their primaries."""
+def panels(example: str, key: str, look: tuple[Any, Any, float], *, columns: int, height: int, zebra: bool) -> None:
+    """Draw the blends that an example makes, side by side, with their primaries."""
     sys.path.insert(0, str(EXAMPLES))
     made = runpy.run_path(str(EXAMPLES / f"{example}.py"))
     primaries = [cq.Face(cqblend.to_face(one)) for one in made["primaries"]]
@@ -184,6 +184,38 @@ def g1_g2() -> None:
     zebras(sides, "g1_g2", (0.6, -1, 0.3), (8.5, -5.5, 0.3), 7.5)
 
 
+def fairing() -> None:
+    """Draw the fairing of a wing on a fuselage: from below, from above, and its aft."""
+    sys.path.insert(0, str(EXAMPLES))
+    made = runpy.run_path(str(EXAMPLES / "potential_fairing.py"))
+    faces, blend = made["result"].shape.Faces(), made["blend"]
+    blends = [cq.Shape.cast(face.wrapped) for face in made["result"].faces]
+    others = Part([face for face in faces if not any(face.isSame(one) for one in blends)], demo.PORCELAIN)
+    views = []
+    for eye, focus, tall in (
+        ((-0.9, 0.9, -0.75), (0, 1.6, 0), 6.5),
+        ((0.3, 0.8, 1), (0, 1.6, 0), 6.5),
+        ((1, 0.6, -0.3), (1.3, 1.4, 0), 2.6),
+    ):
+        views.append(([others, Part(blends, demo.COPPER), *lines(blend, eye, tall)], eye, focus, tall))
+    tiled(views, 3, "potential_fairing", 330)
+
+
+def potential_sections() -> None:
+    """Draw sections of potential blends as lambda falls, and, thin, the Hermite sections with the same ends."""
+    made = runpy.run_path(str(EXAMPLES / "potential_sections.py"))
+    frame = np.array([(3.0, 0, 0), (0, 0, 0), (0, 0, 3.0)])
+    drawn: list[Any] = [Strokes([frame], width=1)]
+    for blend in made["by_lambda"].values():
+        own, other = (np.insert(one, 1, 0, axis=1) for one in made["sections"](blend))
+        drawn += [Strokes([other], width=1), Strokes([own], demo.COPPER, 3)]
+    picture.draw(
+        [View(drawn, (0, -1, 0), (1.1, 0, 1.1), 2.7, (0, 0, 1, 1))],
+        PICTURES / "potential_sections.png",
+        size=(420, 420),
+    )
+
+
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
     whole_teapot()
@@ -195,6 +227,11 @@ if __name__ == "__main__":
     steering()
     g1_g2()
     leaning, upright = ((0.5, -1, 0.25), (2, 0, -5), 27), ((0.5, -1, 0.35), (0, 0, -7), 27)
-    pde("pde_cone_with_cylinder", "by_order", leaning, columns=3, height=330, zebra=True)
-    pde("pde_hyperboloid_with_torus", "by_order", upright, columns=2, height=380, zebra=True)
-    pde("pde_shape_parameters", "by_parameters", leaning, columns=3, height=330, zebra=False)
+    panels("pde_cone_with_cylinder", "by_order", leaning, columns=3, height=330, zebra=True)
+    panels("pde_hyperboloid_with_torus", "by_order", upright, columns=2, height=380, zebra=True)
+    panels("pde_shape_parameters", "by_parameters", leaning, columns=3, height=330, zebra=False)
+    tower = (0.5, 1, 0.6), (0, -1.5, 0.6), 10.5
+    panels("potential_patches", "by_relation", tower, columns=3, height=300, zebra=False)
+    panels("potential_controls", "by_control", tower, columns=3, height=300, zebra=False)
+    fairing()
+    potential_sections()

@@ -283,13 +283,15 @@ class Offset(Family):
     lost: ClassVar[int] = 1
 
     @classmethod
-    def of(cls, surface: Surface, functions: tuple[Amount, ...], groups: Array, tolerance: float) -> Offset:
+    def of(
+        cls, surface: Surface, functions: tuple[Amount, ...], groups: Array, tolerance: float, sign: float = 1.0
+    ) -> Offset:
         """Make the family of a spline surface, which goes on periodically where it and its amounts do."""
         one = np.zeros((*groups.shape, 0))
         shares = _shares(surface, groups, len(functions), one)
         both = closes(surface), closes(shares)
         closed = both[0][0] and both[1][0], both[0][1] and both[1][1]
-        return cls(Tensor.of(surface, closed), functions, shares=shares, tolerance=tolerance)
+        return cls(Tensor.of(surface, closed), functions, sign=sign, shares=shares, tolerance=tolerance)
 
     def jet(self, uv: Array, state: State) -> Array:
         """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""

@@ -48,6 +48,7 @@ from OCP.Geom import (
 from OCP.GeomAbs import GeomAbs_Shape
 from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxCurve, GeomConvert_ApproxSurface
 from OCP.gp import gp_Dir, gp_Pnt, gp_Trsf
+from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
@@ -216,6 +217,12 @@ def to_surface(face: TopoDS_Face) -> Surface:
         The surface is of a type that OCCT itself does not store in files.
     """
     return with_parameters(face)[0]
+
+
+def outward_sign(face: TopoDS_Face) -> float:
+    """Return +1 if Su x Sv of a face's surface points out of the material, -1 if into it."""
+    mirrored = bool(face.Location().Transformation().IsNegative())
+    return 1.0 if (face.Orientation() == TopAbs_REVERSED) == mirrored else -1.0
 
 
 def with_parameters(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:

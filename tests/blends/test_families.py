@@ -207,3 +207,14 @@ BAD = [
 def test_what_cannot_be_reshaped_says_why(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_normals_of_faces_point_out_of_the_material(mirrored):
+    solid = cq.Workplane().box(4, 6, 8).faces(">Z").workplane().circle(1).cutThruAll().val()
+    solid = solid.mirror("XZ") if mirrored else solid
+    for one in solid.Faces():
+        surface, grown = to_surface(one), reshape(one, by="normal")(0.1)
+        (u0, u1), (v0, v1) = surface.domain
+        at = 0.6 * u0 + 0.4 * u1, 0.7 * v0 + 0.3 * v1
+        assert (grown(*at) - surface(*at)) @ np.array(one.normalAt(cq.Vector(*surface(*at))).toTuple()) > 0.099
