@@ -41,7 +41,8 @@ def blend(
     """Blend the selected edges of the solid in the chain.
 
     As `Workplane.fillet`: the edges of all objects on the stack are blended, and the solid that they belong to must be
-    on the stack or in its parents. The parameters are those of `cqblend.blend_edges`; give either `radius` or `width`.
+    on the stack or in its parents. The parameters are those of `cqblend.blend_edges`; give either `radius` or `width`,
+    or `a` and `b`.
 
     Parameters
     ----------

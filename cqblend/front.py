@@ -76,7 +76,8 @@ def blend_edges(
     edges : an edge, or an iterable of edges
         Edges of that very shape. A Workplane with edges on its stack, a ShapeList and a compound of edges will do.
     radius : float, optional
-        Of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or `width`.
+        Of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or `width`, or,
+        for the potential section, `a` and `b`.
     width : float or pair of float, optional
         Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair for side 1 and side 2.
     continuity : {None, "G0", "G1", "G2", "G3"} or pair of them, optional
@@ -91,9 +92,14 @@ def blend_edges(
     steer : float
         Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
         the blend has no crease inside, rad. 0 turns nothing.
-    section : {"hermite", "pde"}
+    section : {"hermite", "pde", "potential"}
         How the interior is filled: ``"hermite"``, cubic across for G1, quintic for G2; ``"pde"``, by partial
-        differential equations (You and Zhang).
+        differential equations (You and Zhang); ``"potential"``, by the curves in which both faces meet while they are
+        moved along their normals (Lee, Bedi and Dubey), G1.
+    a, b, lam : float, optional
+        Of the potential section, mm and mm^2: side 1 is moved by a, which sets the reach on side 2, side 2 by b; one of
+        them is both if the other is left out. lam, below a b, is that of `cqblend.Conic`: 0 (the default) is an
+        ellipse, less is sharper.
     order, parameters, terms
         Of these equations, as in `cqblend.pde_blend`. Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as
         (4, 4, 6) is as its lowest; `continuity`, if given, must agree.
@@ -136,6 +142,9 @@ def blend_edges(
     True
     >>> plate = cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), radius=2, section="pde", order=6)
     >>> plate.certificate.curvature_jump < 1e-10
+    True
+    >>> sharp = cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), section="potential", a=2, b=3, lam=-10)
+    >>> sharp.certificate.angle < 1e-10
     True
     """
     request = BlendRequest.checked(
@@ -197,10 +206,13 @@ def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> 
     Examples
     --------
     >>> import cadquery, cqblend
-    >>> box = cadquery.Solid.makeBox(30, 20, 10).toNURBS()
-    >>> edge = cadquery.Workplane(box).edges("|Z and >X and >Y").val()
-    >>> east, north = (cqblend.to_surface(cadquery.Workplane(box).faces(f).val()) for f in (">X", ">Y"))
-    >>> sides = [cqblend.reshape(one, by="normal", amounts=-1) for one in (east, north)]
+    >>> can = cadquery.Workplane(cadquery.Solid.makeCylinder(5, 10).toNURBS())
+    >>> lid, wall = can.faces(">Z").val(), can.faces("not(>Z or <Z)").val()
+    >>> sides = [cqblend.reshape(face, by="normal", amounts=-1) for face in (lid, wall)]
+    >>> blend = cqblend.potential_blend(*sides, cqblend.Conic(1, 2))
+    >>> result = cqblend.insert_blend(can, can.edges(">Z"), blend)
+    >>> result.certificate.valid
+    True
     """
     if not isinstance(blend, Blend):
         raise InputError(

@@ -25,9 +25,10 @@ def patch_blend(relation, **options):
 
 
 by_relation = {name: patch_blend(relation, form="exact") for name, relation in RELATIONS.items()}
-for name, blend in by_relation.items():
-    print(name)
-    print(blend.certificate)
+if __name__ == "__main__":
+    for name, blend in by_relation.items():
+        print(name)
+        print(blend.certificate)
 
 if "show_object" in globals():
     faces = [cqblend.to_face(surface) for surface in (*primaries, by_relation["elliptic"].surface)]

@@ -79,6 +79,8 @@ def test_version(capsys):
         ["--radius", "2", "--form", "exact"],
         ["--radius", "2", "--order", "6"],
         ["--radius", "2", "--order", "4,4,6"],
+        ["--potential", "2"],
+        ["--potential", "2,3,-10"],
     ],
 )
 def test_blend(capsys, box, tmp_path, size):

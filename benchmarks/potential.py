@@ -1,0 +1,86 @@
+"""How fast potential blends are made.
+
+Run ``python -m benchmarks.potential`` from the project's folder. The paper's two Bezier patches (asked: a second) and
+its wing and fuselage (asked: five), by what takes the time: finding and tracing the intersection half-way, carrying it
+through both families, ribbons, and filling. Then, in the same run, the peer: OCCT's own intersection of the two
+surfaces as they are half-way, GeomAPI_IntSS, of which a potential blend needs one for every section along x.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from OCP.GeomAPI import GeomAPI_IntSS
+
+import cqblend
+from cqblend.blends import hermite
+from cqblend.blends.meeting import Meeting
+from cqblend.blends.sweep import Skin, sweep
+from cqblend.occ import bulk
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
+REPEATS = 5
+
+
+def main() -> None:
+    import potential_models
+    import potential_patches
+
+    tower, ground = potential_patches.primaries
+    families = (
+        cqblend.reshape(tower, reference="extents", tuning=(0, -1, 0.5), amounts=0.4),
+        cqblend.reshape(ground, reference=(0, 0, -12), amounts=0.06),
+    )
+    print(
+        f"{'':24s}{'tracing':>9s}{'carrying':>10s}{'ribbons':>9s}{'filling':>9s}{'whole':>8s}{'OCCT, one curve':>17s}"
+    )
+    for name, pair, relation in (
+        ("two patches, elliptic", families, cqblend.Conic(1, 1, 0)),
+        ("two patches, sharp", families, cqblend.Conic(1, 1, -10)),
+        ("two patches, a = 3", families, cqblend.Conic(3, 1, 0)),
+    ):
+        report(name, pair, relation, lambda pair=pair, relation=relation: cqblend.potential_blend(*pair, relation))
+    blend = potential_models.fairing()
+    report("fairing of a wing", blend.families, blend.relation, potential_models.fairing)
+
+
+def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable[[], object]) -> None:
+    """Print the times of one blend, s."""
+    meeting = Meeting.of(families, relation)
+    branches = meeting.branches(0.5)
+    swept = sweep(meeting, branches[0], 0.5)
+    allowed = 1e-5 * swept.width
+    ribbons = swept.ribbons(allowed)
+    fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
+    s1, s2 = meeting.s(0.5)
+    one, two = (
+        bulk.surface_from_arrays(*family(s, 1e-4).to_bspline()) for family, s in zip(families, (s1, s2), strict=True)
+    )
+    times = [
+        best(lambda: meeting.branches(0.5)),
+        best(lambda: sweep(meeting, branches[0], 0.5)),
+        best(lambda: swept.ribbons(allowed)),
+        best(lambda: hermite.hermite(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
+        best(whole),
+        best(lambda: GeomAPI_IntSS(one, two, 1e-7)),
+    ]
+    widths = (9, 10, 9, 9, 8, 17)
+    print(f"{name:24s}" + "".join(f"{one:{width}.3f}" for one, width in zip(times, widths, strict=True)))
+
+
+def best(run: Callable[[], object]) -> float:
+    """Return the shortest of some times."""
+    times = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+if __name__ == "__main__":
+    main()
