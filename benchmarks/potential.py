@@ -19,7 +19,8 @@ from OCP.GeomAPI import GeomAPI_IntSS
 import cqblend
 from cqblend.blends import hermite
 from cqblend.blends.meeting import Meeting
-from cqblend.blends.sweep import Skin, sweep
+from cqblend.blends.skin import Skin
+from cqblend.blends.sweep import sweep
 from cqblend.occ import bulk
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))

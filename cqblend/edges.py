@@ -15,13 +15,14 @@ import numpy as np
 
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
+from cqblend.blends.edge_sweep import EdgeSweep, from_edge
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
 from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.sweep import EdgeSweep, Skin, from_edge, tied
+from cqblend.blends.skin import Skin, tied
 from cqblend.certificate import Certificate
 from cqblend.errors import (
     CqblendError,

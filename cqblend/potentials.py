@@ -22,7 +22,8 @@ from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
 from cqblend.blends.ribbons import Ribbon, faded
-from cqblend.blends.sweep import Skin, Sweep, sweep
+from cqblend.blends.skin import Skin
+from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
 from cqblend.request import FORM, choice, positive

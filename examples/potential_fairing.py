@@ -5,6 +5,7 @@ nose, not at all on top, where the wing keeps its shape and the joint stays as s
 five points at the trailing edge, which forks the fairing there.
 """
 
+import cadquery as cq
 import numpy as np
 import potential_models
 
@@ -36,6 +37,7 @@ def kept():
 
 if __name__ == "__main__":
     distance, span = kept()
+    cq.exporters.export(cq.Workplane(result.shape), "potential_fairing.step")
     print(f"the top keeps its shape within {distance:.1e} mm, over t = {span[0]:.3f} to {span[1]:.3f}")
 
 if "show_object" in globals():

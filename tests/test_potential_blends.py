@@ -284,8 +284,8 @@ BAD = [
         "leaves surface 2 at v = 12.* s = ",
     ),
     (
-        lambda: cqblend.potential_blend(normal(plate(lift=5.0), -1), normal(BALL, -1), cqblend.Conic(1, 1, 0)),
-        "touch|lost|do not meet",
+        lambda: cqblend.potential_blend(normal(plate(lift=5 + 2 * (1 - np.sqrt(0.5))), -1), normal(BALL), CONIC),
+        "touch, at an angle of .* at s = .0.2929, 0.2929., at \\(.*5.2929\\)",
     ),
     (
         lambda: cqblend.potential_blend(normal(plate(lift=4.8), 1), normal(BALL), cqblend.Conic(0.5, 0.1, 0)),

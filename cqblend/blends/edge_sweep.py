@@ -1,0 +1,119 @@
+"""Potential blends in solids: curves that set out from a sharp edge while both of its sides are moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.contact import FLAT, Contacts, Side, Stations, intersect, inward
+from cqblend.blends.curves import Curves, Planes
+from cqblend.blends.families import Course, Offset
+from cqblend.blends.meeting import Meeting
+from cqblend.blends.primaries import Array
+from cqblend.blends.relations import Relation
+from cqblend.blends.skin import Ends
+from cqblend.errors import GeometryError, SizeError
+from cqblend.splines import Curve
+
+ANYWHERE = np.tile([-np.inf, np.inf], (4, 1))
+
+
+@dataclass(frozen=True)
+class EdgeSweep:
+    """Curves that set out from a sharp edge, cut by its stations' planes; solved anew wherever they are asked for.
+
+    ``ramp`` is how both sides are moved from 0 to where the relation is half-way; ``start`` returns the edge's stations
+    at the edge's own t, which ``clock`` tells. On a ``closed`` edge, that is taken modulo 1.
+    """
+
+    meeting: Meeting
+    ramp: Meeting
+    start: Callable[[Array], Stations]
+    closed: bool = False
+    domain: tuple[float, float] = (0.0, 1.0)
+    clock: Callable[[Array], Array] = np.positive
+
+    def _solved(self, t: Array, x: Sequence[float] | Array) -> tuple[Array, Stations, Curves]:
+        """Return parameters (n, m, 4) at t (n,) and x (m,), ascending; the stations, and the curves there."""
+        t = self.clock(t)
+        at = self.start(np.mod(t, 1.0) if self.closed else t)
+        phase = Planes(lambda _: (at.point, at.direction))
+        ramp, curves = Curves(self.ramp, phase), Curves(self.meeting, phase)
+        try:
+            half = ramp.carried(np.concatenate(at.uv, axis=1), at.t, 0.0, np.array([0.0, 1.0]))[:, 1]
+            return curves.carried(half, at.t, 0.5, np.asarray(x, dtype=np.float64)), at, curves
+        except GeometryError as error:
+            raise SizeError(str(error)) from error
+
+    def points(self, t: Array, x: Array) -> Array:
+        """Return the points (n, m, 3) of the curves at t (n,) and x (m,).
+
+        Raises
+        ------
+        SizeError
+            Where the moved sides do not meet; the message names s and the place.
+        """
+        order = np.argsort(x)
+        q, _, _ = self._solved(t, x[order])
+        found = np.empty((len(t), len(x), 3))
+        points = self.meeting.jets(q.reshape(-1, 4), np.tile(x[order], len(t)))[0][0]
+        found[:, order] = points.reshape(found.shape)
+        return found
+
+    def ends(self, t: Array) -> Ends:
+        """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
+        q, at, curves = self._solved(t, (0.0, 1.0))
+        one, none = np.ones(len(t)), np.zeros(len(t))
+        return (
+            (q[:, 1, :2], -curves.cross_derivatives(q[:, 1], at.t, one, 0)),
+            (q[:, 0, 2:], curves.cross_derivatives(q[:, 0], at.t, none, 1)),
+        )
+
+    def contacts(self, t: Array) -> Contacts:
+        """Return the rails' points at t, with their distances from the edge."""
+        q, at, _ = self._solved(t, (0.0, 1.0))
+        uv = q[:, 1, :2], q[:, 0, 2:]
+        primaries = (family.primary for family in self.meeting.families)
+        reach = [
+            np.linalg.norm(primary.jet(one)[0] - at.point, axis=1) for primary, one in zip(primaries, uv, strict=True)
+        ]
+        return Contacts(t, at.point, uv, np.stack(reach))
+
+
+def from_edge(
+    sides: tuple[Side, Side],
+    stations: Callable[[Array], Stations],
+    length: float,
+    relation: Relation,
+    *,
+    closed: bool,
+) -> EdgeSweep:
+    """Return the curves in which two sides of an edge meet while they are moved along their normals.
+
+    They move to where the blend will be: into the material at a convex edge, out of it at a concave one. Side 1 by a
+    moves the rail on side 2, and conversely.
+
+    Raises
+    ------
+    GeometryError
+        The edge is convex here and concave there.
+    """
+
+    def start(t: Array) -> Stations:
+        return intersect(sides, stations(t), length)
+
+    turn = inward(sides, start(np.linspace(0.02, 0.98, 25)))[2]
+    if turn.max() > FLAT and turn.min() < -FLAT:
+        raise GeometryError("the edge changes between convex and concave: its sides cannot be moved towards the blend")
+    into = -float(np.sign(turn.sum()))
+    first, second = (Offset(side.primary, (np.positive,), sign=into * side.outward) for side in sides)
+    size = 4 * max(relation.a, relation.b)
+
+    def along(s: Curve) -> Meeting:
+        return Meeting((first, second), s, (Course(s[0], None), Course(s[1], None)), ANYWHERE, size)
+
+    return EdgeSweep(
+        along(relation.eased), along(Curve.bezier(np.stack([np.zeros(2), relation.eased(0.5)]))), start, closed
+    )
