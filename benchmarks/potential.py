@@ -18,6 +18,7 @@ from OCP.GeomAPI import GeomAPI_IntSS
 
 import cqblend
 from cqblend.blends import hermite
+from cqblend.blends.branches import branches
 from cqblend.blends.meeting import Meeting
 from cqblend.blends.skin import Skin
 from cqblend.blends.sweep import sweep
@@ -52,8 +53,8 @@ def main() -> None:
 def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable[[], object]) -> None:
     """Print the times of one blend, s."""
     meeting = Meeting.of(families, relation)
-    branches = meeting.branches(0.5)
-    swept = sweep(meeting, branches[0], 0.5)
+    found = branches(meeting, 0.5)
+    swept = sweep(meeting, found[0], 0.5)
     allowed = 1e-5 * swept.width
     ribbons = swept.ribbons(allowed)
     fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
@@ -62,8 +63,8 @@ def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable
         bulk.surface_from_arrays(*family(s, 1e-4).to_bspline()) for family, s in zip(families, (s1, s2), strict=True)
     )
     times = [
-        best(lambda: meeting.branches(0.5)),
-        best(lambda: sweep(meeting, branches[0], 0.5)),
+        best(lambda: branches(meeting, 0.5)),
+        best(lambda: sweep(meeting, found[0], 0.5)),
         best(lambda: swept.ribbons(allowed)),
         best(lambda: hermite.hermite(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
         best(whole),

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
+from cqblend.blends.branches import Branch, branches, nearest_approach
 from cqblend.blends.checks import number
 from cqblend.blends.families import Family, Moved, Offset
-from cqblend.blends.meeting import Branch, Meeting, nearest_approach, point
+from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
 from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
@@ -329,7 +330,7 @@ def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
             target = np.empty(0)
         if target.shape != (3,) or not np.isfinite(target).all():
             raise InputError(f"near is a point of three numbers, not {shown(near)}")
-    found = meeting.branches(START)
+    found = branches(meeting, START)
     s1, s2 = meeting.s(START)
     if not found:
         distance, place = nearest_approach(meeting, START)

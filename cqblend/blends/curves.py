@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 
 from cqblend.blends.contact import newton
-from cqblend.blends.meeting import TANGENTIAL, Meeting
+from cqblend.blends.meeting import Meeting
 from cqblend.blends.primaries import Array, cross, unit
 from cqblend.errors import GeometryError
 
+TANGENTIAL = 1e-5  # sine of the angle between surfaces, below which they touch
 SHORTEST = 1e-3  # step in x
 FAR = 0.3  # of the scale, the longest step of a correction
 ASTRAY = 0.5  # of a step, by which its correction may be off the prediction: more may be another branch
@@ -87,15 +88,15 @@ class Curves:
         residual = np.concatenate([first[0] - second[0], off[:, None]], axis=1)
         return matrix, residual, np.concatenate([first[3] - second[3], drift[:, None]], axis=1), jets
 
-    def corrected(self, start: Array, t: Array, x: Array) -> tuple[Array, Array]:
-        """Return solutions (n, 4) next to a start, and which of them there are."""
+    def corrected(self, start: Array, t: Array, x: Array, stride: float | None = None) -> tuple[Array, Array]:
+        """Return solutions (n, 4) next to a start, in steps of ``stride`` (mm) at most, and which of them there are."""
 
         def system(q: Array) -> tuple[Array, Array, Array]:
             matrix, residual, _, jets = self._system(q, t, x)
             return residual, matrix, np.concatenate([np.linalg.norm(jet[1:3], axis=2).T for jet in jets], axis=1)
 
         scale = self.meeting.scale
-        return newton(system, start, scale, FAR * scale)
+        return newton(system, start, scale, FAR * scale if stride is None else stride)
 
     def rate(self, q: Array, t: Array, x: Array) -> tuple[Array, tuple[Array, Array]]:
         """Return the derivative (n, 4) of the parameters by x, and the jets."""

@@ -15,9 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends import fitting
+from cqblend.blends.branches import Branch
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
-from cqblend.blends.meeting import OUTSIDE, Branch, Meeting, point
+from cqblend.blends.meeting import OUTSIDE, Meeting, point
 from cqblend.blends.primaries import Array, cross, unit
 from cqblend.blends.ribbons import FADED, Ribbon
 from cqblend.blends.skin import NOWHERE, Ends, tied
