@@ -196,3 +196,20 @@ def test_what_does_not_belong_is_refused():
         cqblend.insert_blend(body, body.edges("%CIRCLE or %BSPLINE").edges("<Z or >Z"), blend)
     with pytest.raises(InputError, match="a blend to insert is"):
         cqblend.insert_blend(body, body.edges(">Z"), "blend")
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_open_blends_of_surfaces_go_into_solids(swapped):
+    """From one end of an edge to the other; a straight one is one span."""
+    body = splines(BOX)
+    faces = [body.faces(cq.NearestToPointSelector(at)).val() for at in ((15, 0, 0), (0, 10, 0))]
+    sides = [cqblend.reshape(one, by="normal", amounts=-1) for one in (faces[::-1] if swapped else faces)]
+    blend = cqblend.potential_blend(*sides, cqblend.Conic(2, 3))
+    result = cqblend.insert_blend(body, body.edges(cq.NearestToPointSelector((15, 10, 0))), blend, first=faces[0])
+    assert cqblend.verify(result.shape, result.faces).ok
+    assert result.certificate.poles[0] == 2
+    assert [record.side for record in result.certificate.rails] == [1, 2]
+    expected = cqblend.blend_edges(
+        BOX, CORNER, section="potential", a=3 if swapped else 2, b=2 if swapped else 3, first=BOX.faces(">X").val()
+    )
+    assert result.shape.Volume() == pytest.approx(expected.shape.Volume(), rel=1e-6)

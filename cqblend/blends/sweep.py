@@ -17,6 +17,7 @@ import numpy as np
 from cqblend.blends import fitting
 from cqblend.blends.branches import Branch
 from cqblend.blends.contact import Contacts, Solver
+from cqblend.blends.corners import ROUGH
 from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
 from cqblend.blends.meeting import OUTSIDE, Meeting, point
 from cqblend.blends.primaries import Array, cross, unit
@@ -184,9 +185,10 @@ class Sweep:
         around: Callable[..., Solver] = fitting.around if self.closed else fitting.along
         solve = around(contacts, (first, second))
         wanted = tied(self, tolerance, self.width)
+        found = None if self.closed else fitting.straight((first, second), solve, self.domain, wanted, self.width)
         at, orders = self.kinks
-        one, two = fitting.cubic(
-            (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < 3]
+        one, two = found or fitting.cubic(
+            (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < ROUGH]
         )
         return replace(one, fades=True), replace(two, fades=True)
 
