@@ -7,7 +7,7 @@ Between surfaces along rails, or between boundary data. Thin: checks what it is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -51,7 +51,7 @@ class PdeBlend(Blend):
         To what order each side tells how the blend is to meet it.
     """
 
-    solution: Solution
+    solution: Solution = field(repr=False)
     known: tuple[int, int] = (2, 2)
 
     @cached_property

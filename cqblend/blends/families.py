@@ -76,7 +76,7 @@ class Family(ABC):
         Of the surfaces that :meth:`__call__` returns, relative to the largest amount.
     """
 
-    primary: Primary
+    primary: Primary = field(repr=False)
     functions: tuple[Amount, ...]
     tolerance: float = field(default=1e-6, kw_only=True)
 
@@ -176,7 +176,7 @@ class Moved(Family):
     """
 
     surface: Surface
-    groups: Array
+    groups: Array = field(repr=False)
     reference: Array | Callable[[Array], Any]
 
     @classmethod
@@ -278,7 +278,7 @@ class Offset(Family):
     """
 
     sign: float = 1.0
-    shares: Surface | None = None
+    shares: Surface | None = field(default=None, repr=False)
 
     lost: ClassVar[int] = 1
 

@@ -43,7 +43,7 @@ class Blend:
     """
 
     surface: Surface
-    ribbons: tuple[Ribbon, Ribbon]
+    ribbons: tuple[Ribbon, Ribbon] = field(repr=False)
     form: Form
     residual: float | None = field(default=None, kw_only=True)
 

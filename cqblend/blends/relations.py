@@ -189,6 +189,9 @@ class Conic(Relation):
         object.__setattr__(self, "curve", Curve.bezier(np.array([[a, 0], [0, 0], [0, b]]), weights=[1, w, 1]))
         self.__post_init__()
 
+    def __repr__(self) -> str:
+        return f"Conic(a={self.a:g}, b={self.b:g}, lam={self.lam:g})"
+
 
 @dataclass(frozen=True)
 class BezierRelation(Relation):
@@ -208,7 +211,7 @@ class BezierRelation(Relation):
     (array(1.), [0.3, 0.3])
     """
 
-    curve: Curve = field(init=False, repr=False)
+    curve: Curve = field(init=False)
 
     def __init__(self, points: Sequence[Sequence[float]] | Array) -> None:
         try:
