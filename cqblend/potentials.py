@@ -36,6 +36,7 @@ Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float |
 Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
 START = 0.5  # x at which branches are looked for, half-way
+TOLERANCE, ANGLE = 1e-7, 1e-5  # mm and rad, of compact joints
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
 
 
@@ -72,7 +73,7 @@ class PotentialBlend(Blend):
     def hermite(self) -> Blend:
         """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = hermite.hermite((first, second), self.form, 1e-7, 1e-5)
+        made = hermite.hermite((first, second), self.form, TOLERANCE, ANGLE)
         return Blend(made.surface, self.ribbons, made.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
@@ -232,8 +233,8 @@ def potential_blend(
     *,
     near: ArrayLike | None = None,
     form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
+    tolerance: float = TOLERANCE,
+    angular_tolerance: float = ANGLE,
     skin: float | None = None,
 ) -> PotentialBlend:
     r"""Blend two surfaces by the curves in which they meet while they are reshaped.
