@@ -22,7 +22,7 @@ from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.skin import Skin, tied
+from cqblend.blends.skin import Skin, skinned, tied
 from cqblend.certificate import Certificate
 from cqblend.errors import (
     CqblendError,
@@ -262,7 +262,7 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         if ribbons[0].light and turn is not None:
             swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
         skin = Skin.over(swept, joint.spine.closed, _inside(request))
-        return hermite(ribbons, request.form, min(request.tolerance, skin.compact), request.angular_tolerance, skin)
+        return skinned(ribbons, *form, skin, patient=True)[0]
     if request.order is None:
         return hermite(ribbons, *form)
     problem = Problem(request.order, request.parameters, request.terms)

@@ -23,7 +23,7 @@ from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
 from cqblend.blends.ribbons import Ribbon, faded
-from cqblend.blends.skin import Skin
+from cqblend.blends.skin import Skin, skinned
 from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
@@ -260,7 +260,8 @@ def potential_blend(
         a spline of least degree within the tolerances (mm and rad).
     skin : float, optional
         How far the blend may be from the intersection curves in between, and the rails from those at x = 0 and 1, mm.
-        By default 1e-5 of the distance between the rails, but not below `tolerance`.
+        By default 1e-5 of the distance between the rails, but not below `tolerance`; ten or a hundred times that where
+        surfaces of low continuity would take too many spans. ``blend.skin`` says what it is.
 
     Raises
     ------
@@ -306,13 +307,13 @@ def potential_blend(
     allowed = max(tolerance, INSIDE * swept.width) if skin is None else skin
     ribbons = swept.ribbons(allowed)
     fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
-    made = hermite.hermite(ribbons, form, min(tolerance, fill.compact), angular_tolerance, fill)
+    made, fill = skinned(ribbons, form, tolerance, angular_tolerance, fill, patient=skin is None)
     hermite.check_creases(made.surface)
     missed = fill.missed(made.surface)
-    if not missed <= 2 * allowed:
+    if not missed <= 2 * fill.tolerance:
         raise GeometryError(
-            f"the blend misses the intersection curves by {missed:.2g} mm, more than {allowed:.2g}: ask for a larger "
-            "skin"
+            f"the blend misses the intersection curves by {missed:.2g} mm, more than {fill.tolerance:.2g}: ask for a "
+            "larger skin"
         )
     rails = (_rail(ribbons[0], families[0]), _rail(ribbons[1], families[1]))
     first, second = map(_kept, made.ribbons)

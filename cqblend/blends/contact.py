@@ -111,11 +111,12 @@ def newton(
     Steps are held to ``stride`` in space. Returns x and a mask of the stations that converged to rounding.
     """
     x = start.copy()
-    best = np.full(len(x), np.inf)
+    best, settled = np.full(len(x), np.inf), np.zeros(len(x), dtype=bool)
     for _ in range(STEPS):
         residual, jacobian, metric = system(x)
         size = np.abs(residual).max(1) / scale
-        if np.all((size < 1e-15) | ((size < 1e-11) & (size >= best / 2))):
+        settled |= (size < 1e-15) | ((size < 1e-11) & (size >= best / 2))  # rounding alone moves it from here on
+        if settled.all():
             break
         best = np.minimum(best, size)
         try:

@@ -25,12 +25,14 @@ import numpy as np
 
 from cqblend.blends.contact import normal_jet
 from cqblend.blends.primaries import Array, Primary, Tensor, cross, unit
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.evaluation import Side
 
 Amount = Callable[[Array], Any]
 
 MEETS = 1e-9  # of the size: ends of a surface that differ by less meet
+CREASE = 1e-4  # rad, by which normals may jump: files of other programs are no better
 OWN = 1e-13  # of a normal: as near as that, a spline is the normal
 STILL = 1e-9  # of the distance that a reference moves a surface by: less across the surface does not move it
 VANISHES = 1e-6  # of an amount: as much as that may be left of it, or of its slope, where it must be zero
@@ -286,7 +288,14 @@ class Offset(Family):
     def of(
         cls, surface: Surface, functions: tuple[Amount, ...], groups: Array, tolerance: float, sign: float = 1.0
     ) -> Offset:
-        """Make the family of a spline surface, which goes on periodically where it and its amounts do."""
+        """Make the family of a spline surface, which goes on periodically where it and its amounts do.
+
+        Raises
+        ------
+        GeometryError
+            If the surface has a crease: there, it has two normals, and the offset is torn.
+        """
+        _check_creases(surface)
         one = np.zeros((*groups.shape, 0))
         shares = _shares(surface, groups, len(functions), one)
         both = closes(surface), closes(shares)
@@ -352,6 +361,26 @@ class Offset(Family):
     def normals(self) -> Surface | None:
         """The unit normals as a spline of the surface's own degrees, knots and weights, if that is what they are."""
         return own_normals(self._spline)
+
+
+def _check_creases(surface: Surface) -> None:
+    """Raise GeometryError where the normal jumps across a knot line."""
+    for axis in (0, 1):
+        lines = surface.breaks[axis][1:-1][surface.continuity[axis] < 1]
+        along = np.linspace(*surface.domain[1 - axis], 35)[1:-1]
+        at, other = (grid.ravel() for grid in np.meshgrid(lines, along, indexing="ij"))
+        u, v = (at, other) if axis == 0 else (other, at)
+        sides: list[Side] = ["left", "right"]
+        before, after = (
+            cross(surface(u, v, 1, 0, side=side), surface(u, v, 0, 1, side=side)).reshape(-1, 3) for side in sides
+        )
+        angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(axis=1))
+        if len(angle) and angle.max() > CREASE:
+            i = int(angle.argmax())
+            raise GeometryError(
+                f"the surface has a crease of {angle[i]:.2g} rad at {'uv'[axis]} = {at[i]:.6g}: moved along its two "
+                "normals there, it would be torn; reshape it from a reference, or the smooth parts one by one"
+            )
 
 
 def own_normals(surface: Surface) -> Surface | None:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +40,10 @@ SPANS = 128  # along, at most, before an interior gets kinks that it could do wi
 LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
 
 
+class TooFine(GeometryError):
+    """An interior takes more spans than there may be."""
+
+
 @dataclass(frozen=True)
 class Filling(ABC):
     """Fills the section between jets with something, within a tolerance (mm).
@@ -57,6 +60,7 @@ class Filling(ABC):
     orders: Array
 
     firm: ClassVar[bool] = False  # whether the kinks are sure to be there
+    most: ClassVar[int] = 512  # spans along
     advice: ClassVar[tuple[str, str]] = (
         "fewer terms, or parameters whose layers along the rails are less thin (a smaller b)",
         "fewer modes",
@@ -92,7 +96,7 @@ class Filling(ABC):
             if across is not None:
                 break
         else:
-            raise GeometryError(
+            raise TooFine(
                 f"the interior, {size:.2g} mm away from a Hermite section, takes more than {int(DENSE * points)} spans "
                 f"across: ask for a larger tolerance, or {self.advice[0]}"
             )
@@ -123,21 +127,23 @@ class Filling(ABC):
         if weighted is not None:
             kinks = np.concatenate([kinks, breaks[1:-1]])
             orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted], axis=0)])
-        fit = partial(approximate, sample, breaks, self.tolerance / 4, closed=self.closed)
-        smooth = orders >= SPLINES - 1
-        ways = ((kinks[smooth], orders[smooth]), (kinks, np.maximum(orders, 1)))
-        for at, allowed in ways[self.firm :]:
+        smooth, soft = orders >= SPLINES - 1, np.maximum(orders, 1)
+        ways = [(kinks[smooth], orders[smooth], SPANS), (kinks, soft, SPANS), (kinks, orders, self.most)]
+        if self.firm:
+            ways = [(kinks, soft, self.most), (kinks, orders, self.most)]
+        if (soft == orders).all():
+            ways = [*ways[:-2], ways[-1]]
+        for at, allowed, most in ways:
             try:
-                return fit(kinks=at, orders=allowed, most=SPANS)
-            except GeometryError:
-                continue
-        try:
-            return fit(kinks=kinks, orders=orders)
-        except GeometryError as error:
-            raise GeometryError(
-                f"the interior between the rails cannot be approximated along them: {error}; ask for a larger "
-                f"tolerance, or {self.advice[1]}"
-            ) from error
+                return approximate(
+                    sample, breaks, self.tolerance / 4, kinks=at, orders=allowed, closed=self.closed, most=most
+                )
+            except GeometryError as error:
+                last = error
+        raise TooFine(
+            f"the interior between the rails cannot be approximated along them: {last}; ask for a larger tolerance, or "
+            f"{self.advice[1]}"
+        ) from last
 
     def _across(self, v: Array, found: Array) -> _Across | None:
         """Choose the fewest functions across that hold the interior within a quarter of the tolerance; None if none."""

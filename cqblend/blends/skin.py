@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.filling import Filling
+from cqblend.blends.filling import Filling, TooFine
 from cqblend.blends.fitting import Wanted
+from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Array
+from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.sections import Jets, section
 from cqblend.splines import Surface
 
 SHARE = 1 / 16  # of a tolerance inside, that of the rails
 ACROSS = 24  # points at which the swept surface is read
+LOOSER = (1.0, 10.0, 100.0)  # factors on a tolerance that nobody asked for
 MEASURED = (149, 33)  # points along and across, at which a blend is measured
 
 NOWHERE = np.empty(0), np.empty(0, dtype=int)
@@ -56,6 +59,7 @@ class Skin(Filling):
     swept: Swept
 
     firm: ClassVar[bool] = True
+    most: ClassVar[int] = 256
     advice: ClassVar[tuple[str, str]] = ("a relation that is less sharp", "a larger skin")
 
     @classmethod
@@ -78,3 +82,25 @@ class Skin(Filling):
         (low, high), (along, across) = self.swept.domain, MEASURED
         t, v = low + (high - low) * (np.arange(along) + 0.37) / along, np.linspace(0, 1, across)
         return float(np.linalg.norm(surface.grid(t, v) - self.swept.points(t, 1 - v), axis=2).max())
+
+
+def skinned(
+    ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float, skin: Skin, *, patient: bool
+) -> tuple[Blend, Skin]:
+    """Blend two ribbons up to a swept surface; also return what was filled in.
+
+    A ``patient`` caller takes a tolerance inside of ten or a hundred times as much, where surfaces are so rough that it
+    would take too many spans.
+
+    Raises
+    ------
+    CqblendError
+        As :func:`cqblend.blends.hermite.hermite`, and where the tolerance takes too many spans.
+    """
+    for factor in LOOSER if patient else LOOSER[:1]:
+        looser = replace(skin, tolerance=factor * skin.tolerance)
+        try:
+            return hermite(ribbons, form, min(tolerance, looser.compact), angular_tolerance, looser), looser
+        except TooFine as error:
+            last = error
+    raise last

@@ -9,7 +9,7 @@ import pytest
 
 from cqblend import reshape, to_surface
 from cqblend.blends.families import closes, own_normals
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
 
 RNG = np.random.default_rng(6)
@@ -207,6 +207,14 @@ BAD = [
 def test_what_cannot_be_reshaped_says_why(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+def test_creases_tear_offsets():
+    net = np.array([[[x, y, abs(x - 1)] for y in (0.0, 1)] for x in (0.0, 1, 2)])
+    roof = Surface.from_bspline((1, 1), ([0, 0, 1, 2, 2], [0, 0, 1, 1]), net)
+    with pytest.raises(GeometryError, match=r"crease of 1.6 rad at u = 1: .* from a reference"):
+        reshape(roof, by="normal")
+    assert reshape(roof, reference=(1, 0, -1))(1.0)(1.0, 0.0).tolist() == [1, 0, 1]
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
