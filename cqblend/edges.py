@@ -18,7 +18,7 @@ from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rol
 from cqblend.blends.edge_sweep import EdgeSweep, from_edge
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
-from cqblend.blends.primaries import Array, Tensor
+from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
@@ -116,17 +116,28 @@ def insert_shape(
     if picks:
         raise SelectionError("the edges belong to several joints: a blend takes the place of one")
     try:
-        fitted = _fitted(joint, blend)
-        surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
-        proposal = surgery.closed() if joint.spine.closed else surgery.open()
-        limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
-        problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
-        if problems:
-            raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
+        return _inserted(shape, joint, blend)
+    except RailsTooShort as error:
+        (low, high), (first_t, last_t) = error.needed, blend.ribbons[0].c.domain
+        raise GeometryError(
+            f"edge {joint.edge}: the blend ends before it meets the faces at the ends of the edge: it runs over t = "
+            f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
+            "it is made between"
+        ) from error
     except CqblendError as error:
         raise type(error)(f"edge {joint.edge}: {error}") from error
-    certificate = certify(joint, proposal, fitted)
-    return replaced_solid(shape, joint.solid, proposal.solid), proposal.blend, certificate
+
+
+def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
+    """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
+    fitted = _fitted(joint, blend)
+    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
+    proposal = surgery.closed() if joint.spine.closed else surgery.open()
+    limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
+    problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
+    if problems:
+        raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
+    return replaced_solid(shape, joint.solid, proposal.solid), proposal.blend, certify(joint, proposal, fitted)
 
 
 def _fitted(joint: Joint, blend: Blend) -> Blend:
@@ -233,7 +244,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(4):
         blend = _section(_rails(joint, request, domain), joint, request)
-        _check_sections(blend)
+        _check_sections(blend, request)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
@@ -269,25 +280,40 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
     return problem.blend(ribbons, *form, closed=joint.spine.closed)[0]
 
 
-def _check_sections(blend: Blend) -> None:
-    """Raise GeometryError where a section loops, its cross derivatives being too long, or the blend folds."""
+def _check_sections(blend: Blend, request: BlendRequest) -> None:
+    """Raise GeometryError where a section loops, its cross derivatives being too long, or the blend folds.
+
+    Those of potential blends may set out backwards, at acute edges, but not turn by more than half a turn.
+    """
     surface = blend.surface
-    t, v = np.meshgrid(np.linspace(*surface.domain[0], 33), np.linspace(0, 1, 9), indexing="ij")
-    chord = surface(t, np.ones_like(v)) - surface(t, np.zeros_like(v))
-    ahead = (surface(t, v, 0, 1) * chord).sum(axis=-1)
-    if not np.all(ahead > 0):
-        raise GeometryError(
-            f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: "
-            + (
-                "it leaves its rails too fast; take a smaller bulge"
-                if blend.residual is None
-                else "take smaller parameters, which let more of the rails' shape reach the middle, or a smaller bulge"
+    t, v = np.meshgrid(np.linspace(*surface.domain[0], 33), np.linspace(0, 1, 33), indexing="ij")
+    rate = surface(t, v, 0, 1)
+    if request.relation is not None:
+        way = unit(rate.reshape(-1, 3)).reshape(rate.shape)
+        turned = np.arccos(np.clip((way[:, 1:] * way[:, :-1]).sum(axis=-1), -1, 1)).sum(axis=1)
+        if turned.max() >= np.pi:
+            raise GeometryError(
+                f"the section at t = {t[turned.argmax(), 0]:.3g} turns by {turned.max():.3g} rad: choose smaller a and "
+                "b"
             )
-        )
+    else:
+        chord = surface(t, np.ones_like(v)) - surface(t, np.zeros_like(v))
+        ahead = (rate * chord).sum(axis=-1)
+        if not np.all(ahead > 0):
+            raise GeometryError(
+                f"the section at t = {t.flat[ahead.argmin()]:.3g} turns back on itself: "
+                + (
+                    "it leaves its rails too fast; take a smaller bulge"
+                    if blend.residual is None
+                    else "take smaller parameters, which let more of the rails' shape reach the middle, or a smaller "
+                    "bulge"
+                )
+            )
     fold = folded(surface)
     if fold is not None:
         raise GeometryError(
-            f"the blend folds at t = {fold:.4g}: its sections cross; take another size, smaller bulge or other tangents"
+            f"the blend folds at t = {fold:.4g}: its sections cross; take another size"
+            + ("" if request.relation is not None else ", smaller bulge or other tangents")
         )
 
 
@@ -304,11 +330,11 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
             promises.append(("angle", rail.angle, angle, "rad"))
         if continuity in ("G2", "G3"):
             promises.append(("curvature jump", rail.curvature_jump, bend, "1/mm"))
-    for name, value, limit, unit in promises:
+    for name, value, limit, measure in promises:
         if not value <= limit:
             raise VerificationError(
-                f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {unit}, over {limit:.2g}; it is "
-                "withheld; try another size or form"
+                f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {measure}, over {limit:.2g}; it "
+                "is withheld; try another size or form"
             )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
 from cqblend.blends.branches import Branch, branches, nearest_approach
-from cqblend.blends.checks import number
+from cqblend.blends.checks import TooFine, number
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
@@ -23,7 +23,7 @@ from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
 from cqblend.blends.ribbons import Ribbon, faded
-from cqblend.blends.skin import Skin, skinned
+from cqblend.blends.skin import LOOSER, Skin, skinned
 from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
@@ -37,6 +37,7 @@ Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
 START = 0.5  # x at which branches are looked for, half-way
 TOLERANCE, ANGLE = 1e-7, 1e-5  # mm and rad, of compact joints
+FINEST = 1e-7  # of the distance between rails: a finer skin takes more spans than it is worth
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
 
 
@@ -209,9 +210,9 @@ def _amount(given: Any) -> Callable[[Array], Any]:
 def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
     if callable(given):
         return given
-    factors = np.array([number("tuning", one) for one in tuning])
-    if factors.shape != (3,):
+    if not isinstance(tuning, list | tuple | np.ndarray) or len(tuning) != 3:
         raise InputError(f"tuning is three numbers, not {shown(tuning)}")
+    factors = np.array([number("tuning", one) for one in tuning])
     if isinstance(given, str):
         rule = choice("reference", given, ("centroid", "extents"))
         if rule == "extents":
@@ -304,10 +305,7 @@ def potential_blend(
     families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
     meeting = Meeting.of((families[0], families[1]), pair)
     swept = sweep(meeting, _branch(meeting, near), START)
-    allowed = max(tolerance, INSIDE * swept.width) if skin is None else skin
-    ribbons = swept.ribbons(allowed)
-    fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
-    made, fill = skinned(ribbons, form, tolerance, angular_tolerance, fill, patient=skin is None)
+    made, fill = _made(swept, form, tolerance, angular_tolerance, skin)
     hermite.check_creases(made.surface)
     missed = fill.missed(made.surface)
     if not missed <= 2 * fill.tolerance:
@@ -315,11 +313,31 @@ def potential_blend(
             f"the blend misses the intersection curves by {missed:.2g} mm, more than {fill.tolerance:.2g}: ask for a "
             "larger skin"
         )
-    rails = (_rail(ribbons[0], families[0]), _rail(ribbons[1], families[1]))
     first, second = map(_kept, made.ribbons)
+    rails = (_rail(first, families[0]), _rail(second, families[1]))
     return PotentialBlend(
         made.surface, (first, second), made.form, rails, (families[0], families[1]), pair, swept, missed
     )
+
+
+def _made(
+    swept: Sweep, form: str, tolerance: float, angular_tolerance: float, skin: float | None
+) -> tuple[hermite.Blend, Skin]:
+    """Blend up to a swept surface, within a skin, or within the least of the default ones for which that goes."""
+    least = max(tolerance, INSIDE * swept.width)
+    if skin is not None and skin < FINEST * swept.width:
+        raise InputError(
+            f"a skin of {skin:.2g} mm is below {FINEST * swept.width:.2g}, {FINEST:g} of the distance between the "
+            "rails: it would take too many spans"
+        )
+    for allowed in [least * factor for factor in LOOSER] if skin is None else [skin]:
+        try:
+            ribbons = swept.ribbons(allowed)
+            fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
+            return skinned(ribbons, form, tolerance, angular_tolerance, fill, patient=False)
+        except TooFine as error:
+            last = error
+    raise last
 
 
 def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:

@@ -294,6 +294,9 @@ BAD = [
     (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), CONIC, near=(0, 0)), "near is a point"),
     (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), CONIC, near="top"), "near is a point"),
     (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), CONIC, skin=0), "skin must be above 0"),
+    (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), CONIC, skin=1e-9), "below .* of the distance"),
+    (lambda: cqblend.potential_blend(normal(plate(), 0), normal(PIPE), CONIC), "amounts of surface 1 are 0 throughout"),
+    (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), lambda x: None), "a relation returns s1 and s2"),
     (lambda: cqblend.potential_blend(normal(plate()), normal(PIPE), CONIC, form="neat"), "form must be"),
     (lambda: cqblend.potential_blend(normal(plate()), 5, CONIC), "surface must be a face"),
     (lambda: cqblend.potential_blend(plate(), normal(PIPE), CONIC), "lies in the surface"),
@@ -330,3 +333,43 @@ def test_swept_points_stay_in_their_range():
         blend.swept(0.5, 1.1)
     with pytest.raises(InputError, match="runs over"):
         blend.swept(np.array([0.5, -0.1]), 0.5)
+
+
+@pytest.mark.parametrize("centre", [(1e4, 0.0, 0.0), (1e4, 1e4, 0.0)])
+def test_blends_far_from_the_origin(centre):
+    pipe = face(cq.Solid.makeCylinder(2, 12, cq.Vector(*centre) - cq.Vector(0, 0, 6)), "CYLINDER")
+    blend = cqblend.potential_blend(
+        normal(plate() + np.array(centre)), normal(pipe), cqblend.Conic(1, 1, -3), form="exact"
+    )
+    assert blend.certificate.angle < 1e-9
+    assert blend.certificate.valid
+    p = points(blend) - centre
+    assert np.abs(conic(1, 1, -3, p[..., 2], np.hypot(p[..., 0], p[..., 1]) - 2)).max() < 3e-4
+
+
+def rough(seed=5):
+    """Return a gentle quadratic B-spline, C1, and a wall through it."""
+    x, y = np.meshgrid(np.linspace(-8, 8, 5), np.linspace(-8, 8, 5), indexing="ij")
+    net = np.stack([x, y, np.random.default_rng(seed).uniform(-0.4, 0.4, (5, 5))], axis=-1)
+    knots = [0, 0, 0, 1, 2, 3, 3, 3]
+    wall = np.array([[[t, 0.3 * t, z] for z in (-6.0, 6)] for t in (-30.0, 30)])
+    return cqblend.Surface.from_bspline((2, 2), (knots, knots), net), cqblend.Surface.from_bspline(
+        (1, 1), ([0, 0, 1, 1],) * 2, wall
+    )
+
+
+def test_rough_surfaces_get_a_looser_skin_and_say_so():
+    quadratic, wall = rough()
+    blend = cqblend.potential_blend(normal(wall), normal(quadratic), cqblend.Conic(0.5, 0.4), form="exact")
+    assert blend.certificate.angle < 1e-10
+    assert blend.certificate.gap < 1e-12
+    assert blend.skin <= 2e-3 * blend.sweep.width
+    t, v = np.meshgrid(np.linspace(*blend.sweep.domain, 33), np.linspace(0, 1, 17), indexing="ij")
+    assert np.linalg.norm(blend.surface(t, v) - blend.swept(t, v), axis=-1).max() <= 1.5 * blend.skin
+
+
+def test_a_rail_over_a_pole_is_told():
+    ball = cq.Workplane().sphere(6).faces().val()
+    pipe = face(cq.Solid.makeCylinder(2, 12, cq.Vector(2.25, 0, 0)), "CYLINDER")
+    with pytest.raises(GeometryError, match=r"surface 1 is singular .* near .* keep the blend clear of it"):
+        cqblend.potential_blend(normal(ball), normal(pipe), cqblend.Conic(0.5, 0.5))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import cqblend
-from cqblend.errors import InputError, SelectionError, SizeError
+from cqblend.errors import GeometryError, InputError, SelectionError, SizeError
 
 BOX = cq.Workplane().box(30, 20, 10)
 CORNER = BOX.edges("|Z and >X and >Y")
@@ -213,3 +213,24 @@ def test_open_blends_of_surfaces_go_into_solids(swapped):
         BOX, CORNER, section="potential", a=3 if swapped else 2, b=2 if swapped else 3, first=BOX.faces(">X").val()
     )
     assert result.shape.Volume() == pytest.approx(expected.shape.Volume(), rel=1e-6)
+
+
+def test_acute_edges_take_unequal_reaches():
+    """Their sections set out backwards on the shorter side, and are affine images of the same conic all the same."""
+    wedge = cq.Workplane("XZ").polyline([(0, 0), (20, 0), (12, 3.5), (0, 3.5)]).close().extrude(15)
+    edge = wedge.edges(cq.NearestToPointSelector((20, -7, 0)))
+    for b in (0.5, 0.45, 0.3):
+        result = cqblend.blend_edges(wedge, edge, section="potential", a=0.5, b=b)
+        assert cqblend.verify(result.shape, result.faces).ok
+        assert result.certificate.angle < 1e-10
+
+
+def test_blends_that_are_too_short_for_slanted_ends_say_so():
+    tool = cq.Workplane().box(20, 60, 40).rotate((0, 0, 0), (0, 0, 1), 25).translate((22, 0, 0))
+    body = cq.Workplane(cq.Workplane().box(30, 20, 10).cut(tool).val().toNURBS())
+    edge = body.edges(cq.NearestToPointSelector((0, 10, 5)))
+    faces = [one for one in body.faces().vals() if any(other.isSame(edge.val()) for other in one.Edges())]
+    sides = [cqblend.reshape(one, by="normal", amounts=-1) for one in faces]
+    blend = cqblend.potential_blend(*sides, cqblend.Conic(2, 1, -3))
+    with pytest.raises(GeometryError, match=r"ends before it meets the faces .* extend the surfaces"):
+        cqblend.insert_blend(body, edge, blend)

@@ -1,10 +1,14 @@
-"""What blends ask of numbers that they are given."""
+"""What blends ask of numbers that they are given, and of fits that they make."""
 
 from numbers import Real
 
 import numpy as np
 
-from cqblend.errors import InputError, shown
+from cqblend.errors import GeometryError, InputError, shown
+
+
+class TooFine(GeometryError):
+    """A fit within a tolerance takes more spans than there may be."""
 
 
 def number(name: str, value: object) -> float:

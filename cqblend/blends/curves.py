@@ -115,8 +115,8 @@ class Curves:
     def lost(self, q: Array, x: float) -> GeometryError:
         """Return the error that says where an intersection is lost."""
         return GeometryError(
-            f"the intersection of the reshaped surfaces is lost near {self.meeting.place(q, x)}: there, they part or "
-            "touch; choose smaller a and b, or another reference"
+            f"the intersection of the reshaped surfaces is lost near {self.meeting.place(q, x)}: there, they part, "
+            "touch, or one is singular (a pole); choose smaller a and b, or another reference"
         )
 
     def carried(self, start: Array, t: Array, x0: float, nodes: Array) -> Array:

@@ -141,6 +141,8 @@ class Family(ABC):
         amounts = fit.reproduce(lambda x: self._amounts(s(x)[:, 0], which), (0.0, 1.0))
         end = 0.0 if abs(s(0.0)[0]) < abs(s(1.0)[0]) else 1.0
         largest = float(np.abs(amounts(np.linspace(0, 1, 65))).max())
+        if not largest > 0:
+            raise InputError(f"the amounts of surface {which} are 0 throughout: nothing of it is reshaped")
         value, slope = np.abs(amounts.jet(end, 1)).max(axis=1)
         if value > VANISHES * largest:
             raise InputError(

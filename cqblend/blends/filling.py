@@ -22,6 +22,7 @@ import numpy as np
 from cqblend.blends.across import bubbles
 from cqblend.blends.along import SPLINES
 from cqblend.blends.breaks import aligned
+from cqblend.blends.checks import TooFine
 from cqblend.blends.pde import Solution
 from cqblend.blends.primaries import Array
 from cqblend.blends.sections import Interior, Jets, section, weights
@@ -38,10 +39,6 @@ SAME = 1e-13  # of the interior: as near as that, it is the same
 EASILY = 1e-4  # of the tolerance: as near as that, polynomials on the section's own pieces will do
 SPANS = 128  # along, at most, before an interior gets kinks that it could do without
 LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
-
-
-class TooFine(GeometryError):
-    """An interior takes more spans than there may be."""
 
 
 @dataclass(frozen=True)

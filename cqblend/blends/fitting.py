@@ -17,13 +17,13 @@ from functools import partial
 import numpy as np
 
 from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds, through
+from cqblend.blends.checks import TooFine
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.corners import Crossed, crossed, past
 from cqblend.blends.fields import Along, Field, directions, perpendicular
 from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
-from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
@@ -319,7 +319,7 @@ class _Cubic:
             breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
         missed = max(float(errors.across.max()) for errors in measured)
         if missed > 10 * wanted.position:
-            raise GeometryError(
+            raise TooFine(
                 f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
                 "not smooth enough for this size; try a smaller one"
             )

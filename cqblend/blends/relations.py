@@ -25,7 +25,8 @@ from cqblend.splines import Curve, fit
 Array = NDArray[Any]
 Pair: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
 
-TOUCHING = 1e-9  # of the size: how nearly a relation must end on an axis, and run along it there
+TOUCHING = 1e-9  # of the size: how nearly a relation must end on an axis
+ALONG = 1e-6  # of its speed: how nearly it must run along it there; of functions, derivatives are not known better
 SAMPLES = 513  # in which roots are looked for
 HALVINGS = 60
 
@@ -67,7 +68,7 @@ class Relation:
                 f"a relation runs from (a, 0) to (0, b), not from ({a:g}, {off1:g}) to ({off2:g}, {b:g}): it must end "
                 "on the axes"
             )
-        if max(abs(across1), abs(across2)) > TOUCHING * max(size, abs(rate1), abs(rate2)):
+        if max(abs(across1), abs(across2)) > ALONG * max(size, abs(rate1), abs(rate2)):
             raise InputError(
                 f"the relation leaves its axes with slopes ds2/dx = {across1:.3g} at x = 0 and ds1/dx = {across2:.3g} "
                 "at x = 1: they must be 0, or the blend is not tangent to its surfaces"
@@ -265,5 +266,7 @@ def _parts(functions: Sequence[Callable[[Array], Any]], x: Array) -> Sequence[An
     if len(functions) == 2:
         return [one(x) for one in functions]
     made = functions[0](x)
+    if not isinstance(made, tuple | list | np.ndarray):
+        raise InputError(f"a relation returns s1 and s2, not {shown(made)}")
     array = np.asarray(made, dtype=np.float64)
     return list(array.T) if array.ndim == 2 and array.shape == (len(x), 2) and len(x) != 2 else list(array)

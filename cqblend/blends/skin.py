@@ -8,7 +8,8 @@ from typing import ClassVar, Protocol, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.filling import Filling, TooFine
+from cqblend.blends.checks import TooFine
+from cqblend.blends.filling import Filling
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.primaries import Array
@@ -97,7 +98,7 @@ def skinned(
     CqblendError
         As :func:`cqblend.blends.hermite.hermite`, and where the tolerance takes too many spans.
     """
-    for factor in LOOSER if patient else LOOSER[:1]:
+    for factor in LOOSER if patient else (1.0,):
         looser = replace(skin, tolerance=factor * skin.tolerance)
         try:
             return hermite(ribbons, form, min(tolerance, looser.compact), angular_tolerance, looser), looser

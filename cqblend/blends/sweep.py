@@ -16,11 +16,12 @@ import numpy as np
 
 from cqblend.blends import fitting
 from cqblend.blends.branches import Branch
+from cqblend.blends.checks import TooFine
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.corners import ROUGH
 from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
 from cqblend.blends.meeting import OUTSIDE, Meeting, point
-from cqblend.blends.primaries import Array, cross, unit
+from cqblend.blends.primaries import Array, Tensor, cross, unit
 from cqblend.blends.ribbons import FADED, Ribbon
 from cqblend.blends.skin import NOWHERE, Ends, tied
 from cqblend.errors import GeometryError
@@ -30,6 +31,7 @@ STATIONS, STEPS = 65, 17  # of the table from which solutions start
 OVERLAP = 8  # points by which a closed branch is continued before it is interpolated
 STEADY = 0.1  # of its mean rate: a parameter that goes slower somewhere is no phase
 TRIM = 40  # halvings
+SINGULAR = 0.15  # of the largest |Su x Sv| along a rail: where it is less, the surface is nearly singular
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,22 @@ class Sweep:
                 outside = middle
         return inside
 
+    def _rough(self) -> str:
+        """Say why rails cannot be fitted: they run next to a singular point, or a surface is not smooth enough."""
+        for side, (uv, _) in enumerate(self.ends(self.t)):
+            jet = self.curves.meeting.families[side].primary.jet(uv)
+            area = np.linalg.norm(cross(jet[1], jet[2]), axis=1)
+            if area.min() < SINGULAR * area.max():
+                return (
+                    f"surface {side + 1} is singular (a pole, or a side shrunk to a point) at or next to its rail, "
+                    f"near {point(jet[0, area.argmin()])}; keep the blend clear of it, or turn the surface so that it "
+                    "lies elsewhere"
+                )
+        return (
+            "a surface is not smooth enough, as offsets of surfaces that are only C1 are not; reshape it from a "
+            "reference, or ask for a larger skin"
+        )
+
     def _check_sides(self) -> None:
         """Raise GeometryError where the blend would set out to the other side of a rail than elsewhere."""
         for side, (uv, vectors) in enumerate(self.ends(self.t)):
@@ -187,14 +205,18 @@ class Sweep:
         wanted = tied(self, tolerance, self.width)
         found = None if self.closed else fitting.straight((first, second), solve, self.domain, wanted, self.width)
         at, orders = self.kinks
-        one, two = found or fitting.cubic(
-            (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < ROUGH]
-        )
+        try:
+            one, two = found or fitting.cubic(
+                (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < ROUGH]
+            )
+        except TooFine as error:
+            raise TooFine(f"{error.args[0].split(':')[0]}: {self._rough()}") from error
         return replace(one, fades=True), replace(two, fades=True)
 
 
 def sweep(meeting: Meeting, branch: Branch, x0: float) -> Sweep:
     """Carry one branch of the intersection at x0 through the whole family."""
+    branch = _clear(meeting, branch) if branch.closed else branch
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(branch.points, axis=0), axis=1)))
     along = length / length[-1]
     at = _through(along, np.concatenate([branch.q, branch.points], axis=1), branch.closed)
@@ -211,6 +233,27 @@ def sweep(meeting: Meeting, branch: Branch, x0: float) -> Sweep:
     x = np.union1d(np.linspace(0, 1, STEPS), x0)
     curves = Curves(meeting, phase)
     return Sweep(curves, branch.closed, t, x, curves.carried(start, t, x0, x)).within()
+
+
+def _clear(meeting: Meeting, branch: Branch) -> Branch:
+    """Return a closed branch that starts where it is farthest from knot lines and seams, in shares of the domains."""
+    clearance = np.full(len(branch.q) - 1, np.inf)
+    for axis in range(4):
+        primary = meeting.families[axis // 2].primary
+        assert isinstance(primary, Tensor)
+        breaks, period = primary.breaks[axis % 2], primary.periods[axis % 2]
+        apart = branch.q[:-1, axis, None] - (breaks if period is not None else breaks[1:-1])
+        if period is not None:
+            apart -= period * np.round(apart / period)
+        if apart.size:
+            clearance = np.minimum(clearance, np.abs(apart).min(axis=1) / (breaks[-1] - breaks[0]))
+    i = int(clearance.argmax())
+    lap = branch.q[-1] - branch.q[0]
+    return Branch(
+        np.concatenate([branch.points[i:], branch.points[1 : i + 1]]),
+        np.concatenate([branch.q[i:], branch.q[1 : i + 1] + lap]),
+        closed=True,
+    )
 
 
 def _through(t: Array, values: Array, closed: bool) -> Curve:

@@ -110,6 +110,12 @@ def test_a_circle_by_functions_is_the_conic():
     assert np.abs(conic(1, 1, 0, *one(X).T)).max() < 1e-12
 
 
+def test_functions_of_low_continuity_are_relations_too():
+    """Their derivatives at the ends are known as well as splines through them tell."""
+    one = relation(lambda x: ((1 - x) ** 2.5, x**2.5))
+    assert np.allclose(one(0.3), [0.7**2.5, 0.3**2.5], rtol=0, atol=1e-9)
+
+
 BAD = [
     (lambda: Conic(1, 1, 1), "lam must be below a b = 1"),
     (lambda: Conic(2, 3, 7), "lam must be below a b = 6, not 7"),
