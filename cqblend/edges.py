@@ -22,7 +22,7 @@ from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.skin import Skin, skinned, tied
+from cqblend.blends.skin import Skin, loosened, tied
 from cqblend.certificate import Certificate
 from cqblend.errors import (
     CqblendError,
@@ -272,8 +272,8 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
             swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
-        skin = Skin.over(swept, joint.spine.closed, _inside(request))
-        return skinned(ribbons, *form, skin, patient=True)[0]
+        curves, closed = swept, joint.spine.closed
+        return loosened(lambda inside: Skin.over(curves, closed, inside).blend(ribbons, *form), _inside(request))
     if request.order is None:
         return hermite(ribbons, *form)
     problem = Problem(request.order, request.parameters, request.terms)
@@ -396,7 +396,7 @@ def _floor(value: float) -> float:
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
     """Fit rails of the lightest form."""
     solve, closed = _solver(joint, request), joint.spine.closed
-    wanted = _wanted(joint, request)
+    wanted = _wanted(request)
     if not closed:
         rails = fitting.straight(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
@@ -412,11 +412,10 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
     return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
-def _wanted(joint: Joint, request: BlendRequest) -> Wanted:
+def _wanted(request: BlendRequest) -> Wanted:
     """Return what the ribbons are to be."""
-    swept = _swept(joint, request)
-    if swept is not None:
-        return tied(swept, _inside(request), _size(request))
+    if request.relation is not None:
+        return tied(_inside(request), _size(request))
     first, second = (partial(np.full_like, fill_value=factor) for factor in request.bulge)
     return Wanted(
         position=max(RAIL_TOLERANCE * _size(request), 1e-7),

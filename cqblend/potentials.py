@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
 from cqblend.blends.branches import Branch, branches, nearest_approach
-from cqblend.blends.checks import TooFine, number
+from cqblend.blends.checks import number
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
@@ -23,7 +23,7 @@ from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
 from cqblend.blends.ribbons import Ribbon, faded
-from cqblend.blends.skin import LOOSER, Skin, skinned
+from cqblend.blends.skin import Skin, loosened
 from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
@@ -324,20 +324,18 @@ def _made(
     swept: Sweep, form: str, tolerance: float, angular_tolerance: float, skin: float | None
 ) -> tuple[hermite.Blend, Skin]:
     """Blend up to a swept surface, within a skin, or within the least of the default ones for which that goes."""
-    least = max(tolerance, INSIDE * swept.width)
     if skin is not None and skin < FINEST * swept.width:
         raise InputError(
             f"a skin of {skin:.2g} mm is below {FINEST * swept.width:.2g}, {FINEST:g} of the distance between the "
             "rails: it would take too many spans"
         )
-    for allowed in [least * factor for factor in LOOSER] if skin is None else [skin]:
-        try:
-            ribbons = swept.ribbons(allowed)
-            fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
-            return skinned(ribbons, form, tolerance, angular_tolerance, fill, patient=False)
-        except TooFine as error:
-            last = error
-    raise last
+
+    def make(allowed: float) -> tuple[hermite.Blend, Skin]:
+        ribbons = swept.ribbons(allowed)
+        fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
+        return fill.blend(ribbons, form, tolerance, angular_tolerance), fill
+
+    return make(skin) if skin is not None else loosened(make, max(tolerance, INSIDE * swept.width))
 
 
 def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:

@@ -81,7 +81,7 @@ class _Tracer:
 
     def onto(self, start: Array, half: Array) -> Array:
         """Bring candidates (n, 4) onto both surfaces, along shortest ways; leave out those that do not get there."""
-        q, good = start.copy(), np.ones(len(start), bool)
+        q = start.copy()
         for _ in range(25):
             first, second = self.meeting.jets(q, np.full(len(q), self.x))
             missed = first[0] - second[0]
@@ -91,7 +91,7 @@ class _Tracer:
             if np.linalg.norm(missed, axis=1).max(initial=0) <= 1e-14 * self.meeting.scale:
                 break
         first, second = self.meeting.jets(q, np.full(len(q), self.x))
-        good &= np.linalg.norm(first[0] - second[0], axis=1) <= 1e-10 * self.meeting.scale
+        good = np.linalg.norm(first[0] - second[0], axis=1) <= 1e-10 * self.meeting.scale
         good &= (self.meeting.outside(q) <= OUTSIDE).all(axis=1) & (np.abs(q - start) <= 6 * half).all(axis=1)
         return np.asarray(q[good])
 

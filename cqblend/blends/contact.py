@@ -44,16 +44,26 @@ class Stations:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Contact parameters (n, 2) on both sides, edge points between them, the cross derivatives' lengths (2, n)."""
+    """Contact parameters (n, 2) on both sides, edge points between them, the cross derivatives' lengths (2, n).
+
+    ``vectors`` (2, n, 3) are these derivatives, into the blend, where more is known of them than their lengths.
+    """
 
     t: Array
     point: Array
     uv: tuple[Array, Array]
     reach: Array
+    vectors: Array | None = None
 
     def pick(self, index: Array) -> Contacts:
         """Return some of the contacts."""
-        return Contacts(self.t[index], self.point[index], (self.uv[0][index], self.uv[1][index]), self.reach[:, index])
+        return Contacts(
+            self.t[index],
+            self.point[index],
+            (self.uv[0][index], self.uv[1][index]),
+            self.reach[:, index],
+            None if self.vectors is None else self.vectors[:, index],
+        )
 
     def with_others(self, others: Contacts) -> Contacts:
         """Return these contacts and others, in the order of t."""
@@ -63,6 +73,9 @@ class Contacts:
             np.concatenate([self.point, others.point]),
             (np.concatenate([self.uv[0], others.uv[0]]), np.concatenate([self.uv[1], others.uv[1]])),
             np.concatenate([self.reach, others.reach], axis=1),
+            None
+            if self.vectors is None or others.vectors is None
+            else np.concatenate([self.vectors, others.vectors], axis=1),
         )
         return both.pick(order)
 

@@ -13,7 +13,6 @@ from cqblend.blends.families import Course, Offset
 from cqblend.blends.meeting import Meeting
 from cqblend.blends.primaries import Array
 from cqblend.blends.relations import Relation
-from cqblend.blends.skin import Ends
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
 
@@ -62,24 +61,19 @@ class EdgeSweep:
         found[:, order] = points.reshape(found.shape)
         return found
 
-    def ends(self, t: Array) -> Ends:
-        """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
-        q, at, curves = self._solved(t, (0.0, 1.0))
-        one, none = np.ones(len(t)), np.zeros(len(t))
-        return (
-            (q[:, 1, :2], -curves.cross_derivatives(q[:, 1], at.t, one, 0)),
-            (q[:, 0, 2:], curves.cross_derivatives(q[:, 0], at.t, none, 1)),
-        )
-
     def contacts(self, t: Array) -> Contacts:
-        """Return the rails' points at t, with their distances from the edge."""
-        q, at, _ = self._solved(t, (0.0, 1.0))
+        """Return the rails' points and cross derivatives at t, with their distances from the edge."""
+        q, at, curves = self._solved(t, (0.0, 1.0))
         uv = q[:, 1, :2], q[:, 0, 2:]
+        vectors = [
+            -curves.cross_derivatives(q[:, 1], at.t, np.ones(len(t)), 0),
+            curves.cross_derivatives(q[:, 0], at.t, np.zeros(len(t)), 1),
+        ]
         primaries = (family.primary for family in self.meeting.families)
         reach = [
             np.linalg.norm(primary.jet(one)[0] - at.point, axis=1) for primary, one in zip(primaries, uv, strict=True)
         ]
-        return Contacts(t, at.point, uv, np.stack(reach))
+        return Contacts(t, at.point, uv, np.stack(reach), np.stack(vectors))
 
 
 def from_edge(

@@ -43,8 +43,8 @@ class Wanted:
 
     By side, ``fields`` are their cross directions, ``bulges`` factors on the lengths that the contacts suggest, as
     functions of t, ``orders`` those of continuity; ``steer`` is the largest angle (rad) by which directions are turned
-    for the sake of what is inside the blend. ``vectors``, functions of t, are cross derivatives that are given as they
-    are, instead of fields, bulges and lengths; they belong to points of the rails, which then may not shift along.
+    for the sake of what is inside the blend. Ribbons that are ``tied`` take the cross derivatives that the contacts
+    have, instead of fields, bulges and lengths; these belong to points of the rails, which then may not shift along.
     """
 
     position: float = 1e-7
@@ -54,7 +54,7 @@ class Wanted:
     bulges: tuple[Scale, Scale] = (np.ones_like, np.ones_like)
     orders: tuple[int, int] = (1, 1)
     steer: float = 0.0
-    vectors: tuple[Scale, Scale] | None = None
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def along(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
     def solve_along(t: Array) -> Contacts:
         solved = solve(t)
         uv = [unwrapped(found, primary.periods) for primary, found in zip(primaries, solved.uv, strict=True)]
-        return Contacts(t, solved.point, (uv[0], uv[1]), solved.reach)
+        return replace(solved, uv=(uv[0], uv[1]))
 
     return solve_along
 
@@ -101,7 +101,7 @@ def around(solve: Solver, primaries: tuple[Primary, Primary]) -> Solver:
                 if period is not None:
                     winding[axis] = period * np.round((found[-1, axis] - found[0, axis]) / period)
             uv.append(found[index] + lap[:, None] * winding)
-        return Contacts(t, solved.point[index], (uv[0], uv[1]), solved.reach[:, index])
+        return replace(solved.pick(index), t=t, uv=(uv[0], uv[1]))
 
     return solve_around
 
@@ -127,8 +127,9 @@ def _build(
     jet = primary.jet(uv)
     c = make(primary.scale(primary.lift(uv), weight))
     point, rate = in_space(primary.position(c).jet(t, 1))
-    if wanted.vectors is not None:
-        asked = wanted.vectors[side](solved.t)
+    if wanted.tied:
+        assert solved.vectors is not None
+        asked = solved.vectors[side]
     else:
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
@@ -142,7 +143,7 @@ def _build(
     offset = (point - jet[0])[inside]
     errors = Errors(
         np.linalg.norm(offset, axis=1),
-        np.linalg.norm(offset if wanted.vectors is not None else cross(offset, unit(rate[inside])), axis=1),
+        np.linalg.norm(offset if wanted.tied else cross(offset, unit(rate[inside])), axis=1),
         (turned - steering.slack(t))[inside],
         (ratio - steering.slack(t))[inside],
     )
@@ -246,7 +247,7 @@ def cubic(
         If what remains in position is more than ten times what is wanted.
     """
     lines: list[Crossed] = []
-    if wanted.vectors is not None:
+    if wanted.tied:
         lines = [one for i, primary in enumerate(primaries) for one in crossed(solve, primary, i, domain)]
         at = np.array([one.t for one in lines])
         corners = _apart(np.concatenate([corners, at]), SLIVER * (domain[1] - domain[0]))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, TypeAlias
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -22,13 +22,13 @@ ACROSS = 24  # points at which the swept surface is read
 LOOSER = (1.0, 10.0, 100.0)  # factors on a tolerance that nobody asked for
 MEASURED = (149, 33)  # points along and across, at which a blend is measured
 
-NOWHERE = np.empty(0), np.empty(0, dtype=int)
+Made = TypeVar("Made")
 
-Ends: TypeAlias = tuple[tuple[Array, Array], tuple[Array, Array]]
+NOWHERE = np.empty(0), np.empty(0, dtype=int)
 
 
 class Swept(Protocol):
-    """A swept surface: what :class:`Skin` needs of it, and what ribbons are fitted to."""
+    """A swept surface: what :class:`Skin` needs of it."""
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -39,18 +39,10 @@ class Swept(Protocol):
         """Return the points (n, m, 3) of the curves at t (n,) and x (m,)."""
         ...
 
-    def ends(self, t: Array) -> Ends:
-        """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
-        ...
 
-
-def tied(swept: Swept, tolerance: float, width: float) -> Wanted:
+def tied(tolerance: float, width: float) -> Wanted:
     """Return what ribbons are to be so that what is between them can be within a tolerance (mm) of a swept surface."""
-    return Wanted(
-        position=SHARE * tolerance,
-        length=tolerance / width,
-        vectors=(lambda t: swept.ends(t)[0][1], lambda t: swept.ends(t)[1][1]),
-    )
+    return Wanted(position=SHARE * tolerance, length=tolerance / width, tied=True)
 
 
 @dataclass(frozen=True)
@@ -73,10 +65,15 @@ class Skin(Filling):
         plain = section(sides)
         return lambda t: self.swept.points(t, 1 - v) - plain.grid(t, v)
 
-    @property
-    def compact(self) -> float:
-        """What compact joints may be off (mm), so that what is between them can be within the tolerance."""
-        return self.tolerance / 8
+    def blend(self, ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float) -> Blend:
+        """Blend two ribbons up to the swept surface, with compact joints so near that it can be within the tolerance.
+
+        Raises
+        ------
+        CqblendError
+            As :func:`cqblend.blends.hermite.hermite`, and TooFine.
+        """
+        return hermite(ribbons, form, min(tolerance, self.tolerance / 8), angular_tolerance, self)
 
     def missed(self, surface: Surface) -> float:
         """Return how far a blend surface is from the curves at most (mm), between where these were read."""
@@ -85,23 +82,19 @@ class Skin(Filling):
         return float(np.linalg.norm(surface.grid(t, v) - self.swept.points(t, 1 - v), axis=2).max())
 
 
-def skinned(
-    ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float, skin: Skin, *, patient: bool
-) -> tuple[Blend, Skin]:
-    """Blend two ribbons up to a swept surface; also return what was filled in.
+def loosened(make: Callable[[float], Made], tolerance: float) -> Made:
+    """Return what is made within a tolerance inside (mm), or within ten or a hundred times that if it is too fine.
 
-    A ``patient`` caller takes a tolerance inside of ten or a hundred times as much, where surfaces are so rough that it
-    would take too many spans.
+    That is where surfaces are so rough, or relations so sharp, that it would take too many spans.
 
     Raises
     ------
     CqblendError
-        As :func:`cqblend.blends.hermite.hermite`, and where the tolerance takes too many spans.
+        As ``make``.
     """
-    for factor in LOOSER if patient else (1.0,):
-        looser = replace(skin, tolerance=factor * skin.tolerance)
+    for factor in LOOSER:
         try:
-            return hermite(ribbons, form, min(tolerance, looser.compact), angular_tolerance, looser), looser
+            return make(factor * tolerance)
         except TooFine as error:
             last = error
     raise last

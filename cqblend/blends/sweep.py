@@ -23,7 +23,7 @@ from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
 from cqblend.blends.meeting import OUTSIDE, Meeting, point
 from cqblend.blends.primaries import Array, Tensor, cross, unit
 from cqblend.blends.ribbons import FADED, Ribbon
-from cqblend.blends.skin import NOWHERE, Ends, tied
+from cqblend.blends.skin import NOWHERE, tied
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 
@@ -71,16 +71,19 @@ class Sweep:
         tt, xx = (grid.ravel() for grid in np.meshgrid(t, x, indexing="ij"))
         return self.curves.meeting.jets(self.solve(tt, xx), xx)[0][0].reshape(len(t), len(x), 3)
 
-    def ends(self, t: Array) -> Ends:
-        """Return parameters (n, 2) and cross derivatives (n, 3), into the blend, on rail 1 (x = 1) and 2 (x = 0)."""
+    def contacts(self, t: Array) -> Contacts:
+        """Return the rails' parameters and cross derivatives at t (n,): rail 1 is at x = 1, rail 2 at x = 0."""
         one, none = np.ones(len(t)), np.zeros(len(t))
-        if self.closed:
-            t = self.domain[0] + np.mod(t - self.domain[0], self.domain[1] - self.domain[0])
         first, second = self.solve(t, one), self.solve(t, none)
-        return (
-            (first[:, :2], -self.curves.cross_derivatives(first, t, one, 0)),
-            (second[:, 2:], self.curves.cross_derivatives(second, t, none, 1)),
+        vectors = np.stack(
+            [
+                -self.curves.cross_derivatives(first, t, one, 0),
+                self.curves.cross_derivatives(second, t, none, 1),
+            ]
         )
+        half = np.full(len(t), 0.5)
+        middle = self.curves.meeting.jets(self._interpolated(t, half), half)[0][0]
+        return Contacts(t, middle, (first[:, :2], second[:, 2:]), np.linalg.norm(vectors, axis=2), vectors)
 
     def _interpolated(self, t: Array, x: Array) -> Array:
         """Interpolate the table bilinearly."""
@@ -137,7 +140,7 @@ class Sweep:
 
     def _rough(self) -> str:
         """Say why rails cannot be fitted: they run next to a singular point, or a surface is not smooth enough."""
-        for side, (uv, _) in enumerate(self.ends(self.t)):
+        for side, uv in enumerate(self.contacts(self.t).uv):
             jet = self.curves.meeting.families[side].primary.jet(uv)
             area = np.linalg.norm(cross(jet[1], jet[2]), axis=1)
             if area.min() < SINGULAR * area.max():
@@ -153,10 +156,11 @@ class Sweep:
 
     def _check_sides(self) -> None:
         """Raise GeometryError where the blend would set out to the other side of a rail than elsewhere."""
-        for side, (uv, vectors) in enumerate(self.ends(self.t)):
+        contacts = self.contacts(self.t)
+        assert contacts.vectors is not None
+        for side, (uv, vectors, size) in enumerate(zip(contacts.uv, contacts.vectors, contacts.reach, strict=True)):
             jet = self.curves.meeting.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
-            size = np.linalg.norm(vectors, axis=1)
             across = (cross(rate, vectors) * unit(cross(jet[1], jet[2]))).sum(axis=1)
             across[size <= FADED * size.max()] = 0.0
             wrong = across * np.sign(across.sum()) < 0
@@ -192,17 +196,11 @@ class Sweep:
 
     def ribbons(self, tolerance: float) -> tuple[Ribbon, Ribbon]:
         """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of what is between."""
-
-        def contacts(t: Array) -> Contacts:
-            ends, half = self.ends(t), np.full(len(t), 0.5)
-            middle = self.curves.meeting.jets(self._interpolated(t, half), half)[0][0]
-            return Contacts(t, middle, (ends[0][0], ends[1][0]), np.ones((2, len(t))))
-
         self._check_sides()
         first, second = (family.primary for family in self.curves.meeting.families)
         around: Callable[..., Solver] = fitting.around if self.closed else fitting.along
-        solve = around(contacts, (first, second))
-        wanted = tied(self, tolerance, self.width)
+        solve = around(self.contacts, (first, second))
+        wanted = tied(tolerance, self.width)
         found = None if self.closed else fitting.straight((first, second), solve, self.domain, wanted, self.width)
         at, orders = self.kinks
         try:
