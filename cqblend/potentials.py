@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
 from cqblend.blends.branches import Branch, branches, nearest_approach
-from cqblend.blends.checks import number
+from cqblend.blends.checks import as_point, number
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
@@ -218,11 +218,8 @@ def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Cal
         if rule == "extents":
             return np.asarray(factors * np.ptp(poles, axis=(0, 1)) / 2)
         return np.asarray(poles.mean(axis=(0, 1)))
-    try:
-        made = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        made = np.empty(0)
-    if made.shape != (3,) or not np.isfinite(made).all():
+    made = as_point(given)
+    if made is None:
         raise InputError(f'a reference is "centroid", "extents", a point or a function of s, not {shown(given)}')
     return made
 
@@ -340,14 +337,9 @@ def _made(
 
 def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
-    target = None
-    if near is not None:
-        try:
-            target = np.array(near, dtype=np.float64)
-        except (TypeError, ValueError):
-            target = np.empty(0)
-        if target.shape != (3,) or not np.isfinite(target).all():
-            raise InputError(f"near is a point of three numbers, not {shown(near)}")
+    target = as_point(near)
+    if near is not None and target is None:
+        raise InputError(f"near is a point of three numbers, not {shown(near)}")
     found = branches(meeting, START)
     s1, s2 = meeting.s(START)
     if not found:

@@ -3,12 +3,22 @@
 from numbers import Real
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cqblend.errors import GeometryError, InputError, shown
 
 
 class TooFine(GeometryError):
     """A fit within a tolerance takes more spans than there may be."""
+
+
+def as_point(value: object) -> NDArray[np.float64] | None:
+    """Return three finite numbers as an array (3,); None if the value is something else."""
+    try:
+        found = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    return found if found.shape == (3,) and np.isfinite(found).all() else None
 
 
 def number(name: str, value: object) -> float:

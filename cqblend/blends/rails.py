@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends import regularity
+from cqblend.blends.checks import as_point
 from cqblend.blends.crossing import is_closed
 from cqblend.blends.primaries import Array, cross, tangent_coordinates
 from cqblend.errors import GeometryError, InputError, shown
@@ -269,12 +270,10 @@ class Rail:
             t = np.union1d(t, regularity.stations(np.clip(other.breaks, *self.domain)))
             there = other(t)
         else:
-            try:
-                there = np.asarray(target, dtype=np.float64)
-            except (TypeError, ValueError):
-                there = np.empty(0)
-            if there.shape != (3,) or not np.isfinite(there).all():
+            found = as_point(target)
+            if found is None:
                 raise InputError(f"a rail turns towards another Rail or a point of three numbers, not {shown(target)}")
+            there = found
         jet, rate = self._jet(t)
         across, chord = cross(rate, cross(jet[1], jet[2])), there - jet[0]
         product = (across * chord).sum(axis=-1)
