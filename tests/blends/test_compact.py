@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 import cadquery as cq
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_surfaces import pairs
 
@@ -179,11 +180,15 @@ def test_fit_is_within_what_was_asked(name, tolerance, angular):
     assert all(np.array_equal(row.breaks, fitted[0][0].breaks) for rows in fitted for row in rows)
 
 
+def next_regular(seed, order):
+    """Return the first regular jets from a seed on: two thirds of all are not, which is more than may be filtered out."""
+    return next(jets for jets in (synthetic(i, order) for i in itertools.count(seed)) if regular(jets))
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10**6), orders=st.tuples(st.integers(0, 3), st.integers(0, 3)))
 def test_any_jets_of_any_orders(seed, orders):
-    sides = synthetic(seed, orders[0]), synthetic(seed + 1, orders[1])
-    assume(regular(sides[0]) and regular(sides[1]))
+    sides = next_regular(seed, orders[0]), next_regular(seed + 1, orders[1])
     for jets, rows in zip(sides, compact(sides, 1e-6, 1e-5), strict=True):
         gap, angle, field, bends = measured(jets, rows)
         assert gap <= 1e-6
