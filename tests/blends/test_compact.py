@@ -181,7 +181,7 @@ def test_fit_is_within_what_was_asked(name, tolerance, angular):
 
 
 def next_regular(seed, order):
-    """Return the first regular jets from a seed on: two thirds of all are not, which is more than may be filtered out."""
+    """Return the first regular jets from a seed on: two thirds of all are not, too many to filter out."""
     return next(jets for jets in (synthetic(i, order) for i in itertools.count(seed)) if regular(jets))
 
 
