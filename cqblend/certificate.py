@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cqblend.blends.proof import Proof
 
 Form = Literal["exact", "compact"]
+SkippedKind = Literal["smooth", "seam", "degenerate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,26 @@ class RailRecord:
     length: float
     tolerance: float
     kept: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SkippedEdge:
+    """An edge that was picked, but at which there is nothing to blend.
+
+    Attributes
+    ----------
+    edge : int
+        Its 1-based index in the edge map of the *input* shape.
+    kind : {"smooth", "seam", "degenerate"}
+        ``"smooth"``: its faces meet smoothly already; ``"seam"``: a closed face meets itself there; ``"degenerate"``: a
+        pole, without length.
+    message : str
+        The same in words, with the number.
+    """
+
+    edge: int
+    kind: SkippedKind
+    message: str
 
 
 _COLUMNS = (
@@ -107,6 +128,8 @@ class Certificate:
         solving them; the largest over x, y and z and all blends. None of other sections.
     proofs, energies : tuple of callable
         What computes the proof and the energy of each blend, when `proof` and `fairness` are asked for.
+    skipped : tuple of SkippedEdge
+        Picked edges that were passed over, there being nothing to blend at them.
 
     Examples
     --------
@@ -132,6 +155,7 @@ class Certificate:
     residual: float | None = None
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
+    skipped: tuple[SkippedEdge, ...] = ()
 
     @cached_property
     def proof(self) -> "Proof | None":
@@ -197,6 +221,7 @@ class Certificate:
             residual=max((one.residual for one in certificates if one.residual is not None), default=None),
             proofs=tuple(prove for one in certificates for prove in one.proofs),
             energies=tuple(energy for one in certificates for energy in one.energies),
+            skipped=tuple(edge for one in certificates for edge in one.skipped),
         )
 
     def __str__(self) -> str:
@@ -215,7 +240,8 @@ class Certificate:
             for one in self.rails
             if one.kept
         ]
-        return "\n".join((*head, *_table(self.rails), *kept))
+        skipped = [f"passed over: {one.message}" for one in self.skipped]
+        return "\n".join((*head, *_table(self.rails), *kept, *skipped))
 
 
 def _table(rails: Sequence[RailRecord]) -> list[str]:
