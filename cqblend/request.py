@@ -266,8 +266,8 @@ def _listed(options: tuple[str, ...]) -> str:
 
 
 _RADII = (
-    "radius={0} would mean one radius for each side, but a ball touches both sides with the same one: give "
-    "width={0} for rails at these distances from the edge on side 1 and side 2; a radius that varies along the edge is "
+    "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
+    "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
     "not built yet: cut the faces into parts and blend these, or take OCCT's own fillet"
 )
 

@@ -99,10 +99,9 @@ class Joint:
         return np.array(found)
 
     def named(self, part: TopoDS_Shape) -> str:
-        """Return how a message calls a face or an edge of the solid: by its number in the input."""
-        what = kind(part)
+        """Return how a message calls a face or an edge of the solid: by its number in the input, if it has one."""
         number = 0 if self.numbers is None else self.numbers(part)
-        return f"{what} {number}" if number else f"another {what}"
+        return f"{kind(part)} {number}" if number else f"the {kind(part)} of an earlier blend"
 
     def clear_start(self, contacts: Contacts) -> float:
         """Return the t, of contacts all around, at which a closed rail best starts: far from seams and knot lines."""

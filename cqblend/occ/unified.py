@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -28,7 +27,7 @@ from OCP.TopTools import TopTools_MapOfShape
 
 from cqblend.occ.joint import Joint
 from cqblend.occ.kinds import downcast
-from cqblend.occ.topology import CONFUSION, Ancestors, distinct, ends, explore
+from cqblend.occ.topology import CONFUSION, Ancestors, distinct, ends, explore, seams
 
 BESIDE = 1.1  # how much further than its rails a blend may touch something
 SAME_AREA = 1e-4  # relative: OCCT integrates spline faces at few points
@@ -57,20 +56,23 @@ def unified(joint: Joint, reach: Callable[[], float]) -> Unified | None:
     solid, spine, made = joint.solid, joint.spine.edges, None
     faces_at = Ancestors(solid, TopAbs_VERTEX, TopAbs_FACE)
     faces = distinct(face for edge in spine for vertex in ends(edge) for face in faces_at(vertex))
-    while borders := _borders(solid, faces, spine):
-        near = partial(_near, spine, BESIDE * reach())
-        splits = list(filter(near, borders))
-        done = _without(solid, splits, spine, near) if splits else None
+    far: float | None = None
+
+    def near(shape: TopoDS_Shape) -> bool:
+        nonlocal far
+        far = BESIDE * reach() if far is None else far
+        return any(BRepExtrema_DistShapeShape(shape, edge).Value() <= far for edge in joint.spine.edges)
+
+    while splits := _splits(solid, faces, spine, near):
+        done = _without(solid, splits, spine, near)
         if done is None:
             break
         solid = done.solid
         faces = distinct(_descendant(done.faces, face) for face in faces)
         spine = [TopoDS.Edge_s(_descendant(done.edges, edge)) for edge in spine]
-        made = (
-            done
-            if made is None
-            else Unified(solid, _composed(made.faces, done.faces), _composed(made.edges, done.edges))
-        )
+        if made is not None:
+            done = Unified(solid, _composed(made.faces, done.faces), _composed(made.edges, done.edges))
+        made = done
     return made
 
 
@@ -88,35 +90,44 @@ def _composed(first: Groups, then: Groups) -> Groups:
     return groups + [group for group in first if not _among(group[0], used)]
 
 
-def _near(spine: Sequence[TopoDS_Edge], far: float, shape: TopoDS_Shape) -> bool:
-    return any(BRepExtrema_DistShapeShape(shape, edge).Value() <= far for edge in spine)
-
-
 def _among(shape: TopoDS_Shape, shapes: Sequence[TopoDS_Shape]) -> bool:
     return any(shape.IsSame(one) for one in shapes)
 
 
-def _borders(solid: TopoDS_Shape, faces: Sequence[TopoDS_Shape], spine: Sequence[TopoDS_Edge]) -> list[TopoDS_Edge]:
-    """Return the edges at which one of the faces goes on in another one on its surface."""
+def _splits(
+    solid: TopoDS_Shape,
+    faces: Sequence[TopoDS_Shape],
+    spine: Sequence[TopoDS_Edge],
+    near: Callable[[TopoDS_Shape], bool],
+) -> list[TopoDS_Edge]:
+    """Return the edges at which faces go on in others on their surface, and these in further ones, as long as near.
+
+    Where two of these meet each other, too, that edge is one of them, however far.
+    """
     faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
-    borders: list[TopoDS_Edge] = []
-    for face in faces:
+    reached, splits, others = list(faces), list[TopoDS_Edge](), list[tuple[TopoDS_Edge, TopoDS_Face]]()
+    for face in reached:
         for edge in distinct(explore(face, TopAbs_EDGE)):
-            others = [other for other in faces_at(edge) if not other.IsSame(face)]
-            known = _among(edge, spine) or _among(edge, borders)
-            if len(others) == 1 and not known and _same_surface(face, others[0]):
-                borders.append(edge)
-    return borders
+            beyond = [other for other in faces_at(edge) if not other.IsSame(face)]
+            if len(beyond) != 1 or _among(edge, spine) or _among(edge, splits) or not _same_surface(face, *beyond):
+                continue
+            if near(edge):
+                splits.append(edge)
+                if not _among(beyond[0], reached):
+                    reached.append(beyond[0])
+            else:
+                others.append((edge, beyond[0]))
+    return splits + [edge for edge, beyond in others if splits and _among(beyond, reached)]
 
 
 def _same_surface(one: TopoDS_Face, two: TopoDS_Face) -> bool:
     """Whether the boundary of the second face lies on the surface of the first, which is of the same kind."""
     if BRepAdaptor_Surface(one).GetType() != BRepAdaptor_Surface(two).GetType():
         return False
+    if any(BRep_Tool.Degenerated_s(edge) for face in (one, two) for edge in explore(face, TopAbs_EDGE)):
+        return False  # OCCT does not survive it
     surface = _basis(one)
     for edge in distinct(explore(two, TopAbs_EDGE)):
-        if BRep_Tool.Degenerated_s(edge):
-            continue
         curve = BRepAdaptor_Curve(edge)
         within = max(CONFUSION, BRep_Tool.Tolerance_s(edge))
         for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 5).tolist():
@@ -141,14 +152,17 @@ def _without(
     Edges that are near and go on at what was the end of a split become one, too, but not the joint's.
     """
     kept, loose = TopTools_MapOfShape(), False
+    faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
+    along = [seam for split in splits for face in faces_at(split) for seam in seams(face)]
     for edge in explore(solid, TopAbs_EDGE):
-        if not _among(edge, splits):
+        if not _among(edge, splits) and not _among(edge, along):
             kept.Add(edge)
     edges_at = Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE)
     for vertex in distinct(explore(solid, TopAbs_VERTEX)):
         left = [edge for edge in edges_at(vertex) if not _among(edge, splits)]
         ended = len(left) < len(edges_at(vertex)) and len(left) == 2
-        if ended and not any(_among(edge, spine) for edge in left) and near(vertex):
+        beside = near(vertex) or all(_among(edge, along) for edge in left)
+        if ended and beside and not any(_among(edge, spine) for edge in left):
             loose = True
         else:
             kept.Add(vertex)
