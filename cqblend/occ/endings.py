@@ -25,6 +25,7 @@ from cqblend.blends.primaries import Array, Frame, Plane, Primary, tangent_coord
 from cqblend.errors import SizeError, TopologyError
 from cqblend.occ import bulk
 from cqblend.occ.adapt import face_side
+from cqblend.occ.edge_accuracy import MARGIN
 from cqblend.occ.topology import (
     BUILDER,
     CONFUSION,
@@ -101,7 +102,7 @@ def on_neighbour(surgery: Surgery, end: int) -> Ending:
     arrives = ends(use)[1].IsSame(vertex)
     at = ends_uv(use, neighbour.face)[1 if arrives else 0]
     curve = _end_curve(surgery, neighbour.native, location_of(vertex), at, float(end))
-    edge, corners = _end_edge(surgery, curve, neighbour.native, neighbour.face)
+    edge, corners = _end_edge(surgery, curve, neighbour.face)
     surgery.rewrite(others[0]).added.append(edge if arrives else flipped(edge))
     return Ending(edge, corners, _span(curve), vertex, trims=(trims[0], trims[1]))
 
@@ -125,7 +126,7 @@ def in_cap(surgery: Surgery, end: int, t: float) -> Ending:
     plane = Plane(Frame(foot, np.array([x, np.cross(normal, x), normal])))
     cap = make_face(Geom_Plane(gp_Ax3(gp_Pnt(*foot.tolist()), gp_Dir(*normal.tolist()), gp_Dir(*x.tolist()))))
     curve = _end_curve(surgery, plane, foot, np.zeros(2), t)
-    edge, corners = _end_edge(surgery, curve, plane, cap)
+    edge, corners = _end_edge(surgery, curve, cap)
     vertex = _foot_vertex(surgery, end, t, foot)
     walls = tuple(
         _wall(
@@ -146,7 +147,7 @@ def _foot_vertex(surgery: Surgery, end: int, t: float, foot: Array) -> TopoDS_Ve
             raise TopologyError("the edge's vertex is too far from its faces for a blend to end there")
         return vertex
     on_edge = surgery.spine.points(np.array([t]))[0]
-    return make_vertex(foot, 1.05 * float(np.linalg.norm(on_edge - foot)))
+    return make_vertex(foot, MARGIN * float(np.linalg.norm(on_edge - foot)))
 
 
 def _span(curve: Curve) -> tuple[float, float]:
@@ -209,32 +210,26 @@ def _end_curve(surgery: Surgery, native: Primary, corner: Array, at: Array, star
 
 
 def _end_edge(
-    surgery: Surgery, curve: Curve, native: Primary, face: TopoDS_Face
+    surgery: Surgery, curve: Curve, face: TopoDS_Face
 ) -> tuple[TopoDS_Edge, tuple[TopoDS_Vertex, TopoDS_Vertex]]:
     """Make the edge of an end curve, with its pcurves on the blend and on the face it ends on."""
-    value = curve(np.linspace(0, 1, 257))
-    gap = _gap(value[:, 4:], surgery.blend.surface(value[:, 0], value[:, 1]), native.jet(value[:, 2:4])[0])
-    corners = (make_vertex(value[0, 4:], gap), make_vertex(value[-1, 4:], gap))
-    return _edge_between(curve, corners, gap, surgery.face, face), corners
+    first, last = curve(np.array([0.0, 1.0]))[:, 4:]
+    corners = (make_vertex(first), make_vertex(last))
+    return _edge_between(curve, corners, surgery.face, face), corners
 
 
 def _edge_between(
     curve: Curve,
     vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
-    gap: float,
     first: TopoDS_Face,
     second: TopoDS_Face,
 ) -> TopoDS_Edge:
     """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
     degree, knots, poles, _ = curve.to_bspline()
-    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0), gap)
+    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
     attach(edge, first, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
     attach(edge, second, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
     return edge
-
-
-def _gap(points: Array, *others: Array) -> float:
-    return 1.05 * float(max(np.linalg.norm(points - other, axis=1).max() for other in others))
 
 
 def _wall(
@@ -275,10 +270,7 @@ def _wall(
         on_face, on_plane = side.native.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
 
-    curve = _fitted(exact, error)
-    value = curve(np.linspace(0, 1, 257))
-    gap = _gap(value[:, 4:], side.native.jet(value[:, :2])[0], plane.jet(value[:, 2:4])[0])
-    return _edge_between(curve, vertices, gap, side.face, cap)
+    return _edge_between(_fitted(exact, error), vertices, side.face, cap)
 
 
 def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:
@@ -299,7 +291,7 @@ def trim_neighbours(surgery: Surgery, endings: tuple[Ending, Ending]) -> None:
                 raise SizeError(f"the blend reaches beyond the end of edge {number} next to it: the size is too large")
             which = 0 if vertices[0].IsSame(old) else 1
             span[which], vertices[which] = project.LowerDistanceParameter(), new
-            loosen(new, 1.05 * project.LowerDistance())
+            loosen(new, MARGIN * project.LowerDistance())
         if np.linalg.norm(location_of(vertices[0]) - location_of(vertices[1])) < 100 * CONFUSION or span[0] >= span[1]:
             raise SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
         piece = trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))

@@ -22,7 +22,7 @@ from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
 from cqblend.blends.hermite import Blend
@@ -31,6 +31,7 @@ from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk, endings
 from cqblend.occ.adapt import FaceSide, pcurve
+from cqblend.occ.edge_accuracy import MARGIN, settle
 from cqblend.occ.spheres import boundary, respun
 from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
@@ -119,6 +120,11 @@ class Surgery:
         self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.ribbons, strict=True)]
 
     @cached_property
+    def vertices(self) -> Index:
+        """The vertices of the solid, numbered."""
+        return Index(self.solid, TopAbs_VERTEX)
+
+    @cached_property
     def faces_at_edge(self) -> Ancestors:
         """The faces at each edge of the solid."""
         return Ancestors(self.solid, TopAbs_EDGE, TopAbs_FACE)
@@ -145,14 +151,9 @@ class Surgery:
         for axis, period in enumerate(side.native.periods):
             if period is not None:
                 shift[axis] = -period * np.floor((middle[axis] - side.bounds[axis, 0]) / period + SNAP)
-        t = np.linspace(*span, 257)
-        point = side.native.jet(curve(t))[0]
-        gap = np.linalg.norm(point - self.rows[i](t), axis=1).max()
-        edge = make_edge(self.curves[i], vertices, span, 1.05 * gap)
+        edge = make_edge(self.curves[i], vertices, span)
         attach(edge, side.face, curve2d(curve if span == self.domain else curve.clip(*span), shift))
         attach(edge, self.face, Geom2d_Line(gp_Pnt2d(0, i), gp_Dir2d(1, 0)))
-        for vertex in vertices:
-            loosen(vertex, 1.05 * gap)
         return edge
 
     def crossings(self, i: int) -> Array:
@@ -247,7 +248,7 @@ class Surgery:
                 ahead = curve.DN(at, 1)
                 entering = float(field[k] @ (ahead.X(), ahead.Y(), ahead.Z())) > 0
                 marks.append((at, vertex, entering))
-                loosen(vertex, 1.05 * project.LowerDistance())
+                loosen(vertex, MARGIN * project.LowerDistance())
             marks.sort(key=lambda mark: mark[0])
             start, end = ends(edge)
             if not marks:
@@ -320,6 +321,7 @@ class Surgery:
         for side, rail, ribbon in zip(sides, rails, self.blend.ribbons, strict=True):
             for edge in rail:
                 BUILDER.Continuity(edge, side, blend, FLAGS[min(ribbon.order, 2)])
+        settle([*made.values(), blend, *caps], self.edges, self.vertices)
         return Proposal(with_faces(self.solid, made, self.faces, [blend, *caps]), blend, sides, rails, len(caps))
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
