@@ -23,7 +23,8 @@ from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.skin import Skin, loosened, tied
-from cqblend.certificate import Certificate
+from cqblend.certificate import Certificate, EndRecord
+from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends, warn_of_flat_ends
 from cqblend.errors import (
     CqblendError,
     GeometryError,
@@ -35,11 +36,12 @@ from cqblend.errors import (
 )
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.certify import certify
+from cqblend.occ.end_curves import EndError
 from cqblend.occ.joint import Joint
 from cqblend.occ.selection import Picks
 from cqblend.occ.surgery import Proposal, RailsTooShort, Surgery
 from cqblend.occ.topology import replaced_solid
-from cqblend.occ.verification import check_solid
+from cqblend.occ.verification import check_solid, is_valid
 from cqblend.request import BlendRequest
 
 if TYPE_CHECKING:
@@ -49,7 +51,6 @@ RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 EXACT_BEND, COMPACT_BEND = 1e-6, 1e-3  # jump of the curvature where it is continuous, in units of 1/size
 GAP = 1e-7  # mm
-CAPS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
 CROSSED = (
     "IntersectingWires",
     "SelfIntersectingWire",
@@ -80,21 +81,40 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     faces, certificates = [], []
-    picks = Picks(shape, edges, request.first)
+    picks, before = Picks(shape, edges, request.first), shape
     while picks:
         joint = picks.take(shape)
         try:
-            proposal, blend = _blended(joint, request)
+            proposal, blend, plan, ends = _blended(joint, request)
         except SizeError as error:
             raise SizeError(f"edge {joint.edge}: {error}{_largest(joint, request)}") from error
         except CqblendError as error:
             raise type(error)(f"edge {joint.edge}: {error}") from error
         certificate = certify(joint, proposal, blend)
+        if plan is not None:
+            certificate = replace(certificate, coverage=plan.coverage, ends=ends)
+            warn_of_flat_ends(joint, ends)
         _check_promise(certificate, request, joint)
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
         certificates.append(certificate)
-    return shape, tuple(faces), Certificate.merge(certificates)
+    certificate = Certificate.merge(certificates)
+    return shape, tuple(faces), replace(certificate, valid=_still_valid(before, shape))
+
+
+def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
+    """Whether OCCT's ordinary check accepts a result; it may refuse it only if it refuses what that was made from.
+
+    Raises
+    ------
+    VerificationError
+        If a valid shape became invalid.
+    """
+    if is_valid(after):
+        return True
+    if is_valid(before):
+        raise VerificationError("the blended shape is not valid as a whole, and is withheld; blend fewer edges at once")
+    return False
 
 
 def insert_shape(
@@ -137,7 +157,8 @@ def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_S
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
     if problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
-    return replaced_solid(shape, joint.solid, proposal.solid), proposal.blend, certify(joint, proposal, fitted)
+    result = replaced_solid(shape, joint.solid, proposal.solid)
+    return result, proposal.blend, replace(certify(joint, proposal, fitted), valid=_still_valid(shape, result))
 
 
 def _fitted(joint: Joint, blend: Blend) -> Blend:
@@ -222,22 +243,21 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
     return fitting.along(remembering(solve), joint.primaries)
 
 
-def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
-    """Propose a blended solid and verify it: with its natural ends first, then, where those fail, with flat ones."""
+def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
+    """Propose a blended solid and verify it, an open one with the first ends, of those asked for, that can be built."""
     _check_size(joint, request)
     if joint.spine.closed:
-        return _proposed(joint, request, (None, None), (0.0, 1.0))
-    natural = _ends(joint, request, flat=False)
-    try:
-        return _proposed(joint, request, *natural)
-    except (SizeError, TopologyError, VerificationError) as error:
+        return *_proposed(joint, request, (None, None), (0.0, 1.0)), None, ()
+    attempts, solve = Attempts(request.ends[::-1] if joint.backward else request.ends), _solver(joint, request)
+    for how in attempts:
         try:
-            flat = _ends(joint, request, flat=True)
-            if flat != natural:
-                return _proposed(joint, request, *flat)
-        except CqblendError:
-            pass
-        raise error from None
+            plan = plan_ends(joint, solve, how)
+            proposal, blend = _proposed(joint, request, plan.caps, plan.domain)
+        except (EndError, SizeError, TopologyError, VerificationError) as error:
+            attempts.fail(how, error)
+        else:
+            return proposal, blend, plan, record_ends(joint, plan, attempts.cause)
+    raise attempts.error(joint)
 
 
 def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
@@ -431,53 +451,3 @@ def _orders(request: BlendRequest) -> tuple[int, int]:
     if request.order is not None:
         return (max(request.order) // 2 - 1,) * 2
     return int(request.continuity[0][1]), int(request.continuity[1][1])
-
-
-def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:
-    """Return where an open blend ends in caps, and the range of t that its rails must cover.
-
-    They reach the planes of the faces at their ends, or of the caps, and a little more. There are caps where the joint
-    goes on past the end of the edge, or fades out there, or everywhere if ``flat``.
-    """
-    solve, length = _solver(joint, request), joint.spine.length
-    reach = float(solve(np.array([0.5])).reach.max())
-    caps: list[float | None] = []
-    domain = []
-    for end, plane in enumerate(joint.end_planes()):
-        past = None if flat or plane is None else _past(joint, solve, end, *plane)
-        sign = 1.0 if end else -1.0
-        if past is None:
-            cap = _cap(joint, solve, end, reach)
-            caps.append(cap)
-            domain.append(cap + sign * 0.02 * reach / length)
-        else:
-            caps.append(None)
-            domain.append(end + sign * (past + reach / 5) / length)
-    return (caps[0], caps[1]), (domain[0], domain[1])
-
-
-def _past(joint: Joint, solve: Solver, end: int, corner: Array, normal: Array) -> float | None:
-    """Return how far past the end of the edge the rails meet a plane; None if they do not get as far as the end."""
-    t = np.array([float(end)])
-    try:
-        contacts = solve(t)
-    except (GeometryError, SizeError):
-        return None
-    direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
-    points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return max([0.0, *(float((corner - point) @ normal) / float(direction @ normal) for point in points)])
-
-
-def _cap(joint: Joint, solve: Solver, end: int, reach: float) -> float:
-    """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
-    for back in CAPS:
-        step = back * reach / joint.spine.length
-        t = np.array([end + step if end == 0 else end - step])
-        if step > 0.3:
-            break
-        try:
-            if joint.walled(solve(t), intersect(joint.sides, joint.stations(t), joint.spine.length)):
-                return float(t[0])
-        except CqblendError:
-            continue
-    raise TopologyError("the joint goes on past the end of the edge, and there is no room for a flat end before it")

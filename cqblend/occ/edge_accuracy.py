@@ -53,11 +53,13 @@ def deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
     return float(search.GetMaxDistance())
 
 
-def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> None:
+def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> float:
     """Raise the tolerance of every edge of faces that is not among the input's ``edges`` to what its curves need.
 
-    New vertices follow. Edges and vertices of the input are shared with it, and stay as they are.
+    New vertices follow. Edges and vertices of the input are shared with it, and stay as they are. Returns the largest
+    tolerance of an edge that is not the input's (mm).
     """
+    largest = 0.0
     for face in faces:
         for use in explore(face, TopAbs_EDGE):
             if edges.of(use):
@@ -65,6 +67,8 @@ def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> None:
             needed = MARGIN * deviation(use, face)
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
+            largest = max(largest, BRep_Tool.Tolerance_s(use))
             for vertex in ends(use):
                 if not vertices.of(vertex):
                     loosen(vertex, BRep_Tool.Tolerance_s(use))
+    return largest

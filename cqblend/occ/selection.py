@@ -8,8 +8,8 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.errors import InputError, SelectionError, UnsupportedError
-from cqblend.occ.joint import Joint, find_joint
-from cqblend.occ.topology import Ancestors, Index, ends
+from cqblend.occ.joint import Joint, Names, find_joint
+from cqblend.occ.topology import Ancestors, ends
 
 
 class Picks:
@@ -26,9 +26,11 @@ class Picks:
     """
 
     def __init__(self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], first: TopoDS_Face | None) -> None:
-        self._edges, faces = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
+        self._names = Names(shape)
+        faces = self._names.faces
         faces_at = Ancestors(shape, TopAbs_EDGE, TopAbs_FACE)
-        numbers = [self._edges.of(edge) for edge in edges]
+        numbers = [self._names.edges.of(edge) for edge in edges]
+        self._edges = dict(zip(reversed(numbers), reversed(edges), strict=True))  # the first pick of each
         if not numbers:
             raise InputError("no edge was given")
         if 0 in numbers:
@@ -80,4 +82,4 @@ class Picks:
     def _find(self, shape: TopoDS_Shape, picked: list[TopoDS_Edge], number: int) -> Joint:
         low, high = min(self._faces[number], default=0), max(self._faces[number], default=0)
         swap = low != high == self._first
-        return find_joint(shape, picked, number, (high, low) if swap else (low, high), swap=swap)
+        return find_joint(shape, picked, number, (high, low) if swap else (low, high), swap=swap, names=self._names)

@@ -29,9 +29,11 @@ from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, SizeError, TopologyError
-from cqblend.occ import bulk, endings
+from cqblend.occ import bulk, end_caps, endings
 from cqblend.occ.adapt import FaceSide, pcurve
 from cqblend.occ.edge_accuracy import MARGIN, settle
+from cqblend.occ.end_curves import EndError
+from cqblend.occ.neighbour_edges import trim_neighbours
 from cqblend.occ.spheres import boundary, respun
 from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
@@ -83,6 +85,7 @@ class Proposal:
     sides: tuple[TopoDS_Face, TopoDS_Face]  # the trimmed faces
     rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]  # between blend and sides
     caps: int  # how many ends are flat caps
+    tolerance: float  # the largest of an edge that was made or cut (mm)
 
 
 class RailsTooShort(GeometryError):
@@ -281,27 +284,33 @@ class Surgery:
         ------
         RailsTooShort
             If the blend must reach further than its rails.
+        EndError
+            If it cannot end so at one end.
         """
-        low, high = (
-            endings.on_neighbour(self, end) if cap is None else endings.in_cap(self, end, cap)
-            for end, cap in enumerate(caps)
-        )
+        low, high = (self._ending(end, cap) for end, cap in enumerate(caps))
         needed = (min(low.t), max(high.t))
         if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
             raise RailsTooShort(needed)
-        self.remains = endings.remains(self, low, high, caps)
+        self.remains = end_caps.remains(self, low, high, caps)
         kept = [vertex for vertex, cap in zip(self.spine.vertices, caps, strict=True) if cap is not None]
         self.gone = [vertex for vertex in self.gone if not any(vertex.IsSame(one) for one in kept)]
         rails = []
         for i in (0, 1):
             if low.t[i] >= high.t[i]:
                 raise SizeError("the two ends of the blend meet: the size is too large for the length of the edge")
-            walls = ([*low.walls[i : i + 1]], [*high.walls[i : i + 1]])
+            walls = (low.walls[i], high.walls[i])
             rails.append(self._trim(i, (low.t[i], high.t[i]), (low.corners[i], high.corners[i]), walls))
-        endings.trim_neighbours(self, (low, high))
+        trim_neighbours(self, (*low.cuts, *high.cuts))
         uses = [*rails[0], high.edge, *(flipped(edge) for edge in reversed(rails[1])), flipped(low.edge)]
         made = [ending.cap for ending in (low, high) if ending.cap is not None]
         return self._assemble(make_wire(uses), (rails[0], rails[1]), made)
+
+    def _ending(self, end: int, cap: float | None) -> endings.Ending:
+        """End the blend at one end of the edge."""
+        try:
+            return endings.on_neighbour(self, end) if cap is None else end_caps.in_cap(self, end, cap)
+        except (SizeError, TopologyError, GeometryError) as error:
+            raise EndError(end, error) from error
 
     # -- assembling ----------------------------------------------------------------------------------------------------
 
@@ -321,8 +330,9 @@ class Surgery:
         for side, rail, ribbon in zip(sides, rails, self.blend.ribbons, strict=True):
             for edge in rail:
                 BUILDER.Continuity(edge, side, blend, FLAGS[min(ribbon.order, 2)])
-        settle([*made.values(), blend, *caps], self.edges, self.vertices)
-        return Proposal(with_faces(self.solid, made, self.faces, [blend, *caps]), blend, sides, rails, len(caps))
+        tolerance = settle([*made.values(), blend, *caps], self.edges, self.vertices)
+        solid = with_faces(self.solid, made, self.faces, [blend, *caps])
+        return Proposal(solid, blend, sides, rails, len(caps), tolerance)
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
         """Return the FORWARD face with its new boundary; wires that nothing happens to are taken over."""

@@ -172,7 +172,8 @@ class Verification:
     Attributes
     ----------
     valid : bool
-        ``BRepCheck_Analyzer`` in exact mode accepts the whole shape.
+        ``BRepCheck_Analyzer`` accepts the whole shape, in its ordinary mode (which ``isValid()`` asks) and in the exact
+        one.
     closed : bool
         Every shell of a solid is closed and consistently oriented.
     volume : float
@@ -262,7 +263,7 @@ def verify(
         raise InputError("shape holds no solid: there is nothing to verify")
     body = _compound(solids)
     chosen = subshapes(body, TopAbs_FACE) if faces is None else _chosen(shape, faces)
-    complaints = flaws(shape)
+    complaints = [line for exact in (False, True) for line in _describe(shape, flaws(shape, exact=exact), exact=exact)]
     shells = _shell_problems(body)
     edges, bad_edges = _check_edges(shape, chosen, everything=faces is not None, angular_tolerance=angular_tolerance)
     plane = skew_plane(body)
@@ -270,7 +271,7 @@ def verify(
     box, bad_box = _check_box(body, chosen, plane, volume, error)
     step, bad_step = _check_step(shape, edges, plane, volume, error)
     problems = [
-        *_few(_describe(shape, complaints)),
+        *_few(complaints),
         *shells,
         *_inside_out(body),
         *_few(bad_edges),
