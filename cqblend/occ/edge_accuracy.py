@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
 from OCP.BRep import BRep_Tool
 from OCP.BRepLib import BRepLib_ValidateEdge
@@ -18,10 +19,16 @@ from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
+from cqblend.blends.primaries import tangent_coordinates
 from cqblend.errors import GeometryError
+from cqblend.occ import bulk
+from cqblend.occ.adapt import face_side
 from cqblend.occ.topology import BUILDER, Index, ends, explore, loosen
+from cqblend.splines import fit
 
 MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
+COARSE = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
+FEET, STEPS = 257, 4  # points of an edge whose feet on a face are looked for, and steps that this takes
 
 
 def deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
@@ -53,18 +60,53 @@ def deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
     return float(search.GetMaxDistance())
 
 
+def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
+    """Replace an edge's parameter curve on a face by one through the feet of the edge's points, if that is much nearer.
+
+    It helps where the face holds the edge's curve and the parameter curve alone is coarse. ``strays`` is how far the
+    curves lie apart, and what is returned is how far they do then (mm).
+    """
+    old = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
+    span: tuple[float, float] = BRep_Tool.Range_s(use)
+    if span != BRep_Tool.Range_s(use, face) or BRep_Tool.IsClosed_s(use, face):
+        return strays
+    t = np.linspace(span[0], span[1], FEET)
+    curve = BRep_Tool.Curve_s(use, 0.0, 0.0)
+    points = np.array([curve.Value(x).Coord() for x in t.tolist()])
+    start = uv = np.array([old.Value(x).Coord() for x in t.tolist()])
+    surface = face_side(face, points[:1]).native
+    for _ in range(STEPS):
+        jet = surface.jet(uv)
+        uv = uv + tangent_coordinates(jet, points - jet[0])
+    found, before = surface.jet(uv)[0], surface.jet(start)[0]
+    off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
+    if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
+        return strays
+    degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
+    BUILDER.UpdateEdge(use, bulk.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
+    strays_now = deviation(use, face)
+    if strays_now < strays / 2:
+        return strays_now
+    BUILDER.UpdateEdge(use, old, face, BRep_Tool.Tolerance_s(use))
+    return strays
+
+
 def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> float:
     """Raise the tolerance of every edge of faces that is not among the input's ``edges`` to what its curves need.
 
-    New vertices follow. Edges and vertices of the input are shared with it, and stay as they are. Returns the largest
-    tolerance of an edge that is not the input's (mm).
+    Its parameter curves are fitted again first where that brings them much nearer. New vertices follow. Edges and
+    vertices of the input are shared with it, and stay as they are. Returns the largest tolerance of an edge that is not
+    the input's (mm).
     """
     largest = 0.0
     for face in faces:
         for use in explore(face, TopAbs_EDGE):
             if edges.of(use):
                 continue
-            needed = MARGIN * deviation(use, face)
+            strays = deviation(use, face)
+            if strays > COARSE:
+                strays = refit_pcurve(use, face, strays)
+            needed = MARGIN * strays
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
             largest = max(largest, BRep_Tool.Tolerance_s(use))
