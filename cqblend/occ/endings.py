@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
@@ -16,10 +17,12 @@ from cqblend.errors import TopologyError
 from cqblend.occ.adapt import face_side
 from cqblend.occ.end_curves import end_curve, end_edge, span_of
 from cqblend.occ.neighbour_edges import Cut, face_across
-from cqblend.occ.topology import Ancestors, ends, ends_uv, explore, flipped, location_of
+from cqblend.occ.topology import Ancestors, ends, ends_uv, explore, flipped, location_of, parameters_at
 
 if TYPE_CHECKING:
     from cqblend.occ.surgery import Surgery
+
+TANGENT = 1e-3  # rad: faces that meet at less go on smoothly into each other
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,10 @@ def on_neighbour(surgery: Surgery, end: int) -> Ending:
     use = next(use for use in explore(neighbour.face, TopAbs_EDGE) if use.IsSame(shared_edges[0]))
     arrives = ends(use)[1].IsSame(vertex)
     at = ends_uv(use, neighbour.face)[1 if arrives else 0]
-    curve = end_curve(surgery, neighbour.native, location_of(vertex), at, float(end))
+    normals = [side.native.normals(parameters_at(vertex, side.face)[None])[0] for side in surgery.sides]
+    sines = np.linalg.norm(np.cross(normals, neighbour.native.normals(at[None])), axis=1)
+    tangent = int(sines.argmin()) if sines.min() < TANGENT else None
+    curve = end_curve(surgery, neighbour.native, location_of(vertex), at, float(end), tangent)
     edge, corners = end_edge(surgery, curve, neighbour.face)
     surgery.rewrite(across).added.append(edge if arrives else flipped(edge))
     cuts = [

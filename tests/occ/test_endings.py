@@ -173,21 +173,43 @@ def wall_centre(body: cq.Shape) -> cq.Vector:
     return min(body.Faces(), key=lambda f: (f.Center() - cq.Vector(11, 25, 10)).Length).Center()
 
 
-def test_the_foot_of_a_lug_runs_out_on_its_tangent_sides():
-    """A boss tangent to the sides of its plate: the fillet at its foot is cut off by the planes of these sides."""
+def lug() -> tuple[cq.Shape, cq.Edge]:
+    """A boss tangent to the sides of its plate, and its foot."""
     plate = cq.Workplane().box(40, 26, 9, centered=(False, True, False))
     body = plate.union(cq.Workplane().center(40, 0).circle(13).extrude(24)).clean().val()
-    foot = next(e for e in body.Edges() if e.geomType() == "CIRCLE" and abs(e.Center().z - 9) < 1e-6)
-    result = cqblend.blend_edges(body, foot, 3)
-    check(body, result, grows=True, flat=False)
+    return body, next(e for e in body.Edges() if e.geomType() == "CIRCLE" and abs(e.Center().z - 9) < 1e-6)
+
+
+@pytest.mark.parametrize("radius", [1, 3, 5, 9])
+def test_the_foot_of_a_lug_runs_out_on_its_tangent_sides(radius):
+    """The fillet is cut off by the planes of the sides, into which the boss goes on smoothly."""
+    body, foot = lug()
+    result = cqblend.blend_edges(body, foot, radius)
+    assert result.certificate.method == "wire substitution"
     assert result.certificate.coverage == 1
     assert kinds(result) == ["natural", "natural"]
+    assert result.shape.isValid()
+    assert BRepCheck_Analyzer(result.shape.wrapped, True, False, True).IsValid()
+    assert result.certificate.edge_tolerance < 5e-7
+    assert result.shape.BoundingBox().ymax == pytest.approx(13, abs=1e-6)
+    (blend,) = result.faces
+    t, v = np.meshgrid(np.linspace(0.2, 0.8, 9), np.linspace(0, 1, 17), indexing="ij")
+    low, high = blend._uvBounds()[:2]
+    for u, w in zip((low + t * (high - low)).ravel().tolist(), v.ravel().tolist(), strict=True):
+        x, y, z = blend._geomAdaptor().Value(u, w).Coord()
+        distance = math.hypot(13 + radius - math.hypot(x - 40, y), 9 + radius - z)  # from the middle of the ball
+        assert distance == pytest.approx(radius, rel=1e-3)
+
+
+def test_the_foot_of_a_lug_adds_up():
+    body, foot = lug()
+    result = cqblend.blend_edges(body, foot, 3)
+    check(body, result, grows=True, flat=False)
     rho = np.linspace(13, 16, 20001)
     height = 3 - np.sqrt(9 - (16 - rho) ** 2)
-    exact = np.trapezoid(height * rho * 2 * np.arcsin(13 / rho), rho)  # of the ball's own fillet
+    exact = np.trapezoid(height * rho * 2 * np.arcsin(13 / rho), rho)  # of the ball's own fillet, between the sides
     added = cqblend.verify(result.shape).volume - cqblend.verify(body).volume
     assert added == pytest.approx(exact, rel=2e-3)
-    assert result.shape.BoundingBox().ymax == pytest.approx(13, abs=1e-6)
 
 
 def test_one_end_fails_and_the_other_is_natural():
