@@ -40,6 +40,11 @@ class EndPlan:
     caps: tuple[float | None, float | None]
     domain: tuple[float, float]
 
+    @classmethod
+    def natural(cls, domain: tuple[float, float]) -> EndPlan:
+        """Return the plan of natural ends."""
+        return cls(("natural", "natural"), (None, None), domain)
+
     @property
     def coverage(self) -> float:
         """The share of the edge that is blended."""
@@ -117,8 +122,8 @@ def plan_ends(joint: Joint, solve: Solver, how: tuple[How, How]) -> EndPlan:
     return EndPlan(how, (caps[0], caps[1]), (domain[0], domain[1]))
 
 
-def record_ends(joint: Joint, plan: EndPlan, cause: Callable[[int], str]) -> tuple[EndRecord, ...]:
-    """Return the certificate's records of both ends."""
+def record_ends(joint: Joint, plan: EndPlan, cause: Callable[[int], str] = str) -> tuple[EndRecord, ...]:
+    """Return the certificate's records of both ends; ``cause`` tells of one at the vertex why it is flat."""
     records = []
     for end, (how, cap) in enumerate(zip(plan.how, plan.caps, strict=True)):
         before = 0.0 if cap is None else abs(end - cap) * joint.spine.length

@@ -144,6 +144,9 @@ def insert_shape(
             f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
             "it is made between"
         ) from error
+    except EndError as error:
+        where = joint.name_end(error.end)
+        raise type(error.cause)(f"edge {joint.edge}: the blend cannot end at {where}: {error.cause}") from error
     except CqblendError as error:
         raise type(error)(f"edge {joint.edge}: {error}") from error
 
@@ -152,13 +155,16 @@ def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_S
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
     fitted = _fitted(joint, blend)
     surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
-    proposal = surgery.closed() if joint.spine.closed else surgery.open()
+    natural = EndPlan.natural(surgery.domain)
+    proposal = surgery.closed() if joint.spine.closed else surgery.open(natural.caps)
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
     if problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
     result = replaced_solid(shape, joint.solid, proposal.solid)
-    return result, proposal.blend, replace(certify(joint, proposal, fitted), valid=_still_valid(shape, result))
+    ends = () if joint.spine.closed else record_ends(joint, natural)
+    valid = _still_valid(shape, result)
+    return result, proposal.blend, replace(certify(joint, proposal, fitted), valid=valid, ends=ends)
 
 
 def _fitted(joint: Joint, blend: Blend) -> Blend:
