@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import wrapt
 
 from cqblend import cadquery_plugin, errors, installation
-from cqblend.certificate import Certificate, RailRecord
+from cqblend.certificate import Certificate, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         blend_edges,
         continuity,
         insert_blend,
+        max_size,
         to_curve,
         to_edge,
         to_face,
@@ -65,6 +66,7 @@ __all__ = [
     "Rail",
     "RailRecord",
     "Relation",
+    "SkippedEdge",
     "Surface",
     "Verification",
     "__version__",
@@ -75,6 +77,7 @@ __all__ = [
     "errors",
     "hermite_blend",
     "insert_blend",
+    "max_size",
     "normalise",
     "pde_blend",
     "potential_blend",
@@ -115,6 +118,7 @@ _HOME = {
     "curve_on": "freeform",
     "hermite_blend": "freeform",
     "insert_blend": "front",
+    "max_size": "front",
     "normalise": "splines.unit_length",
     "pde_blend": "pdes",
     "potential_blend": "potentials",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]
+SkippedKind = Literal["smooth", "seam", "degenerate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,26 @@ class EndRecord:
         return f"edge {self.edge} has a {self.kind} end at vertex {self.vertex}{before}{cause}"
 
 
+@dataclass(frozen=True, slots=True)
+class SkippedEdge:
+    """An edge that was picked, but at which there is nothing to blend.
+
+    Attributes
+    ----------
+    edge : int
+        Its 1-based index in the edge map of the *input* shape.
+    kind : {"smooth", "seam", "degenerate"}
+        ``"smooth"``: its faces meet smoothly already; ``"seam"``: a closed face meets itself there; ``"degenerate"``: a
+        pole, without length.
+    message : str
+        The same in words, with the number.
+    """
+
+    edge: int
+    kind: SkippedKind
+    message: str
+
+
 _COLUMNS = (
     # attribute, title, unit
     ("side", "side", ""),
@@ -145,6 +166,8 @@ class Certificate:
         solving them; the largest over x, y and z and all blends. None of other sections.
     proofs, energies : tuple of callable
         What computes the proof and the energy of each blend, when `proof` and `fairness` are asked for.
+    skipped : tuple of SkippedEdge
+        Picked edges that were passed over, there being nothing to blend at them.
 
     Examples
     --------
@@ -173,6 +196,7 @@ class Certificate:
     residual: float | None = None
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
+    skipped: tuple[SkippedEdge, ...] = ()
 
     @cached_property
     def proof(self) -> "Proof | None":
@@ -241,6 +265,7 @@ class Certificate:
             residual=max((one.residual for one in certificates if one.residual is not None), default=None),
             proofs=tuple(prove for one in certificates for prove in one.proofs),
             energies=tuple(energy for one in certificates for energy in one.energies),
+            skipped=tuple(edge for one in certificates for edge in one.skipped),
         )
 
     def __str__(self) -> str:
@@ -261,7 +286,8 @@ class Certificate:
         ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
-        return "\n".join((*head, *_table(self.rails), *kept, *covered, *flat))
+        skipped = [f"passed over: {one.message}" for one in self.skipped]
+        return "\n".join((*head, *_table(self.rails), *kept, *covered, *flat, *skipped))
 
 
 def _table(rails: Sequence[RailRecord]) -> list[str]:

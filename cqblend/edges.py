@@ -6,13 +6,14 @@ returned.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cqblend import sizes
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
 from cqblend.blends.edge_sweep import EdgeSweep, from_edge
@@ -20,7 +21,6 @@ from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import CREASE, Blend, folded, hermite
 from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
-from cqblend.blends.relations import Conic
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.skin import Skin, loosened, tied
 from cqblend.certificate import Certificate, EndRecord
@@ -32,6 +32,7 @@ from cqblend.errors import (
     SelectionError,
     SizeError,
     TopologyError,
+    UnsupportedError,
     VerificationError,
 )
 from cqblend.occ.adapt import FaceSide
@@ -41,6 +42,7 @@ from cqblend.occ.joint import Joint
 from cqblend.occ.selection import Picks
 from cqblend.occ.surgery import Proposal, RailsTooShort, Surgery
 from cqblend.occ.topology import replaced_solid
+from cqblend.occ.unified import unified
 from cqblend.occ.verification import check_solid, is_valid
 from cqblend.request import BlendRequest
 
@@ -67,9 +69,11 @@ Caps = tuple[float | None, float | None]
 
 
 def blend_shape(
-    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest, *, hints: bool = True
 ) -> tuple[TopoDS_Shape, tuple[TopoDS_Face, ...], Certificate]:
     """Blend edges of a shape, one joint after the other; return the new shape, the blend faces, and the certificate.
+
+    With ``hints``, errors of size say what may fit instead.
 
     Raises
     ------
@@ -83,13 +87,12 @@ def blend_shape(
     faces, certificates = [], []
     picks, before = Picks(shape, edges, request.first), shape
     while picks:
-        joint = picks.take(shape)
+        shape, joint = _seen_through(shape, picks, request)
+        _take(shape, picks, joint, request, hints=hints)
         try:
             proposal, blend, plan, ends = _blended(joint, request)
-        except SizeError as error:
-            raise SizeError(f"edge {joint.edge}: {error}{_largest(joint, request)}") from error
         except CqblendError as error:
-            raise type(error)(f"edge {joint.edge}: {error}") from error
+            raise _named(error, joint, request, hints=hints) from error
         certificate = certify(joint, proposal, blend)
         if plan is not None:
             certificate = replace(certificate, coverage=plan.coverage, ends=ends)
@@ -97,9 +100,9 @@ def blend_shape(
         _check_promise(certificate, request, joint)
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
-        certificates.append(certificate)
+        certificates.append(replace(certificate, method=certificate.method + picks.taken_as_one()))
     certificate = Certificate.merge(certificates)
-    return shape, tuple(faces), replace(certificate, valid=_still_valid(before, shape))
+    return shape, tuple(faces), replace(certificate, valid=_still_valid(before, shape), skipped=picks.skipped)
 
 
 def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
@@ -117,6 +120,68 @@ def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
     return False
 
 
+def _seen_through(
+    shape: TopoDS_Shape, picks: Picks, request: BlendRequest, *, everything: bool = False
+) -> tuple[TopoDS_Shape, Joint]:
+    """Return the next joint, and the shape in which its faces are one with what they go on in, as far as it gets."""
+    joint = picks.find(shape)
+
+    def reach() -> float:
+        if everything:
+            return np.inf
+        try:
+            return sizes.reach(joint, request, _solver)
+        except CqblendError:
+            return 0.0  # whatever is wrong is said later, of the joint as it is then
+
+    united = unified(joint, reach)
+    if united is None:
+        return shape, joint
+    picks.unify(united)
+    shape = replaced_solid(shape, joint.solid, united.solid)
+    return shape, picks.find(shape)
+
+
+def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest, *, hints: bool) -> None:
+    """Take a joint; where it may not go together with other picks, but one does not fit anyway, that is told."""
+    try:
+        picks.take(joint)
+    except UnsupportedError:
+        for one in picks.joints(shape):
+            try:
+                _check_size(one, request)
+            except SizeError as error:
+                raise _named(error, one, request, hints=hints) from error
+        raise
+
+
+def _named(error: CqblendError, joint: Joint, request: BlendRequest, *, hints: bool) -> CqblendError:
+    """Return an error with the edge's number and, of sizes, with what may fit."""
+    hint = sizes.hint(joint, request, _solver) if hints and isinstance(error, SizeError) else ""
+    return type(error)(f"edge {joint.edge}: {error}{hint}")
+
+
+def cheap_trial(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest
+) -> tuple[Callable[[float], bool], float]:
+    """Return the cheap trial of :func:`blend_shape`, and the size (mm) of the smallest solid.
+
+    The trial tells whether, for the request times a factor, contacts on both faces are right.
+
+    Raises
+    ------
+    CqblendError
+        As :func:`blend_shape`, of what no size would mend.
+    """
+    picks = Picks(shape, edges, request.first)
+    joints = []
+    while picks:
+        shape, joint = _seen_through(shape, picks, request, everything=True)
+        joints.append(picks.take(joint))
+    extent = min(joint.extent for joint in joints)
+    return lambda factor: all(sizes.fits(joint, request.scaled(factor), _solver) for joint in joints), extent
+
+
 def insert_shape(
     shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], blend: Blend, first: TopoDS_Face | None
 ) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
@@ -132,7 +197,7 @@ def insert_shape(
         The blend does not fit into the shape.
     """
     picks = Picks(shape, edges, first)
-    joint = picks.take(shape)
+    joint = picks.take(picks.find(shape))
     if picks:
         raise SelectionError("the edges belong to several joints: a blend takes the place of one")
     try:
@@ -154,7 +219,7 @@ def insert_shape(
 def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
     fitted = _fitted(joint, blend)
-    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
+    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted, joint.named)
     natural = EndPlan.natural(surgery.domain)
     proposal = surgery.closed() if joint.spine.closed else surgery.open(natural.caps)
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
@@ -208,15 +273,8 @@ def _on(ribbon: Ribbon, side: FaceSide, size: float) -> bool:
     return bool(np.abs(side.primary.jet(uv)[0] - ribbon.primary.jet(uv)[0]).max() <= SAME_FACE * size)
 
 
-def _sizes(request: BlendRequest) -> tuple[float, ...]:
-    """Return the lengths (mm) that set how large a blend is."""
-    if request.relation is not None:
-        return request.relation.a, request.relation.b
-    return (request.radius,) if request.radius is not None else request.width or (0.0,)
-
-
 def _size(request: BlendRequest) -> float:
-    return max(_sizes(request))
+    return max(request.lengths)
 
 
 def _inside(request: BlendRequest) -> float:
@@ -271,7 +329,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     for _ in range(4):
         blend = _section(_rails(joint, request, domain), joint, request)
         _check_sections(blend, request)
-        surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
+        surgery = Surgery(joint.solid, joint.spine, joint.sides, blend, joint.named)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
             break
@@ -365,58 +423,8 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
 
 
 def _check_size(joint: Joint, request: BlendRequest) -> None:
-    """Raise SizeError if contacts leave their faces: on the whole of a closed edge, in the middle of an open one."""
-    size = _size(request)
-    least = min(_sizes(request))
-    if least < 10 * joint.tolerance:
-        raise SizeError(f"size {least:g} is below ten times the edge's own tolerance, {joint.tolerance:.2g}")
-    if size > joint.extent:
-        raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
-    t = np.arange(25) / 24 if joint.spine.closed else (np.arange(25) + 0.5) / 25
-    contacts = _solver(joint, request)(t)
-    for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
-        if not np.all(ahead > 0):
-            raise SizeError(
-                f"size {size:g} is too large: the rail turns back at t = {t[np.argmin(ahead)]:.3g}, where the edge "
-                "bends more sharply than that"
-            )
-    left = joint.outside(contacts if joint.spine.closed else contacts.pick(np.array([12])))
-    if left is not None:
-        raise SizeError(f"size {size:g} is too large: at t = {left[1]:.3g} the rail reaches the end of face {left[0]}")
-
-
-def _largest(joint: Joint, request: BlendRequest) -> str:
-    """Say which size would fit, as far as contacts and faces tell; nothing if they would let the asked one pass."""
-
-    def fits(factor: float) -> bool:
-        conic = request.relation
-        scaled = replace(
-            request,
-            radius=None if request.radius is None else request.radius * factor,
-            width=None if request.width is None else (request.width[0] * factor, request.width[1] * factor),
-            relation=None if conic is None else Conic(conic.a * factor, conic.b * factor, conic.lam * factor**2),
-        )
-        try:
-            _check_size(joint, scaled)
-        except CqblendError:
-            return False
-        return True
-
-    size = _size(request)
-    low, high = 0.0, min(1.0, joint.extent / size)
-    if high == 1.0 and fits(1.0):
-        return ""
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if fits(middle) else (low, middle)
-    return f"; the largest that fits is about {_floor(low * size):g}" if low else ""
-
-
-def _floor(value: float) -> float:
-    """Round down to three digits."""
-    digit = 10.0 ** (np.floor(np.log10(value)) - 2)
-    return float(np.floor(value / digit) * digit)
+    """Raise SizeError if contacts are too near to the edge, leave their faces, or turn back."""
+    sizes.check(joint, request, _solver)
 
 
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:

@@ -5,15 +5,17 @@ and gives back shapes of the same library. Must not compute anything.
 """
 
 from dataclasses import dataclass
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from cqblend.blends.hermite import Blend
-from cqblend.certificate import Certificate
+from cqblend.certificate import Certificate, SkippedEdge
 from cqblend.edges import blend_shape, insert_shape
 from cqblend.errors import InputError, shown
+from cqblend.largest import largest_size
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
 from cqblend.occ import convert, measure, pcurves, verification
-from cqblend.request import STEER, BlendRequest
+from cqblend.request import STEER, BlendRequest, choice, positive
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
@@ -41,6 +43,11 @@ class BlendResult:
     shape: Any
     faces: tuple[Any, ...]
     certificate: Certificate
+
+    @property
+    def skipped(self) -> tuple[SkippedEdge, ...]:
+        """Picked edges that were passed over, there being nothing to blend at them: smooth ones, seams and poles."""
+        return self.certificate.skipped
 
 
 def blend_edges(
@@ -127,9 +134,10 @@ def blend_edges(
     InputError
         An argument is of the wrong type, out of range, or contradicts another one.
     SelectionError
-        An edge is foreign to the shape, a seam, degenerate, smooth already, or not between two faces.
+        An edge is foreign to the shape, or not between two faces; or all of them are smooth already, seams or
+        degenerate. Such edges among others are passed over, and listed in the result as ``skipped``.
     SizeError
-        The radius or the width does not fit.
+        The radius or the width does not fit; `max_size` finds what does.
     DegreeError
         ``form="exact"`` would need a degree above 25.
     GeometryError, TopologyError, VerificationError
@@ -185,6 +193,74 @@ def blend_edges(
         faces=tuple(wrapped_like(native, face) for face in faces),
         certificate=certificate,
     )
+
+
+def max_size(
+    shape: Any,
+    edges: Any,
+    *,
+    by: str = "radius",
+    tolerance: float = 0.02,
+    **options: Any,
+) -> float:
+    """Return the largest radius or width with which edges can be blended: with all smaller ones, they can as well.
+
+    That is the end of the first interval from 0 in which all sizes work, as trials of `blend_edges` find it, some
+    fifteen to thirty of them: what the two faces tell is cheap, but what their ends and the rest of the solid allow is
+    not known before. Sizes beyond it may work again, as behind a hole. Sizes that are too small to be told from the
+    edge's tolerance do not count.
+
+    Parameters
+    ----------
+    shape, edges
+        As of `blend_edges`.
+    by : {"radius", "width"}
+        Which of the two is meant.
+    tolerance : float
+        Of the result, relative, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result. It is not
+        that of the compact form.
+    **options
+        All others of `blend_edges`, but for its sizes, and for `tolerance`, which is the default of the compact form.
+
+    Returns
+    -------
+    float
+        The radius or the width, mm.
+
+    Raises
+    ------
+    InputError
+        An argument is of the wrong type, out of range, unknown, or contradicts another one.
+    CqblendError
+        No size works; the error is what `blend_edges` raises of a small one.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> box = cadquery.Solid.makeBox(30, 20, 10)
+    >>> size = cqblend.max_size(box, box.edges("|Z and >X and >Y"))
+    >>> 19.6 < size < 20
+    True
+    >>> cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), 0.98 * size).certificate.valid
+    True
+    """
+    by = choice("by", by, ("radius", "width"))
+    tolerance = positive("tolerance", tolerance)
+    if not 1e-3 <= tolerance <= 0.5:
+        raise InputError(f"tolerance is relative, from 0.001 to 0.5, not {tolerance:g}")
+    for name in options:
+        if name in ("radius", "width", "a", "b", "lam"):
+            raise InputError(f"{name} is a size, which max_size looks for: leave it out")
+    known = set(signature(blend_edges).parameters) - {"shape", "edges"}
+    for name in options:
+        if name not in known:
+            raise InputError(f"{name} is no option of blend_edges")
+    if options.get("section") == "potential":
+        raise InputError('max_size looks for a radius or a width, which section="potential" does not have')
+    if options.get("first") is not None:
+        options["first"] = face_of(options["first"], "first")
+    request = BlendRequest.checked(**{by: 1.0}, **options)
+    return largest_size(to_topods(native_shape(shape)), edges_of(edges), request, tolerance)
 
 
 def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> BlendResult:

@@ -7,7 +7,7 @@ instead of being ignored. It must not know the shape: whether a radius fits is t
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -178,6 +178,23 @@ class BlendRequest:
             first=first,
         )
 
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """The lengths (mm) that set how large a blend is."""
+        if self.relation is not None:
+            return self.relation.a, self.relation.b
+        return (self.radius,) if self.radius is not None else self.width or (0.0,)
+
+    def scaled(self, factor: float) -> "BlendRequest":
+        """Return the same request for another size: all lengths that set it, times a factor."""
+        conic = self.relation
+        return replace(
+            self,
+            radius=None if self.radius is None else self.radius * factor,
+            width=None if self.width is None else (self.width[0] * factor, self.width[1] * factor),
+            relation=None if conic is None else Conic(conic.a * factor, conic.b * factor, conic.lam * factor**2),
+        )
+
 
 def _smoothness(
     continuity: object, section: Section, order: object, parameters: object, terms: object
@@ -255,10 +272,19 @@ def _listed(options: tuple[str, ...]) -> str:
     return " or ".join(map(repr, options))
 
 
+_RADII = (
+    "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
+    "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
+    "not built yet: cut the faces into parts and blend these, or take OCCT's own fillet"
+)
+
+
 def _size(name: str, value: object) -> float:
     """Return a length that an edge can be blended with, as a float."""
     if callable(value):
         raise UnsupportedError(f"a {name} that varies along the edge is not built yet; give a number")
+    if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
+        raise InputError(_RADII.format(shown(value)))
     size = positive(name, value)
     if size < SMALLEST:
         raise SizeError(f"{name} {size:g} mm is below {SMALLEST:g} mm, ten times OCCT's tolerance; scale the model up")

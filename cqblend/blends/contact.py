@@ -8,7 +8,7 @@ surfaces as primaries.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from cqblend.errors import GeometryError, SizeError
 
 FLAT = 1e-3  # sine of the angle between the faces below which it does not tell convex from concave
 STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts
+SMALL = 1 / 128  # of a size: at this share of it a ball that is to grow starts, and by less it is not made to grow
 PAIR = (0, 1)
 
 
@@ -101,27 +102,33 @@ def remembering(solve: Solver) -> Solver:
 
 def normal_jet(jet: Array) -> tuple[Array, Array, Array]:
     """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""
+    if not np.all(np.linalg.norm(cross(jet[1], jet[2]), axis=1) > 0):
+        raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
+    return _normal_jet(jet)
+
+
+def _normal_jet(jet: Array) -> tuple[Array, Array, Array]:
+    """As :func:`normal_jet`, but not a number where the surface is singular: an iteration may pass by there."""
     outer = cross(jet[1], jet[2])
     length = np.linalg.norm(outer, axis=1, keepdims=True)
-    if not np.all(length > 0):
-        raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
-    n = outer / length
 
     def rate(change: Array) -> Array:
         return (change - (change * n).sum(1, keepdims=True) * n) / length
 
+    n = outer / length
     du = rate(cross(jet[3], jet[2]) + cross(jet[1], jet[4]))
     dv = rate(cross(jet[4], jet[2]) + cross(jet[1], jet[5]))
     return n, du, dv
 
 
 def newton(
-    system: Callable[[Array], tuple[Array, Array, Array]], start: Array, scale: float, stride: float
+    system: Callable[[Array], tuple[Array, Array, Array]], start: Array, scale: float | Array, stride: float | Array
 ) -> tuple[Array, Array]:
     """Solve F(x) = 0 for all stations at once.
 
     ``system`` returns F (n, m), its Jacobian (n, m, m) and the length (n, m) of a unit step of each unknown in space.
-    Steps are held to ``stride`` in space. Returns x and a mask of the stations that converged to rounding.
+    Steps are held to ``stride`` in space, F to rounding of ``scale``: numbers, or one for each station (n,). Returns x
+    and a mask of the stations that converged to rounding.
     """
     x = start.copy()
     best, settled = np.full(len(x), np.inf), np.zeros(len(x), dtype=bool)
@@ -129,9 +136,12 @@ def newton(
         residual, jacobian, metric = system(x)
         size = np.abs(residual).max(1) / scale
         settled |= (size < 1e-15) | ((size < 1e-11) & (size >= best / 2))  # rounding alone moves it from here on
+        lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2)))
+        settled |= lost  # they stay where they are and do not disturb the others
         if settled.all():
             break
         best = np.minimum(best, size)
+        jacobian[lost], residual[lost] = np.eye(x.shape[1]), 0.0
         try:
             step = np.linalg.solve(jacobian, -residual[..., None])[..., 0]
         except np.linalg.LinAlgError:
@@ -139,8 +149,6 @@ def newton(
         length = (np.abs(step) * metric).max(1)
         damping = np.minimum(1.0, stride / np.maximum(length, 1e-300))
         x = x + step * damping[:, None]
-        if not np.all(np.isfinite(x)):
-            break
     residual = system(x)[0]
     good = np.all(np.isfinite(x), axis=1) & (np.abs(residual).max(1) < 1e-9 * scale)
     return x, good
@@ -190,6 +198,74 @@ def inward(sides: tuple[Side, Side], stations: Stations) -> tuple[Array, Array, 
     return into1, into2, -(into1 * n2).sum(1)
 
 
+Attempt = Callable[[Array, Array, Array], tuple[Array, Array]]
+"""What tries to find contacts: from the indices of stations (m,), a size for each (m,) and where to start (m, k), the
+contacts' parameters (m, k), and which of them are right."""
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of iterations that go astray
+def grown(attempt: Attempt, foot: Array, way: Array, metric: Array, size: float) -> tuple[Array, Array]:
+    """Find contacts of the given size at all stations; return their parameters (n, k) and the sizes (n,) reached.
+
+    Most are found at the first attempt, straight from the edge point ``foot`` (n, k) along the tangents ``way``, (n, k)
+    for a unit of size. Where that fails the contacts grow: from a size so small that the faces are nearly flat, in
+    steps of which each is expected to go on as the one before did. Those that cannot be followed to the end, as where a
+    ball leaps over a dent, start from those of the next station.
+    ``metric`` (n, k) is the length of a unit of each parameter in space.
+    """
+    x, good = attempt(np.arange(len(foot)), np.full(len(foot), size), foot + size * way)
+    reached = np.where(good, size, 0.0)
+    if good.all():
+        return x, reached
+
+    def follow(i: Array, sizes: Array, expected: Array, before: Array) -> Array:
+        """Try stations i; take what is found next to what was expected."""
+        found, fine = attempt(i, sizes, expected)
+        moved, missed = (np.linalg.norm(step * metric[i], axis=1) for step in (expected - before, found - expected))
+        fine &= missed <= moved / 2
+        x[i[fine]], reached[i[fine]] = found[fine], sizes[fine]
+        return fine
+
+    growing = np.flatnonzero(~good)
+    small = np.full(len(growing), size * SMALL)
+    growing = growing[follow(growing, small, foot[growing] + small[:, None] * way[growing], foot[growing])]
+    before, at, factor = foot.copy(), np.zeros(len(foot)), np.full(len(foot), 2.0)
+    while len(growing):
+        here, had = x[growing], reached[growing]
+        sizes = np.minimum(factor[growing] * had, size)
+        slope = (here - before[growing]) / (had - at[growing])[:, None]
+        fine = follow(growing, sizes, here + slope * (sizes - had)[:, None], here)
+        before[growing[fine]], at[growing[fine]] = here[fine], had[fine]
+        factor[growing] = np.where(fine, np.minimum(factor[growing] ** 1.5, 2.0), factor[growing] ** 0.25)
+        growing = growing[(reached[growing] < size) & (factor[growing] > 1 + SMALL)]
+    spread = True
+    while spread:
+        spread = False
+        for side in (-1, 1):
+            i = np.flatnonzero(reached < size)
+            i = i[(i + side >= 0) & (i + side < len(foot))]
+            i = i[reached[i + side] == size]
+            if len(i):
+                beside = foot[i] + x[i + side] - foot[i + side]
+                spread |= bool(follow(i, np.full(len(i), size), beside, foot[i]).any())
+    return x, reached
+
+
+def _reported(what: str, stations: Stations, reached: Array, size: float) -> SizeError:
+    """Return the error for contacts that were not found."""
+    short = np.flatnonzero(reached < size)
+    first = short[reached[short].argmin()]
+    most = f", only one up to about {reached[first]:.3g}" if reached[first] > 0 else ""
+    return SizeError(f"{what} at t = {stations.t[first]:.4g} of the edge{most}")
+
+
+def _tangents(sides: tuple[Side, Side], stations: Stations, vectors: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Return the edge points in both faces' parameters, vectors (n, 3) of each side in them, and the metric: (n, 4)."""
+    jets = tuple(side.primary.jet(uv) for side, uv in zip(sides, stations.uv, strict=True))
+    ways = [tangent_coordinates(jet, vector) for jet, vector in zip(jets, vectors, strict=True)]
+    return np.concatenate(stations.uv, axis=1), np.concatenate(ways, axis=1), _metric(jets)
+
+
 def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) -> Contacts:
     """Return where a ball of the given radius, its centre in each station's plane, touches both surfaces.
 
@@ -202,45 +278,44 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
         raise GeometryError("the edge changes between convex and concave; a ball cannot roll along it")
     sign = np.array([-np.sign(turn.sum()) * side.outward for side in sides])
     half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
-    point, tau = stations.point, stations.direction
 
-    def system(x: Array) -> tuple[Array, Array, Array]:
-        jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
-        centre, rates = [], []
-        for i in PAIR:
-            n, nu, nv = normal_jet(jets[i])
-            centre.append(jets[i][0] + radius * sign[i] * n)
-            rates += [jets[i][1] + radius * sign[i] * nu, jets[i][2] + radius * sign[i] * nv]
-        middle = (centre[0] + centre[1]) / 2 - point
-        residual = np.concatenate([centre[0] - centre[1], (middle * tau).sum(1, keepdims=True)], 1)
-        jacobian = np.zeros((len(x), 4, 4))
-        for column, rate in enumerate(rates):
-            jacobian[:, :3, column] = rate if column < 2 else -rate
-            jacobian[:, 3, column] = (rate * tau).sum(1) / 2
-        return residual, jacobian, _metric(jets)
+    def attempt(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
+        point, tau, r = stations.point[index], stations.direction[index], sizes[:, None]
 
-    reach = (radius * np.tan(half))[:, None]
-    start = np.concatenate(
-        [
-            uv + tangent_coordinates(side.primary.jet(uv), into * reach)
-            for side, uv, into in zip(sides, stations.uv, (into1, into2), strict=True)
-        ],
-        axis=1,
-    )
-    x, good = newton(system, start, radius, radius)
-    uv1, uv2 = x[:, :2], x[:, 2:]
-    if good.all():
-        s1, s2 = sides[0].primary.jet(uv1)[0], sides[1].primary.jet(uv2)[0]
-        good &= ((s1 - point) * into1).sum(1) > 0
-        good &= ((s2 - point) * into2).sum(1) > 0
-        m1 = sign[0] * sides[0].primary.normals(uv1)
-        m2 = sign[1] * sides[1].primary.normals(uv2)
-        theta = np.arctan2(np.linalg.norm(cross(m1, m2), axis=1), (m1 * m2).sum(1))
-        good &= theta > 1e-9
-    if not good.all():
-        where = stations.t[~good][0]
-        raise SizeError(f"no ball of radius {radius:g} touches both faces at t = {where:.4g} of the edge")
-    return Contacts(stations.t, point, (uv1, uv2), np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
+        def system(x: Array) -> tuple[Array, Array, Array]:
+            jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
+            centre, rates = [], []
+            for i in PAIR:
+                n, nu, nv = _normal_jet(jets[i])
+                centre.append(jets[i][0] + r * sign[i] * n)
+                rates += [jets[i][1] + r * sign[i] * nu, jets[i][2] + r * sign[i] * nv]
+            middle = (centre[0] + centre[1]) / 2 - point
+            residual = np.concatenate([centre[0] - centre[1], (middle * tau).sum(1, keepdims=True)], 1)
+            jacobian = np.zeros((len(x), 4, 4))
+            for column, rate in enumerate(rates):
+                jacobian[:, :3, column] = rate if column < 2 else -rate
+                jacobian[:, 3, column] = (rate * tau).sum(1) / 2
+            return residual, jacobian, _metric(jets)
+
+        x, good = newton(system, start, sizes, sizes)
+        normals = []
+        for i, into in ((0, into1), (1, into2)):
+            jet = sides[i].primary.jet(x[:, 2 * i : 2 * i + 2])
+            normals.append(sign[i] * _normal_jet(jet)[0])
+            good &= ((jet[0] - point) * into[index]).sum(1) > 0
+        good &= opening(*normals) > 1e-9
+        return x, good
+
+    def opening(m1: Array, m2: Array) -> Array:
+        return np.arctan2(np.linalg.norm(cross(m1, m2), axis=1), (m1 * m2).sum(1))
+
+    foot, way, metric = _tangents(sides, stations, (into1 * np.tan(half)[:, None], into2 * np.tan(half)[:, None]))
+    x, reached = grown(attempt, foot, way, metric, radius)
+    if reached.min() < radius:
+        raise _reported(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
+    uv = x[:, :2], x[:, 2:]
+    theta = opening(*(sign[i] * sides[i].primary.normals(uv[i]) for i in PAIR))
+    return Contacts(stations.t, stations.point, uv, np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
 
 
 def set_back(sides: tuple[Side, Side], stations: Stations, widths: tuple[float, float]) -> Contacts:
@@ -250,28 +325,35 @@ def set_back(sides: tuple[Side, Side], stations: Stations, widths: tuple[float, 
     of it, where the section's inner control points stand, never reaches the edge.
     """
     into = inward(sides, stations)[:2]
-    point, tau = stations.point, stations.direction
+    foot, way, metric = _tangents(sides, stations, into)
     found = []
-    for side, uv, direction, width in zip(sides, stations.uv, into, widths, strict=True):
-        primary = side.primary
+    for i, (side, width) in enumerate(zip(sides, widths, strict=True)):
+        primary, direction, mine = side.primary, into[i], slice(2 * i, 2 * i + 2)
 
-        def system(x: Array, primary: Primary = primary, width: float = width) -> tuple[Array, Array, Array]:
-            jet = primary.jet(x)
-            offset = jet[0] - point
-            distance = np.linalg.norm(offset, axis=1, keepdims=True)
-            residual = np.concatenate([distance - width, (offset * tau).sum(1, keepdims=True)], 1)
-            radial = offset / distance
-            rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
-            return residual, np.stack(rows, 1), _metric((jet,))
+        def attempt(
+            index: Array, sizes: Array, start: Array, primary: Primary = primary, direction: Array = direction
+        ) -> tuple[Array, Array]:
+            point, tau = stations.point[index], stations.direction[index]
 
-        start = uv + tangent_coordinates(primary.jet(uv), direction * width)
-        x, good = newton(system, start, width, width)
-        if good.all():
-            good &= ((primary.jet(x)[0] - point) * direction).sum(1) > 0
-        if not good.all():
-            where = stations.t[~good][0]
-            raise SizeError(f"no point of the face lies at width {width:g} from the edge at t = {where:.4g}")
+            def system(x: Array) -> tuple[Array, Array, Array]:
+                jet = primary.jet(x)
+                offset = jet[0] - point
+                distance = np.linalg.norm(offset, axis=1, keepdims=True)
+                residual = np.concatenate([distance - sizes[:, None], (offset * tau).sum(1, keepdims=True)], 1)
+                radial = offset / distance
+                rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
+                return residual, np.stack(rows, 1), _metric((jet,))
+
+            x, good = newton(system, start, sizes, sizes)
+            good &= ((primary.jet(x)[0] - point) * direction[index]).sum(1) > 0
+            return x, good
+
+        x, reached = grown(attempt, foot[:, mine], way[:, mine], metric[:, mine], width)
+        if reached.min() < width:
+            raise _reported(f"no point of the face lies at width {width:g} from the edge", stations, reached, width)
         found.append(x)
     chord = sides[1].primary.jet(found[1])[0] - sides[0].primary.jet(found[0])[0]
     shares = 2 * np.array(widths) / sum(widths)
-    return Contacts(stations.t, point, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1)))
+    return Contacts(
+        stations.t, stations.point, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
+    )

@@ -6,7 +6,7 @@ and the questions about them that only the topology can answer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,8 +22,10 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
 from cqblend.blends.primaries import Array, Primary
+from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side
+from cqblend.occ.kinds import kind
 from cqblend.occ.neighbour_edges import border_in_plane, face_across, faces_beside
 from cqblend.occ.spine import EdgeSpine, chain
 from cqblend.occ.topology import (
@@ -43,20 +45,21 @@ NEAR = 1e-6  # of the parameters: a contact this near to a face's boundary leave
 BEND = 1e-2  # rad: a joint goes on past a vertex only where it turns by less
 
 
-class Names:
-    """The numbers of the input's edges, faces and vertices, from 1: what messages and certificates call them."""
+class PassedOver(SelectionError):
+    """An edge that there is nothing to blend at: smooth already, a seam, or degenerate; ``kind`` is which."""
 
-    def __init__(self, shape: TopoDS_Shape) -> None:
-        self.edges, self.faces = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
-        self.vertices = Index(shape, TopAbs_VERTEX)
+    def __init__(self, kind: SkippedKind, message: str) -> None:
+        super().__init__(message)
+        self.kind: SkippedKind = kind
 
 
 @dataclass(frozen=True)
 class Joint:
     """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
 
-    ``edge`` and ``faces`` are numbers in the maps of the *input* shape, for messages and certificates, and ``names``
-    are these maps. The spine runs ``backward`` if the edge, as it was picked, runs against it.
+    ``edge`` and ``faces`` are numbers in the maps of the *input* shape, for messages and certificates; ``numbers``
+    tells those of other faces, edges and vertices, 0 where they are not in the input. The spine runs ``backward`` if
+    the edge, as it was picked, runs against it.
     """
 
     solid: TopoDS_Shape
@@ -64,7 +67,7 @@ class Joint:
     sides: tuple[FaceSide, FaceSide]
     edge: int
     faces: tuple[int, int]
-    names: Names
+    numbers: Callable[[TopoDS_Shape], int] | None = None
     backward: bool = False
 
     @property
@@ -97,15 +100,20 @@ class Joint:
         """Return contacts in the two faces' own parameters, in their windows."""
         return [side.windowed(side.own(uv)) for side, uv in zip(self.sides, contacts.uv, strict=True)]
 
-    def outside(self, contacts: Contacts) -> tuple[int, float] | None:
-        """Return the number of the face that contacts leave, and the first such t; None if they stay inside both."""
-        for side, number, uv in zip(self.sides, self.faces, self.native(contacts), strict=True):
-            classifier = BRepTopAdaptor_FClass2d(side.face, NEAR)
-            for t, point in zip(contacts.t.tolist(), uv.tolist(), strict=True):
-                state = classifier.Perform(gp_Pnt2d(*point))
-                if state == TopAbs_OUT or (state == TopAbs_ON and not side.at_seam(np.array(point))):
-                    return number, t
-        return None
+    def inside(self, contacts: Contacts, which: int) -> Array:
+        """Return which contacts (n,) of one side are inside its face."""
+        side = self.sides[which]
+        classifier = BRepTopAdaptor_FClass2d(side.face, NEAR)
+        found = []
+        for point in side.windowed(side.own(contacts.uv[which])):
+            state = classifier.Perform(gp_Pnt2d(*point.tolist()))
+            found.append(state == TopAbs_IN or (state == TopAbs_ON and side.at_seam(point)))
+        return np.array(found)
+
+    def named(self, part: TopoDS_Shape) -> str:
+        """Return what messages call a face, edge or vertex of the solid: by its number in the input, if it has one."""
+        number = 0 if self.numbers is None else self.numbers(part)
+        return f"{kind(part)} {number}" if number else f"the {kind(part)} of an earlier blend"
 
     def clear_start(self, contacts: Contacts) -> float:
         """Return the t, of contacts all around, at which a closed rail best starts: far from seams and knot lines."""
@@ -118,16 +126,15 @@ class Joint:
 
     def vertex_number(self, end: int) -> int:
         """Return the number of the vertex at t = 0 or t = 1 in the input; 0 if that does not have it."""
-        return self.names.vertices.of(self.spine.vertices[end])
+        return 0 if self.numbers is None else self.numbers(self.spine.vertices[end])
 
     def name_end(self, end: int) -> str:
         """Return what messages call the vertex at t = 0 or t = 1, with the faces that meet there beside the sides."""
         vertex = self.spine.vertices[end]
-        number, others = self.vertex_number(end), faces_beside(self.solid, vertex, self.sides)
         x, y, z = location_of(vertex).tolist()
-        name = f"vertex {number} at ({x:.4g}, {y:.4g}, {z:.4g})" if number else f"({x:.4g}, {y:.4g}, {z:.4g})"
-        faces = sorted(self.names.faces.of(face) for face in others)
-        return name if not faces else f"{name}, beside face{'s' * (len(faces) > 1)} {', '.join(map(str, faces))}"
+        others = [self.named(face) for face in faces_beside(self.solid, vertex, self.sides)]
+        beside = f", beside {', '.join(others)}" if others else ""
+        return f"{self.named(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
     def end_plane(self, end: int) -> tuple[Array, Array]:
         """Return point and normal of the one face on which a blend can end at t = 0 or t = 1.
@@ -184,17 +191,19 @@ def find_joint(
     faces: tuple[int, int],
     *,
     swap: bool,
-    names: Names | None = None,
+    numbers: Callable[[TopoDS_Shape], int] | None = None,
 ) -> Joint:
     """Return the joint that the first of some edges is part of, with all of it that goes on between the same two faces.
 
-    ``number`` and ``faces`` are what messages and certificates call it, and ``names`` what they call the rest, those
-    of the shape itself by default; ``swap`` makes the second face side 1.
+    ``number`` and ``faces`` are what messages and certificates call it, ``numbers`` what they call others; ``swap``
+    makes the second face side 1.
 
     Raises
     ------
+    PassedOver
+        If there is nothing to blend at the edge: it is degenerate, a seam, or smooth all along.
     SelectionError
-        If the edge is no sharp joint of two faces of a closed solid.
+        If it is no sharp joint of two faces of a closed solid for another reason.
     """
     name, edge = f"edge {number}", edges[0]
     solids = [solid for solid in explore(shape, TopAbs_SOLID) if Index(solid, TopAbs_EDGE).of(edge)]
@@ -205,9 +214,9 @@ def find_joint(
     faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
     pair = faces_at(edge)
     if BRep_Tool.Degenerated_s(edge):
-        raise SelectionError(f"{name} is degenerate (a pole): it has no length to blend along")
+        raise PassedOver("degenerate", f"{name} is degenerate (a pole): it has no length to blend along")
     if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
-        raise SelectionError(f"{name} is a seam of one closed face, not a joint of two")
+        raise PassedOver("seam", f"{name} is a seam of one closed face, not a joint of two")
     if len(pair) != 2:
         raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
     pair.sort(key=Index(solid, TopAbs_FACE).of, reverse=swap)
@@ -217,8 +226,7 @@ def find_joint(
     points = spine.points(np.linspace(0, 1, 65)[: -1 if closed else None])
     around = closed or spine.turn() is not None
     first, second = (face_side(face, points, around=around) for face in pair)
-    backward = next(one for one in ordered if one.IsSame(edge)).Orientation() != edge.Orientation()
-    joint = Joint(solid, spine, (first, second), number, faces, names or Names(shape), backward)
+    joint = Joint(solid, spine, (first, second), number, faces, numbers)
     _check_sharp(joint, name)
     return joint
 
@@ -257,7 +265,9 @@ def _check_sharp(joint: Joint, name: str) -> None:
     stations = joint.stations(np.linspace(0.02, 0.98, 17))
     n1, n2 = (side.outward * side.primary.normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True))
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
+    if angle.max() < SMOOTH:
+        raise PassedOver("smooth", f"{name} is smooth already: its faces meet at {angle.max():.2g} rad")
     if angle.min() < SMOOTH:
-        raise SelectionError(f"{name} is smooth already: its faces meet at {angle.min():.2g} rad")
+        raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
     if angle.max() > np.pi - SMOOTH:
         raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")

@@ -102,10 +102,12 @@ def trim_neighbours(surgery: Surgery, cuts: Iterable[Cut]) -> None:
                     beyond.append(_extension(cut))
                     continue
             except SizeError as error:
-                raise EndError(cut.end, SizeError(f"edge {number} next to the blend: {error}")) from error
+                name = surgery.named(edge)
+                raise EndError(cut.end, SizeError(f"{name} next to the blend: {error}")) from error
             span[which], vertices[which] = at, cut.corner
         if np.linalg.norm(location_of(vertices[0]) - location_of(vertices[1])) < 100 * CONFUSION or span[0] >= span[1]:
-            nothing = SizeError(f"nothing would remain of edge {number} next to the blend: the size is too large")
+            name = surgery.named(edge)
+            nothing = SizeError(f"nothing would remain of {name} next to the blend: the size is too large")
             raise nothing if len({cut.end for cut in changes}) > 1 else EndError(changes[0].end, nothing)
         piece = edge if tuple(span) == whole else trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
         for face in surgery.faces_at_edge(edge):

@@ -11,7 +11,7 @@ The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -104,6 +104,7 @@ class Surgery:
     spine: EdgeSpine
     sides: tuple[FaceSide, FaceSide]
     blend: Blend
+    named: Callable[[TopoDS_Shape], str]  # what messages call a part of the solid
 
     def __post_init__(self) -> None:
         self.originals = self.sides

@@ -15,6 +15,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from cqblend.blends.contact import Contacts
 from cqblend.errors import SelectionError
 from cqblend.occ.joint import find_joint
+from cqblend.occ.obstacles import leaving
 
 V = cq.Vector
 
@@ -90,15 +91,15 @@ def test_open_edges_stop_where_other_faces_begin():
     assert found.spine.length == pytest.approx(body.Edges()[0].Length())
 
 
-def test_contacts_that_leave_their_face_are_told_with_its_number():
+def test_contacts_that_leave_their_face_are_told_with_its_side():
     body = cq.Solid.makeBox(10, 10, 10)
     found = joint(body, body.Edges()[0].wrapped)
     stations = found.stations(np.array([0.5]))
     middle = [np.diff(side.bounds).T / 2 + side.bounds[:, 0] for side in found.sides]
     inside = Contacts(stations.t, stations.point, (middle[0], middle[1]), np.ones(1))
-    assert found.outside(inside) is None
+    assert leaving(found, inside) is None
     far = (middle[0] + 100, middle[1])
-    assert found.outside(Contacts(stations.t, stations.point, far, np.ones(1))) == (1, 0.5)
+    assert leaving(found, Contacts(stations.t, stations.point, far, np.ones(1))) == (0, 0)
 
 
 def refused(body: cq.Shape, edge, text: str) -> None:

@@ -1,0 +1,45 @@
+"""The largest size that an edge takes: where the first interval of sizes from 0 ends in which all blends succeed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from cqblend import sizes
+from cqblend.edges import blend_shape, cheap_trial
+from cqblend.errors import CqblendError
+from cqblend.request import BlendRequest
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
+
+SMALL = 1e-2  # of the solid's size: tried where nothing promises to work, for the sake of what is said
+
+
+def largest_size(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest, tolerance: float) -> float:
+    """Return the largest factor on the size of a request with which edges are blended, and so with all smaller ones.
+
+    Raises
+    ------
+    CqblendError
+        As :func:`cqblend.edges.blend_shape`, where none succeeds.
+    """
+    promising, extent = cheap_trial(shape, edges, request)
+    refusals: list[CqblendError] = []
+
+    def works(factor: float) -> bool:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                blend_shape(shape, edges, request.scaled(factor), hints=False)
+        except CqblendError as error:
+            refusals.append(error)
+            return False
+        return True
+
+    whole = extent / max(request.lengths)
+    end = sizes.end_of_working(works, promising, whole, tolerance)
+    if end or works(SMALL * whole):
+        return end or SMALL * whole
+    raise type(refusals[-1])(f"no size was found that works; at {SMALL:.0%} of the solid's: {refusals[-1]}")

@@ -1,0 +1,81 @@
+"""What a rail comes upon where it leaves its face, for messages: how wide the face is there, and what is behind."""
+
+from __future__ import annotations
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.gp import gp_Pnt, gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN
+
+from cqblend.blends.contact import Contacts
+from cqblend.occ.adapt import face_side
+from cqblend.occ.joint import Joint
+from cqblend.occ.topology import Ancestors, distinct, explore
+
+OPPOSITE = -0.9  # cosine between the outward normals of two faces from which on they are both sides of a wall
+HALVINGS = 40
+SAMPLES = 65  # along an edge
+
+
+def leaving(joint: Joint, contacts: Contacts) -> tuple[int, int] | None:
+    """Return the first side, and the index, at which contacts leave their face; None if they stay.
+
+    At the ends of an open edge they may be outside, where the faces end obliquely; between contacts that are inside,
+    and in the middle, they may not.
+    """
+    middle = len(contacts.t) // 2
+    for side in (0, 1):
+        inside = joint.inside(contacts, side)
+        if not joint.spine.closed:
+            within = np.flatnonzero(inside)
+            if len(within) and within[0] <= middle <= within[-1]:
+                inside[: within[0]] = inside[within[-1] :] = True
+            elif not inside[middle]:
+                return side, middle
+        if not inside.all():
+            return side, int(np.argmin(inside))
+    return None
+
+
+def obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -> str:
+    """Say how far a face reaches from the edge, at a contact that is outside, and what is there."""
+    one, other = joint.sides[side], joint.sides[1 - side]
+    t = contacts.t[[index]]
+    stations = joint.stations(t)
+    at = joint.spine.on_face(np.mod(t, 1.0) if joint.spine.closed else np.clip(t, 0, 1), one.face)
+    start = one.beside(one.own(stations.uv[side]), at)[0]
+    stop = one.beside(one.own(contacts.uv[side][[index]]), at)[0]
+    classifier = BRepTopAdaptor_FClass2d(one.face, 1e-9)
+    low, high = 1e-3, 1.0  # a first bit of the way is inside
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        inside = classifier.Perform(gp_Pnt2d(*(start + middle * (stop - start)).tolist())) == TopAbs_IN
+        low, high = (middle, high) if inside else (low, middle)
+    point = one.native.jet((start + low * (stop - start))[None])[0, 0]
+    wide = float(np.linalg.norm(point - stations.point[0]))
+    vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
+    bounds = [
+        use for use in distinct(explore(one.face, TopAbs_EDGE)) if not any(use.IsSame(e) for e in joint.spine.edges)
+    ]
+    name = f"face {joint.faces[side]}"
+    if not bounds:
+        return f"{name} reaches only {wide:.3g} there"
+    edge = min(bounds, key=lambda use: BRepExtrema_DistShapeShape(vertex, use).Value())
+    behind = [face for face in Ancestors(joint.solid, TopAbs_EDGE, TopAbs_FACE)(edge) if not face.IsSame(one.face)]
+    if not behind:
+        return f"{name} reaches only {wide:.3g} there"
+    beyond = face_side(behind[0], point[None])
+    curve = BRep_Tool.CurveOnSurface_s(edge, beyond.face, 0.0, 0.0)
+    first, last = BRep_Tool.Range_s(edge)
+    border = np.array(
+        [(value.X(), value.Y()) for value in map(curve.Value, np.linspace(first, last, SAMPLES).tolist())]
+    )
+    nearest = np.linalg.norm(beyond.native.jet(border)[0] - point, axis=1).argmin()
+    here = other.outward * other.primary.normals(stations.uv[1 - side])[0]
+    if joint.convex and beyond.outward * beyond.native.normals(border[[nearest]])[0] @ here < OPPOSITE:
+        names = f"face {joint.faces[1 - side]} and {joint.named(behind[0])}"
+        return f"the wall between {names} is only {wide:.3g} thick there"
+    return f"{name} is only {wide:.3g} wide there, up to {joint.named(edge)}"
