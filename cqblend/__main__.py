@@ -88,6 +88,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
+    blend.add_argument("--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT}")
     blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
@@ -208,6 +209,7 @@ def _blend(options: argparse.Namespace) -> None:
         options.radius,
         width=options.width,
         continuity=options.continuity,
+        ends=options.ends,
         form=options.form,
         section="potential" if options.potential else "hermite" if options.order is None else "pde",
         order=options.order,

@@ -35,6 +35,7 @@ def blend(
     form: str = "auto",
     tolerance: float = 1e-7,
     angular_tolerance: float = 1e-5,
+    ends: str | tuple[str, str] = "auto",
     first: Any = None,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:
@@ -93,6 +94,7 @@ def blend(
         form=form,
         tolerance=tolerance,
         angular_tolerance=angular_tolerance,
+        ends=ends,
         first=first,
     )
     if report is not None:

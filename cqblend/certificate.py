@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cqblend.blends.proof import Proof
 
 Form = Literal["exact", "compact"]
+EndKind = Literal["natural", "flat"]
 SkippedKind = Literal["smooth", "seam", "degenerate"]
 
 
@@ -57,6 +58,35 @@ class RailRecord:
     length: float
     tolerance: float
     kept: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class EndRecord:
+    """How a blend ends at one end of an open edge.
+
+    Attributes
+    ----------
+    edge, vertex : int
+        1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if an earlier blend of
+        the same call made it.
+    kind : {"natural", "flat"}
+        On the face across the end of the edge, or in a flat cap.
+    before : float
+        How far before the vertex a cap stands, mm along the edge.
+    cause : str
+        Why an end that was not asked to be flat is; empty otherwise.
+    """
+
+    edge: int
+    vertex: int
+    kind: EndKind
+    before: float = 0.0
+    cause: str = ""
+
+    def __str__(self) -> str:
+        before = f", {self.before:.3g} mm before it" if self.before else ""
+        cause = f": {self.cause}" if self.cause else ""
+        return f"edge {self.edge} has a {self.kind} end at vertex {self.vertex}{before}{cause}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +148,19 @@ class Certificate:
     method : str
         How the blend came into the solid: ``"wire substitution"``, or the fallback by its name.
     valid : bool
-        Whether the result passed verification; of a blend of surfaces, whether it does not fold.
+        Whether the whole result is valid for OCCT's own ordinary check, that of ``isValid()``: false only if the input
+        was not valid there either. Of a blend of surfaces, whether it does not fold.
     width : tuple of float
         Smallest and largest straight distance from rail to rail, mm.
     stations : int
         Points at which each rail was measured, least over the rails.
+    coverage : float
+        Blended length over the length of the edge, at most 1; the least over all blends.
+    ends : tuple of EndRecord
+        Two for each open edge.
+    edge_tolerance : float
+        Largest tolerance of all edges that were made or cut, mm. Where an edge of the input strays from its faces
+        further than it says, a piece of it gets the tolerance that it needs.
     residual : float or None
         Of the partial differential equations: root mean square of what is left, as a share of what it is without
         solving them; the largest over x, y and z and all blends. None of other sections.
@@ -152,6 +190,9 @@ class Certificate:
     valid: bool
     width: tuple[float, float]
     stations: int
+    coverage: float = 1.0
+    ends: tuple[EndRecord, ...] = ()
+    edge_tolerance: float = 0.0
     residual: float | None = None
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
@@ -218,6 +259,9 @@ class Certificate:
             valid=all(one.valid for one in certificates),
             width=(min(one.width[0] for one in certificates), max(one.width[1] for one in certificates)),
             stations=min(one.stations for one in certificates),
+            coverage=min(one.coverage for one in certificates),
+            ends=tuple(end for one in certificates for end in one.ends),
+            edge_tolerance=max(one.edge_tolerance for one in certificates),
             residual=max((one.residual for one in certificates if one.residual is not None), default=None),
             proofs=tuple(prove for one in certificates for prove in one.proofs),
             energies=tuple(energy for one in certificates for energy in one.energies),
@@ -240,8 +284,10 @@ class Certificate:
             for one in self.rails
             if one.kept
         ]
+        covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
+        flat = [str(end) for end in self.ends if end.kind == "flat"]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
-        return "\n".join((*head, *_table(self.rails), *kept, *skipped))
+        return "\n".join((*head, *_table(self.rails), *kept, *covered, *flat, *skipped))
 
 
 def _table(rails: Sequence[RailRecord]) -> list[str]:

@@ -23,7 +23,8 @@ from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.skin import Skin, loosened, tied
-from cqblend.certificate import Certificate
+from cqblend.certificate import Certificate, EndRecord
+from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends, warn_of_flat_ends
 from cqblend.errors import (
     CqblendError,
     GeometryError,
@@ -36,12 +37,13 @@ from cqblend.errors import (
 )
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.certify import certify
+from cqblend.occ.end_curves import EndError
 from cqblend.occ.joint import Joint
 from cqblend.occ.selection import Picks
 from cqblend.occ.surgery import Proposal, RailsTooShort, Surgery
 from cqblend.occ.topology import replaced_solid
 from cqblend.occ.unified import unified
-from cqblend.occ.verification import check_solid
+from cqblend.occ.verification import check_solid, is_valid
 from cqblend.request import BlendRequest
 
 if TYPE_CHECKING:
@@ -51,7 +53,6 @@ RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
 EXACT_BEND, COMPACT_BEND = 1e-6, 1e-3  # jump of the curvature where it is continuous, in units of 1/size
 GAP = 1e-7  # mm
-CAPS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before an end of the edge a cap may stand, in reaches
 CROSSED = (
     "IntersectingWires",
     "SelfIntersectingWire",
@@ -84,20 +85,39 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     faces, certificates = [], []
-    picks = Picks(shape, edges, request.first)
+    picks, before = Picks(shape, edges, request.first), shape
     while picks:
         shape, joint = _seen_through(shape, picks, request)
         _take(shape, picks, joint, request, hints=hints)
         try:
-            proposal, blend = _blended(joint, request)
+            proposal, blend, plan, ends = _blended(joint, request)
         except CqblendError as error:
-            raise _named(error, joint, request, picks, hints=hints) from error
+            raise _named(error, joint, request, hints=hints) from error
         certificate = certify(joint, proposal, blend)
+        if plan is not None:
+            certificate = replace(certificate, coverage=plan.coverage, ends=ends)
+            warn_of_flat_ends(joint, ends)
         _check_promise(certificate, request, joint)
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
         certificates.append(replace(certificate, method=certificate.method + picks.taken_as_one()))
-    return shape, tuple(faces), replace(Certificate.merge(certificates), skipped=picks.skipped)
+    certificate = Certificate.merge(certificates)
+    return shape, tuple(faces), replace(certificate, valid=_still_valid(before, shape), skipped=picks.skipped)
+
+
+def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
+    """Whether OCCT's ordinary check accepts a result; it may refuse it only if it refuses what that was made from.
+
+    Raises
+    ------
+    VerificationError
+        If a valid shape became invalid.
+    """
+    if is_valid(after):
+        return True
+    if is_valid(before):
+        raise VerificationError("the blended shape is not valid as a whole, and is withheld; blend fewer edges at once")
+    return False
 
 
 def _seen_through(
@@ -131,15 +151,14 @@ def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest
             try:
                 _check_size(one, request)
             except SizeError as error:
-                raise _named(error, one, request, picks, hints=hints) from error
+                raise _named(error, one, request, hints=hints) from error
         raise
 
 
-def _named(error: CqblendError, joint: Joint, request: BlendRequest, picks: Picks, *, hints: bool) -> CqblendError:
-    """Return an error with the edge's number, numbers as they are in the input, and, of sizes, with what may fit."""
-    text = f"edge {joint.edge}: {picks.renumbered(str(error), joint.solid)}"
+def _named(error: CqblendError, joint: Joint, request: BlendRequest, *, hints: bool) -> CqblendError:
+    """Return an error with the edge's number and, of sizes, with what may fit."""
     hint = sizes.hint(joint, request, _solver) if hints and isinstance(error, SizeError) else ""
-    return type(error)(text + hint)
+    return type(error)(f"edge {joint.edge}: {error}{hint}")
 
 
 def cheap_trial(
@@ -190,6 +209,9 @@ def insert_shape(
             f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
             "it is made between"
         ) from error
+    except EndError as error:
+        where = joint.name_end(error.end)
+        raise type(error.cause)(f"edge {joint.edge}: the blend cannot end at {where}: {error.cause}") from error
     except CqblendError as error:
         raise type(error)(f"edge {joint.edge}: {error}") from error
 
@@ -197,13 +219,17 @@ def insert_shape(
 def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
     fitted = _fitted(joint, blend)
-    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted)
-    proposal = surgery.closed() if joint.spine.closed else surgery.open()
+    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted, joint.named)
+    natural = EndPlan.natural(surgery.domain)
+    proposal = surgery.closed() if joint.spine.closed else surgery.open(natural.caps)
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
     problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
     if problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
-    return replaced_solid(shape, joint.solid, proposal.solid), proposal.blend, certify(joint, proposal, fitted)
+    result = replaced_solid(shape, joint.solid, proposal.solid)
+    ends = () if joint.spine.closed else record_ends(joint, natural)
+    valid = _still_valid(shape, result)
+    return result, proposal.blend, replace(certify(joint, proposal, fitted), valid=valid, ends=ends)
 
 
 def _fitted(joint: Joint, blend: Blend) -> Blend:
@@ -281,22 +307,21 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
     return fitting.along(remembering(solve), joint.primaries)
 
 
-def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend]:
-    """Propose a blended solid and verify it: with its natural ends first, then, where those fail, with flat ones."""
+def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
+    """Propose a blended solid and verify it, an open one with the first ends, of those asked for, that can be built."""
     _check_size(joint, request)
     if joint.spine.closed:
-        return _proposed(joint, request, (None, None), (0.0, 1.0))
-    natural = _ends(joint, request, flat=False)
-    try:
-        return _proposed(joint, request, *natural)
-    except (SizeError, TopologyError, VerificationError) as error:
+        return *_proposed(joint, request, (None, None), (0.0, 1.0)), None, ()
+    attempts, solve = Attempts(request.ends[::-1] if joint.backward else request.ends), _solver(joint, request)
+    for how in attempts:
         try:
-            flat = _ends(joint, request, flat=True)
-            if flat != natural:
-                return _proposed(joint, request, *flat)
-        except CqblendError:
-            pass
-        raise error from None
+            plan = plan_ends(joint, solve, how)
+            proposal, blend = _proposed(joint, request, plan.caps, plan.domain)
+        except (EndError, SizeError, TopologyError, VerificationError) as error:
+            attempts.fail(how, error)
+        else:
+            return proposal, blend, plan, record_ends(joint, plan, attempts.cause)
+    raise attempts.error(joint)
 
 
 def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
@@ -304,7 +329,7 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     for _ in range(4):
         blend = _section(_rails(joint, request, domain), joint, request)
         _check_sections(blend, request)
-        surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
+        surgery = Surgery(joint.solid, joint.spine, joint.sides, blend, joint.named)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
             break
@@ -440,53 +465,3 @@ def _orders(request: BlendRequest) -> tuple[int, int]:
     if request.order is not None:
         return (max(request.order) // 2 - 1,) * 2
     return int(request.continuity[0][1]), int(request.continuity[1][1])
-
-
-def _ends(joint: Joint, request: BlendRequest, *, flat: bool) -> tuple[Caps, tuple[float, float]]:
-    """Return where an open blend ends in caps, and the range of t that its rails must cover.
-
-    They reach the planes of the faces at their ends, or of the caps, and a little more. There are caps where the joint
-    goes on past the end of the edge, or fades out there, or everywhere if ``flat``.
-    """
-    solve, length = _solver(joint, request), joint.spine.length
-    reach = float(solve(np.array([0.5])).reach.max())
-    caps: list[float | None] = []
-    domain = []
-    for end, plane in enumerate(joint.end_planes()):
-        past = None if flat or plane is None else _past(joint, solve, end, *plane)
-        sign = 1.0 if end else -1.0
-        if past is None:
-            cap = _cap(joint, solve, end, reach)
-            caps.append(cap)
-            domain.append(cap + sign * 0.02 * reach / length)
-        else:
-            caps.append(None)
-            domain.append(end + sign * (past + reach / 5) / length)
-    return (caps[0], caps[1]), (domain[0], domain[1])
-
-
-def _past(joint: Joint, solve: Solver, end: int, corner: Array, normal: Array) -> float | None:
-    """Return how far past the end of the edge the rails meet a plane; None if they do not get as far as the end."""
-    t = np.array([float(end)])
-    try:
-        contacts = solve(t)
-    except (GeometryError, SizeError):
-        return None
-    direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
-    points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return max([0.0, *(float((corner - point) @ normal) / float(direction @ normal) for point in points)])
-
-
-def _cap(joint: Joint, solve: Solver, end: int, reach: float) -> float:
-    """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
-    for back in CAPS:
-        step = back * reach / joint.spine.length
-        t = np.array([end + step if end == 0 else end - step])
-        if step > 0.3:
-            break
-        try:
-            if joint.walled(solve(t), intersect(joint.sides, joint.stations(t), joint.spine.length)):
-                return float(t[0])
-        except CqblendError:
-            continue
-    raise TopologyError("the joint goes on past the end of the edge, and there is no room for a flat end before it")

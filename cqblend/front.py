@@ -70,6 +70,7 @@ def blend_edges(
     form: str = "auto",
     tolerance: float = 1e-7,
     angular_tolerance: float = 1e-5,
+    ends: str | tuple[str, str] = "auto",
     first: Any = None,
 ) -> BlendResult:
     """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
@@ -115,6 +116,11 @@ def blend_edges(
         ``"auto"``: exact where that has degree 7 at most, else compact.
     tolerance, angular_tolerance : float
         Of the compact form, in position (mm) and in angle (rad).
+    ends : {"auto", "natural", "flat"} or pair of them
+        How the blend of an open edge ends: ``"natural"``, on the face across its end; ``"flat"``, in a flat cap across
+        the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much); ``"auto"``,
+        natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A pair is for
+        the start and the end of the edge, in its own orientation.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape.
 
@@ -138,6 +144,11 @@ def blend_edges(
         The blend cannot be computed, cannot be built into the shape, or failed verification.
     UnsupportedError
         The option is not built yet.
+
+    Warns
+    -----
+    FlatEndWarning
+        An end is flat, with ``ends="auto"``.
 
     Examples
     --------
@@ -172,6 +183,7 @@ def blend_edges(
         form=form,
         tolerance=tolerance,
         angular_tolerance=angular_tolerance,
+        ends=ends,
         first=None if first is None else face_of(first, "first"),
     )
     native = native_shape(shape)

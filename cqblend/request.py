@@ -22,6 +22,7 @@ Continuity = Literal["G0", "G1", "G2", "G3"]
 Tangents = Literal["parametric", "perpendicular", "chord"]
 Section = Literal["hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
+EndWanted = Literal["auto", "natural", "flat"]
 
 # What is built, and what is part of the interface but not built yet.
 CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
@@ -29,6 +30,7 @@ _TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
 _TANGENTS_LATER = ("guide", "combination")
 _SECTION: tuple[Section, ...] = ("hermite", "pde", "potential")
 FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
+_ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
 
 Chosen = TypeVar("Chosen", bound=str)
 Checked = TypeVar("Checked")
@@ -78,6 +80,8 @@ class BlendRequest:
         Which form of the blend is wanted; see `cqblend.Certificate`.
     tolerance, angular_tolerance : float
         Of the compact form, mm and rad.
+    ends : tuple of {"auto", "natural", "flat"}
+        How the blend ends at the start and at the end of an open edge.
     first : TopoDS_Face or None
         The face that counts as side 1.
     """
@@ -96,6 +100,7 @@ class BlendRequest:
     form: FormWanted
     tolerance: float
     angular_tolerance: float
+    ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
 
     @classmethod
@@ -118,6 +123,7 @@ class BlendRequest:
         form: object = "auto",
         tolerance: object = 1e-7,
         angular_tolerance: object = 1e-5,
+        ends: object = "auto",
         first: "TopoDS_Face | None" = None,
     ) -> "BlendRequest":
         """Check the options of `cqblend.blend_edges` and bring them to one form.
@@ -168,6 +174,7 @@ class BlendRequest:
             form=choice("form", form, FORM),
             tolerance=positive("tolerance", tolerance),
             angular_tolerance=positive("angular_tolerance", angular_tolerance),
+            ends=pair("ends", ends, partial(choice, built=_ENDS), each="end of the edge"),
             first=first,
         )
 
@@ -286,13 +293,15 @@ def _size(name: str, value: object) -> float:
     return size
 
 
-def pair(name: str, value: object, check: Callable[[str, object], Checked]) -> tuple[Checked, Checked]:
-    """Return one checked value a side from one value or a pair."""
+def pair(
+    name: str, value: object, check: Callable[[str, object], Checked], each: str = "side"
+) -> tuple[Checked, Checked]:
+    """Return one checked value for ``each`` of two from one value or a pair."""
     if not isinstance(value, tuple | list):
         checked = check(name, value)
         return checked, checked
     if len(value) != 2:
-        raise InputError(f"{name} must be one value or a pair, one for each side, not {len(value)} values")
+        raise InputError(f"{name} must be one value or a pair, one for each {each}, not {len(value)} values")
     return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
 
 

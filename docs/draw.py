@@ -71,6 +71,18 @@ def whole_teapot() -> None:
     demo.draw(pot, demo.blended(pot), PICTURES / "teapot.png")
 
 
+def ends() -> None:
+    """Draw how blends of open edges end: on a flush wall, on tangent sides, and flat."""
+    results = runpy.run_path(str(EXAMPLES / "ends.py"))["results"]
+    looks = (((1, 0.9, 0.8), (13, 8, 16), 26), ((0.4, 1.3, 0.7), (34, 6, 11), 28), ((-0.9, -1, 0.8), (-9, -9, 5), 20))
+    views = []
+    for i, (result, (eye, focus, height)) in enumerate(zip(results.values(), looks, strict=True)):
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        drawn = [Part(others, demo.PORCELAIN), Part(result.faces, demo.COPPER)]
+        views.append(View(drawn, eye, focus, height, (i / 3, 0, (i + 1) / 3, 1)))
+    picture.draw(views, PICTURES / "ends.png", size=(900, 320))
+
+
 def circle_speeds() -> None:
     """Draw circles with markers at equal steps of the parameter, and below each its speed over the parameter."""
     made = runpy.run_path(str(EXAMPLES / "circle_speeds.py"))
@@ -221,6 +233,7 @@ if __name__ == "__main__":
     whole_teapot()
     gallery()
     circle_speeds()
+    ends()
     for name in FIGURES:
         figure(name)
     spout()

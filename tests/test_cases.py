@@ -15,7 +15,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 import cqblend
 from cqblend.occ.step import read_step
-from cqblend.occ.verification import check_solid
+from cqblend.occ.verification import check_solid, is_valid
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 SCREW, PART = "bd__M6-1x12-countersunk-screw.step", "nist__nist_ctc_05_asme1_ap242-e1.stp"
@@ -47,7 +47,8 @@ def test_an_edge_on_which_native_fillet_fails(name, number):
     edge = listed(name, number)
     radius = next(trial["radius"] for trial in edge["trials"] if trial["native"] != "ok")
     assert ("BSplineSurface" in edge["faces"]) == ((name, number) in FREEFORM)
-    result = cqblend.blend_edges(shape, TopoDS.Edge_s(edges.FindKey(number)), radius)
+    result = cqblend.blend_edges(shape, TopoDS.Edge_s(edges.FindKey(number)), radius, ends="flat")
+    assert is_valid(result.shape)
     assert check_solid(shape, result.shape, result.faces, tolerance=0.1) == []
     assert result.certificate.angle < 1e-6
     assert result.certificate.gap < 1e-7

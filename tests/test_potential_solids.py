@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cqblend
-from cqblend.errors import GeometryError, InputError, SelectionError, SizeError
+from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, TopologyError
 
 BOX = cq.Workplane().box(30, 20, 10)
 CORNER = BOX.edges("|Z and >X and >Y")
@@ -211,6 +211,7 @@ def test_open_blends_of_surfaces_go_into_solids(swapped):
     assert cqblend.verify(result.shape, result.faces).ok
     assert result.certificate.poles[0] == 2
     assert [record.side for record in result.certificate.rails] == [1, 2]
+    assert [end.kind for end in result.certificate.ends] == ["natural", "natural"]
     expected = cqblend.blend_edges(
         BOX, CORNER, section="potential", a=3 if swapped else 2, b=2 if swapped else 3, first=BOX.faces(">X").val()
     )
@@ -225,6 +226,17 @@ def test_acute_edges_take_unequal_reaches():
         result = cqblend.blend_edges(wedge, edge, section="potential", a=0.5, b=b)
         assert cqblend.verify(result.shape, result.faces).ok
         assert result.certificate.angle < 1e-10
+
+
+def test_blends_of_surfaces_do_not_end_where_a_joint_goes_on():
+    body = cq.Workplane(cq.Workplane().box(30, 20, 10).edges("|Z").fillet(4).val().toNURBS())
+    edge = body.edges(cq.NearestToPointSelector((0, 10, 5)))
+    faces = [one for one in body.faces().vals() if any(other.isSame(edge.val()) for other in one.Edges())]
+    blend = cqblend.potential_blend(
+        *(cqblend.reshape(one, by="normal", amounts=-1) for one in faces), cqblend.Conic(1, 1)
+    )
+    with pytest.raises(TopologyError, match=r"cannot end at vertex \d+ at .*: the joint goes on there"):
+        cqblend.insert_blend(body, edge, blend)
 
 
 def test_blends_that_are_too_short_for_slanted_ends_say_so():

@@ -53,6 +53,7 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
         inner_crease=inner_crease(proposal.blend).angle,
         method="wire substitution" + (", flat ends" if proposal.caps else ""),
         stations=SAMPLES,
+        edge_tolerance=proposal.tolerance,
         outline=None if joint.spine.closed else outline(proposal.blend),
     )
 
@@ -95,6 +96,7 @@ def _certificate(
     method: str,
     stations: int,
     valid: bool = True,
+    edge_tolerance: float = 0.0,
     outline: Array | None = None,
 ) -> Certificate:
     surface = blend.surface
@@ -112,6 +114,7 @@ def _certificate(
         valid=valid,
         width=(float(across.min()), float(across.max())),
         stations=stations,
+        edge_tolerance=edge_tolerance,
         residual=blend.residual,
         proofs=(partial(prove, blend),),
         energies=(partial(bending_energy, surface, outline),),

@@ -13,26 +13,36 @@ from functools import cached_property
 import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-from OCP.gp import gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.gp import gp_Pnt, gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
-from cqblend.blends.primaries import Array, Primary, unit
+from cqblend.blends.primaries import Array, Primary
 from cqblend.certificate import SkippedKind
-from cqblend.errors import GeometryError, SelectionError
+from cqblend.errors import SelectionError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side
 from cqblend.occ.kinds import kind
+from cqblend.occ.neighbour_edges import border_in_plane, face_across, faces_beside
 from cqblend.occ.spine import EdgeSpine, chain
-from cqblend.occ.topology import Ancestors, Index, ends, ends_uv, explore, forward, location_of
+from cqblend.occ.topology import (
+    CONFUSION,
+    Ancestors,
+    Index,
+    direction_from,
+    ends,
+    explore,
+    location_of,
+    parameters_at,
+)
 
 SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
+WITHIN, BEHIND = 0.12, 1e-3  # of the legs of a section: a point that it cuts off, and a step out of its plane
 NEAR = 1e-6  # of the parameters: a contact this near to a face's boundary leaves nothing of the face
 BEND = 1e-2  # rad: a joint goes on past a vertex only where it turns by less
-ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
 
 
 class PassedOver(SelectionError):
@@ -48,7 +58,8 @@ class Joint:
     """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
 
     ``edge`` and ``faces`` are numbers in the maps of the *input* shape, for messages and certificates; ``numbers``
-    tells those of other faces and edges, 0 where they are not in the input.
+    tells those of other faces, edges and vertices, 0 where they are not in the input. The spine runs ``backward`` if
+    the edge, as it was picked, runs against it.
     """
 
     solid: TopoDS_Shape
@@ -57,6 +68,7 @@ class Joint:
     edge: int
     faces: tuple[int, int]
     numbers: Callable[[TopoDS_Shape], int] | None = None
+    backward: bool = False
 
     @property
     def primaries(self) -> tuple[Primary, Primary]:
@@ -99,7 +111,7 @@ class Joint:
         return np.array(found)
 
     def named(self, part: TopoDS_Shape) -> str:
-        """Return how a message calls a face or an edge of the solid: by its number in the input, if it has one."""
+        """Return what messages call a face, edge or vertex of the solid: by its number in the input, if it has one."""
         number = 0 if self.numbers is None else self.numbers(part)
         return f"{kind(part)} {number}" if number else f"the {kind(part)} of an earlier blend"
 
@@ -112,45 +124,64 @@ class Joint:
                 clearance = np.minimum(clearance, np.abs(uv[:, axis, None] - lines).min(axis=1) / width)
         return float(contacts.t[np.argmax(clearance)])
 
-    def end_planes(self) -> list[tuple[Array, Array] | None]:
-        """Return, for both ends, point and normal of the one face on which a blend can end there.
+    def vertex_number(self, end: int) -> int:
+        """Return the number of the vertex at t = 0 or t = 1 in the input; 0 if that does not have it."""
+        return 0 if self.numbers is None else self.numbers(self.spine.vertices[end])
 
-        None where there is no such face, or it runs along the edge: the joint goes on past that vertex.
+    def name_end(self, end: int) -> str:
+        """Return what messages call the vertex at t = 0 or t = 1, with the faces that meet there beside the sides."""
+        vertex = self.spine.vertices[end]
+        x, y, z = location_of(vertex).tolist()
+        others = [self.named(face) for face in faces_beside(self.solid, vertex, self.sides)]
+        beside = f", beside {', '.join(others)}" if others else ""
+        return f"{self.named(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
+
+    def end_plane(self, end: int) -> tuple[Array, Array]:
+        """Return point and normal of the one face on which a blend can end at t = 0 or t = 1.
+
+        Raises
+        ------
+        TopologyError
+            If there is not exactly one.
         """
-        faces_at = Ancestors(self.solid, TopAbs_VERTEX, TopAbs_FACE)
-        directions = self.stations(np.array([0.0, 1.0])).direction
-        planes: list[tuple[Array, Array] | None] = []
-        for vertex, direction in zip(self.spine.vertices, directions, strict=True):
-            others = [face for face in faces_at(vertex) if not any(face.IsSame(side.face) for side in self.sides)]
-            if len(others) != 1:
-                planes.append(None)
-                continue
-            corner = location_of(vertex)
-            side = face_side(others[0], corner[None])
-            normal = side.native.normals(_parameters_of(vertex, side.face)[None])[0]
-            planes.append((corner, normal) if abs(normal @ direction) > ALONG else None)
-        return planes
+        vertex = self.spine.vertices[end]
+        corner = location_of(vertex)
+        across = face_across(self.solid, self.spine, end, self.sides)
+        side = face_side(across, corner[None])
+        return corner, side.native.normals(parameters_at(vertex, side.face)[None])[0]
 
-    def walled(self, contacts: Contacts, stations: Stations) -> bool:
-        """Whether the straight ways, in the parameter planes, from edge points to contacts stay on the faces."""
-        for side, uv, foot in zip(self.sides, contacts.uv, stations.uv, strict=True):
+    def check_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
+        """Check that a flat cap at the one t of contacts stands on both faces, and has what it must have behind it.
+
+        Each of its walls, from the edge to a contact, runs inside its face or, at the end of the edge, along a border.
+        Behind the cap there is material if the edge is convex, none if it is concave.
+
+        Raises
+        ------
+        TopologyError
+            If it does not.
+        """
+        vertex, direction = self.spine.vertices[end], stations.direction[0]
+        at_end = contacts.t[0] == end
+        legs = np.zeros(3)
+        for side, number, uv, foot in zip(self.sides, self.faces, contacts.uv, stations.uv, strict=True):
+            corner = side.primary.jet(uv)[0, 0]
+            legs += corner - stations.point[0]
+            if at_end and border_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
+                continue
             classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
             on_edge = self.spine.on_face(contacts.t, side.face)
             start, stop = side.beside(side.own(foot), on_edge), side.beside(side.own(uv), on_edge)
             for share in (0.05, 0.25, 0.5, 0.75, 1.0):
                 for point in (start + share * (stop - start)).tolist():
                     if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
-                        return False
-        return True
-
-
-def _parameters_of(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
-    """Return a vertex's (u, v) on a face, from the end of an edge of that face."""
-    for use in explore(face, TopAbs_EDGE):
-        for end, uv in zip(ends(use), ends_uv(use, face), strict=True):
-            if end.IsSame(vertex) and not BRep_Tool.Degenerated_s(use):
-                return uv
-    raise GeometryError("a vertex is not on the boundary of its face")
+                        raise TopologyError(f"a wall across the edge leaves face {number}")
+        behind = stations.point[0] + WITHIN * legs + BEHIND * np.linalg.norm(legs) * direction * (1 if end else -1)
+        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
+        if classifier.State() != (TopAbs_IN if self.convex else TopAbs_OUT):
+            raise TopologyError(
+                f"behind a cap there, the solid {'has no material' if self.convex else 'is in the way'}"
+            )
 
 
 def find_joint(
@@ -225,19 +256,9 @@ def _grown(
 
 def _straight_on(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: list[TopoDS_Edge]) -> bool:
     """Whether an edge goes on at a vertex in the direction in which one of the others arrives there."""
-    here = _away(vertex, edge)
-    before = [_away(vertex, other) for other in others if any(vertex.IsSame(v) for v in ends(other))]
+    here = direction_from(vertex, edge)
+    before = [direction_from(vertex, other) for other in others if any(vertex.IsSame(v) for v in ends(other))]
     return any(np.linalg.norm(here + one) < BEND for one in before)
-
-
-def _away(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
-    """Return the unit tangent of an edge at one of its vertices, pointing away from it."""
-    curve, sign = BRepAdaptor_Curve(edge), 1.0
-    at = curve.FirstParameter()
-    if not ends(forward(edge))[0].IsSame(vertex):
-        at, sign = curve.LastParameter(), -1.0
-    tangent = curve.DN(at, 1)
-    return sign * unit(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
 
 
 def _check_sharp(joint: Joint, name: str) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.primaries import Array
@@ -34,6 +35,7 @@ class Picks:
 
     def __init__(self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], first: TopoDS_Face | None) -> None:
         self._edges, self._numbers = Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
+        self._vertices = Index(shape, TopAbs_VERTEX)
         self._faces_at = Ancestors(shape, TopAbs_EDGE, TopAbs_FACE)
         numbers = [self._edges.of(edge) for edge in edges]
         if not numbers:
@@ -41,6 +43,7 @@ class Picks:
         if 0 in numbers:
             raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
         self._waiting = list(dict.fromkeys(numbers))
+        self._as_picked = dict(zip(reversed(numbers), reversed(edges), strict=True))  # with their own orientation
         self._faces = {
             n: sorted(self._numbers.of(face) for face in self._faces_at(self._edges[n])) for n in self._waiting
         }
@@ -121,21 +124,11 @@ class Picks:
         return "".join(f", faces {', '.join(map(str, numbers))} taken as one" for numbers in groups)
 
     def number(self, part: TopoDS_Shape) -> int:
-        """Return the number that a face or an edge has in the input, the least of faces made one; 0 if it has none."""
-        if part.ShapeType() == TopAbs_EDGE:
-            return self._edges.of(part)
+        """Return the number that a part has in the input, the least of faces made one; 0 if it has none."""
+        if part.ShapeType() != TopAbs_FACE:
+            return (self._edges if part.ShapeType() == TopAbs_EDGE else self._vertices).of(part)
         made = (numbers[0] for new, numbers in self._made_one if new.IsSame(part))
         return self._numbers.of(part) or next(made, 0)
-
-    def renumbered(self, message: str, solid: TopoDS_Shape) -> str:
-        """Return a message about an edge "next to" a blend, numbered as in a solid, with the number in the input."""
-        edges = Index(solid, TopAbs_EDGE)
-
-        def name(match: re.Match[str]) -> str:
-            number = self.number(edges[int(match[1])])
-            return f"edge {number} next to" if number else "an edge next to"
-
-        return re.sub(r"edge (\d+) next to", name, message)
 
     def _refuse_chains(self, joint: Joint, number: int) -> None:
         """Raise UnsupportedError if another picked edge starts where a joint ends: the blends would meet in a notch."""
@@ -156,16 +149,28 @@ class Picks:
         joint = find_joint(shape, picked, number, faces, swap=swap, numbers=self.number)
         side = joint.sides[0]
         before = _heading(self._edges[number], self._numbers[faces[0]])
-        if before @ _heading(self._edge(number), side.face if side.outward > 0 else side.face.Reversed()) > 0:
-            return joint
-        # faces that became one are counted anew
-        return find_joint(shape, picked, number, faces, swap=not swap, numbers=self.number)
+        if before @ _heading(self._edge(number), side.face if side.outward > 0 else side.face.Reversed()) < 0:
+            # faces that became one are counted anew
+            joint = find_joint(shape, picked, number, faces, swap=not swap, numbers=self.number)
+        return replace(joint, backward=_runs_backward(joint, self._as_picked[number]))
+
+
+def _runs_backward(joint: Joint, edge: TopoDS_Edge) -> bool:
+    """Whether the spine of a joint runs against an edge of it, as that is oriented."""
+    middle, ahead = _middle(edge)
+    points = joint.spine.points(np.linspace(0, 1, 65))
+    i = int(np.clip(np.linalg.norm(points - middle, axis=1).argmin(), 1, 63))
+    return bool((points[i + 1] - points[i - 1]) @ ahead < 0)
 
 
 def _heading(edge: TopoDS_Edge, face: TopoDS_Shape) -> Array:
     """Return the direction (3,) in which an edge bounds a face, in the middle of it."""
-    use = next(use for use in explore(face, TopAbs_EDGE) if use.IsSame(edge))
-    curve = BRepAdaptor_Curve(use)
-    tangent = curve.DN((curve.FirstParameter() + curve.LastParameter()) / 2, 1)
+    return _middle(next(use for use in explore(face, TopAbs_EDGE) if use.IsSame(edge)))[1]
+
+
+def _middle(use: TopoDS_Edge) -> tuple[Array, Array]:
+    """Return the point in the middle of an edge's parameters and the direction of its use there, (3,) each."""
+    curve, point, tangent = BRepAdaptor_Curve(use), gp_Pnt(), gp_Vec()
+    curve.D1((curve.FirstParameter() + curve.LastParameter()) / 2, point, tangent)
     sign = -1.0 if use.Orientation() == TopAbs_REVERSED else 1.0
-    return sign * np.array([tangent.X(), tangent.Y(), tangent.Z()])
+    return np.array(point.Coord()), sign * np.array(tangent.Coord())

@@ -11,7 +11,7 @@ The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -22,15 +22,18 @@ from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_WIRE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
 from cqblend.blends.hermite import Blend
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, SizeError, TopologyError
-from cqblend.occ import bulk, endings
+from cqblend.occ import bulk, end_caps, endings
 from cqblend.occ.adapt import FaceSide, pcurve
+from cqblend.occ.edge_accuracy import MARGIN, settle
+from cqblend.occ.end_curves import EndError
+from cqblend.occ.neighbour_edges import trim_neighbours
 from cqblend.occ.spheres import boundary, respun
 from cqblend.occ.spine import EdgeSpine
 from cqblend.occ.topology import (
@@ -82,6 +85,7 @@ class Proposal:
     sides: tuple[TopoDS_Face, TopoDS_Face]  # the trimmed faces
     rails: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]  # between blend and sides
     caps: int  # how many ends are flat caps
+    tolerance: float  # the largest of an edge that was made or cut (mm)
 
 
 class RailsTooShort(GeometryError):
@@ -100,6 +104,7 @@ class Surgery:
     spine: EdgeSpine
     sides: tuple[FaceSide, FaceSide]
     blend: Blend
+    named: Callable[[TopoDS_Shape], str]  # what messages call a part of the solid
 
     def __post_init__(self) -> None:
         self.originals = self.sides
@@ -117,6 +122,11 @@ class Surgery:
             first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
             self.sides = (first, second)
         self.pcurves = [pcurve(side, rail) for side, rail in zip(self.sides, self.blend.ribbons, strict=True)]
+
+    @cached_property
+    def vertices(self) -> Index:
+        """The vertices of the solid, numbered."""
+        return Index(self.solid, TopAbs_VERTEX)
 
     @cached_property
     def faces_at_edge(self) -> Ancestors:
@@ -145,14 +155,9 @@ class Surgery:
         for axis, period in enumerate(side.native.periods):
             if period is not None:
                 shift[axis] = -period * np.floor((middle[axis] - side.bounds[axis, 0]) / period + SNAP)
-        t = np.linspace(*span, 257)
-        point = side.native.jet(curve(t))[0]
-        gap = np.linalg.norm(point - self.rows[i](t), axis=1).max()
-        edge = make_edge(self.curves[i], vertices, span, 1.05 * gap)
+        edge = make_edge(self.curves[i], vertices, span)
         attach(edge, side.face, curve2d(curve if span == self.domain else curve.clip(*span), shift))
         attach(edge, self.face, Geom2d_Line(gp_Pnt2d(0, i), gp_Dir2d(1, 0)))
-        for vertex in vertices:
-            loosen(vertex, 1.05 * gap)
         return edge
 
     def crossings(self, i: int) -> Array:
@@ -247,7 +252,7 @@ class Surgery:
                 ahead = curve.DN(at, 1)
                 entering = float(field[k] @ (ahead.X(), ahead.Y(), ahead.Z())) > 0
                 marks.append((at, vertex, entering))
-                loosen(vertex, 1.05 * project.LowerDistance())
+                loosen(vertex, MARGIN * project.LowerDistance())
             marks.sort(key=lambda mark: mark[0])
             start, end = ends(edge)
             if not marks:
@@ -280,27 +285,33 @@ class Surgery:
         ------
         RailsTooShort
             If the blend must reach further than its rails.
+        EndError
+            If it cannot end so at one end.
         """
-        low, high = (
-            endings.on_neighbour(self, end) if cap is None else endings.in_cap(self, end, cap)
-            for end, cap in enumerate(caps)
-        )
+        low, high = (self._ending(end, cap) for end, cap in enumerate(caps))
         needed = (min(low.t), max(high.t))
         if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
             raise RailsTooShort(needed)
-        self.remains = endings.remains(self, low, high, caps)
+        self.remains = end_caps.remains(self, low, high, caps)
         kept = [vertex for vertex, cap in zip(self.spine.vertices, caps, strict=True) if cap is not None]
         self.gone = [vertex for vertex in self.gone if not any(vertex.IsSame(one) for one in kept)]
         rails = []
         for i in (0, 1):
             if low.t[i] >= high.t[i]:
                 raise SizeError("the two ends of the blend meet: the size is too large for the length of the edge")
-            walls = ([*low.walls[i : i + 1]], [*high.walls[i : i + 1]])
+            walls = (low.walls[i], high.walls[i])
             rails.append(self._trim(i, (low.t[i], high.t[i]), (low.corners[i], high.corners[i]), walls))
-        endings.trim_neighbours(self, (low, high))
+        trim_neighbours(self, (*low.cuts, *high.cuts))
         uses = [*rails[0], high.edge, *(flipped(edge) for edge in reversed(rails[1])), flipped(low.edge)]
         made = [ending.cap for ending in (low, high) if ending.cap is not None]
         return self._assemble(make_wire(uses), (rails[0], rails[1]), made)
+
+    def _ending(self, end: int, cap: float | None) -> endings.Ending:
+        """End the blend at one end of the edge."""
+        try:
+            return endings.on_neighbour(self, end) if cap is None else end_caps.in_cap(self, end, cap)
+        except (SizeError, TopologyError, GeometryError) as error:
+            raise EndError(end, error) from error
 
     # -- assembling ----------------------------------------------------------------------------------------------------
 
@@ -320,7 +331,9 @@ class Surgery:
         for side, rail, ribbon in zip(sides, rails, self.blend.ribbons, strict=True):
             for edge in rail:
                 BUILDER.Continuity(edge, side, blend, FLAGS[min(ribbon.order, 2)])
-        return Proposal(with_faces(self.solid, made, self.faces, [blend, *caps]), blend, sides, rails, len(caps))
+        tolerance = settle([*made.values(), blend, *caps], self.edges, self.vertices)
+        solid = with_faces(self.solid, made, self.faces, [blend, *caps])
+        return Proposal(solid, blend, sides, rails, len(caps), tolerance)
 
     def _rebuilt(self, rewrite: Rewrite) -> TopoDS_Face:
         """Return the FORWARD face with its new boundary; wires that nothing happens to are taken over."""

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools_ReShape
 from OCP.Geom import Geom_Curve, Geom_Surface
 from OCP.Geom2d import Geom2d_Curve
@@ -37,7 +38,8 @@ from OCP.TopoDS import (
 )
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
-from cqblend.blends.primaries import Array
+from cqblend.blends.primaries import Array, unit
+from cqblend.errors import GeometryError
 
 CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
 BUILDER = BRep_Builder()
@@ -123,6 +125,25 @@ def ends_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
     first, last = BRep_Tool.Range_s(use)
     a, b = (np.array([p.X(), p.Y()]) for p in (curve.Value(first), curve.Value(last)))
     return (b, a) if use.Orientation() == TopAbs_REVERSED else (a, b)
+
+
+def direction_from(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
+    """Return the unit tangent of an edge at one of its vertices, pointing away from it."""
+    curve, sign = BRepAdaptor_Curve(edge), 1.0
+    at = curve.FirstParameter()
+    if not ends(forward(edge))[0].IsSame(vertex):
+        at, sign = curve.LastParameter(), -1.0
+    tangent = curve.DN(at, 1)
+    return sign * unit(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
+
+
+def parameters_at(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
+    """Return a vertex's (u, v) on a face, from the end of an edge of that face."""
+    for use in explore(face, TopAbs_EDGE):
+        for end, uv in zip(ends(use), ends_uv(use, face), strict=True):
+            if end.IsSame(vertex) and not BRep_Tool.Degenerated_s(use):
+                return uv
+    raise GeometryError("a vertex is not on the boundary of its face")
 
 
 def seams(face: TopoDS_Face) -> list[TopoDS_Edge]:

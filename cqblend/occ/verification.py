@@ -44,12 +44,14 @@ from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt, gp_Pnt2d
 from OCP.GProp import GProp_GProps
 from OCP.LocalAnalysis import LocalAnalysis_SurfaceContinuity
-from OCP.Standard import Standard_Failure
+from OCP.Standard import Standard_Failure, Standard_NoSuchObject
 from OCP.TopAbs import (
     TopAbs_EDGE,
     TopAbs_FACE,
+    TopAbs_FORWARD,
     TopAbs_IN,
     TopAbs_OUT,
+    TopAbs_REVERSED,
     TopAbs_ShapeEnum,
     TopAbs_SHELL,
     TopAbs_SOLID,
@@ -170,7 +172,8 @@ class Verification:
     Attributes
     ----------
     valid : bool
-        ``BRepCheck_Analyzer`` in exact mode accepts the whole shape.
+        ``BRepCheck_Analyzer`` accepts the whole shape, in its ordinary mode (which ``isValid()`` asks) and in the exact
+        one.
     closed : bool
         Every shell of a solid is closed and consistently oriented.
     volume : float
@@ -260,7 +263,7 @@ def verify(
         raise InputError("shape holds no solid: there is nothing to verify")
     body = _compound(solids)
     chosen = subshapes(body, TopAbs_FACE) if faces is None else _chosen(shape, faces)
-    complaints = flaws(shape)
+    complaints = [line for exact in (False, True) for line in _describe(shape, flaws(shape, exact=exact), exact=exact)]
     shells = _shell_problems(body)
     edges, bad_edges = _check_edges(shape, chosen, everything=faces is not None, angular_tolerance=angular_tolerance)
     plane = skew_plane(body)
@@ -268,7 +271,7 @@ def verify(
     box, bad_box = _check_box(body, chosen, plane, volume, error)
     step, bad_step = _check_step(shape, edges, plane, volume, error)
     problems = [
-        *_few(_describe(shape, complaints)),
+        *_few(complaints),
         *shells,
         *_inside_out(body),
         *_few(bad_edges),
@@ -301,7 +304,9 @@ def check_solid(
     """Look for anything wrong with a solid that was made from another by replacing a few faces.
 
     Fast, because faces that both have in common are not looked at again: a flaw that the input brought along and that
-    nobody touched is not the result's fault. All that is new must be exactly valid.
+    nobody touched is not the result's fault. All that is new must be valid in both modes of ``BRepCheck``: the
+    ordinary one, which is what a user's ``isValid()`` asks, and the exact one. A face in place of one that failed a
+    mode may fail that mode for the same reason, but not the other.
 
     Parameters
     ----------
@@ -324,9 +329,10 @@ def check_solid(
     new = [face for face in subshapes(after, TopAbs_FACE) if not index_before.Contains(face)]
     missing = [i for i, face in enumerate(new_faces, 1) if not index_after.Contains(face)]
     problems = [f"new face {i} is not in the result" for i in missing]
-    found = flaws(_compound(new))
-    if found:
-        problems += _few(_describe(after, _not_inherited(found, flaws(_compound(old)))))
+    for exact in (False, True):
+        found = flaws(_compound(new), exact=exact)
+        if found:
+            problems += _few(_describe(after, _not_inherited(found, flaws(_compound(old), exact=exact)), exact=exact))
     known = set(_shell_problems(before))
     problems += [line for line in _shell_problems(after) if line not in known]
     if not problems:
@@ -390,14 +396,27 @@ class Flaw:
     status: BRepCheck_Status
 
 
-def flaws(shape: TopoDS_Shape) -> list[Flaw]:
-    """Return what BRepCheck in exact mode complains about."""
-    analyzer = BRepCheck_Analyzer(shape, True, False, True)
+def is_valid(shape: TopoDS_Shape) -> bool:
+    """Whether ordinary BRepCheck accepts a shape: what ``isValid()`` of CadQuery and ``is_valid`` of build123d ask."""
+    return bool(BRepCheck_Analyzer(shape).IsValid())
+
+
+def flaws(shape: TopoDS_Shape, *, exact: bool = True) -> list[Flaw]:
+    """Return what BRepCheck complains about, in exact mode or in the ordinary one."""
+    analyzer = BRepCheck_Analyzer(shape, True, False, exact)
     if analyzer.IsValid():
         return []
-    return [
-        flaw for kind in _CAST for part in subshapes(shape, kind) for flaw in _flaws_of(analyzer.Result(part), part)
-    ]
+    found: dict[tuple[TopoDS_Shape, TopoDS_Shape, BRepCheck_Status], Flaw] = {}
+    for kind in _CAST:
+        for part in subshapes(shape, kind):
+            for use in (part.Oriented(TopAbs_FORWARD), part.Oriented(TopAbs_REVERSED)):
+                try:
+                    result = analyzer.Result(use)  # there is one for each orientation that the shape uses
+                except Standard_NoSuchObject:
+                    continue
+                for flaw in _flaws_of(result, part):
+                    found.setdefault((flaw.shape, flaw.context.Oriented(TopAbs_FORWARD), flaw.status), flaw)
+    return list(found.values())
 
 
 def _flaws_of(result: BRepCheck_Result, part: TopoDS_Shape) -> list[Flaw]:
@@ -437,13 +456,13 @@ def _geometry(flaw: Flaw) -> object:
     return _curve(TopoDS.Edge_s(bearer)) if bearer.ShapeType() == TopAbs_EDGE else None
 
 
-def _describe(shape: TopoDS_Shape, found: list[Flaw]) -> list[str]:
+def _describe(shape: TopoDS_Shape, found: list[Flaw], *, exact: bool = True) -> list[str]:
     """Name every flaw once."""
-    lines = []
+    lines, state = [], "exactly valid" if exact else "valid"
     for flaw in found:
         kind = flaw.shape.ShapeType()
         name = f"{kind.name.removeprefix('TopAbs_').lower()} {_index(shape, kind).FindIndex(flaw.shape)}"
-        lines.append(f"{name} is not exactly valid: {flaw.status.name.removeprefix('BRepCheck_')}")
+        lines.append(f"{name} is not {state}: {flaw.status.name.removeprefix('BRepCheck_')}")
     return list(dict.fromkeys(lines))
 
 
@@ -471,12 +490,12 @@ def _inside_out(shape: TopoDS_Shape) -> list[str]:
 
 
 def _loose(old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape, tolerance: float) -> list[str]:
-    """Name new edges whose tolerance is above the limit; an old edge, even trimmed, keeps what it had."""
-    inherited = {_curve(edge): BRep_Tool.Tolerance_s(edge) for edge in subshapes(_compound(old), TopAbs_EDGE)}
+    """Name new edges whose tolerance is above the limit; a piece of an old edge is as far off its faces as that was."""
+    inherited = {_curve(edge) for edge in subshapes(_compound(old), TopAbs_EDGE)}
     loose = [
         edge
         for edge in subshapes(_compound(new), TopAbs_EDGE)
-        if BRep_Tool.Tolerance_s(edge) > max(tolerance, inherited.get(_curve(edge), 0.0))
+        if BRep_Tool.Tolerance_s(edge) > tolerance and _curve(edge) not in inherited
     ]
     index = _index(after, TopAbs_EDGE)
     return [

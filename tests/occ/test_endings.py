@@ -1,4 +1,4 @@
-"""Flat ends: where a joint goes on past the vertex of the blended edge, or fades out before it."""
+"""Ends of open blends: natural where one face lies across the edge, flat where that cannot be, or where asked for."""
 
 import math
 from io import BytesIO
@@ -36,6 +36,10 @@ def ridge() -> cq.Shape:
     return rods[0].fuse(rods[1]).Solids()[0]
 
 
+def sharp_edge(body: cq.Shape) -> cq.Edge:
+    return next(e for e in body.Edges() if cqblend.continuity(body, e).angle > 1)
+
+
 def apex() -> cq.Shape:
     """A pyramid: four faces meet at its tip."""
     base = [cq.Vector(x, y, 0) for x, y in ((-10, -10), (10, -10), (10, 10), (-10, 10))]
@@ -45,66 +49,203 @@ def apex() -> cq.Shape:
     return cq.Solid.makeSolid(cq.Shell.makeShell(faces))
 
 
-def check(body: cq.Shape, result: cqblend.BlendResult, *, grows: bool) -> None:
-    assert result.certificate.method == "wire substitution, flat ends"
+def check(body: cq.Shape, result: cqblend.BlendResult, *, grows: bool, flat: bool = True) -> None:
+    assert result.certificate.method == "wire substitution" + ", flat ends" * flat
+    assert result.shape.isValid()
     assert BRepCheck_Analyzer(result.shape.wrapped, True, False, True).IsValid()
     assert cqblend.verify(result.shape, result.faces).ok
     assert (result.shape.Volume() > body.Volume()) == grows
 
 
+def kinds(result: cqblend.BlendResult) -> list[str]:
+    return [end.kind for end in result.certificate.ends]
+
+
 @pytest.mark.parametrize("radius", [0.5, 1.5])
 def test_a_piece_of_a_tangent_chain(radius):
+    """The caps stand at the vertices, on the smooth edges where the rounded corners begin."""
     box = rounded_box()
     before = content(box)
-    result = cqblend.blend_edges(box, top_edge(box), radius)
+    with pytest.warns(cqblend.errors.FlatEndWarning) as warned:
+        result = cqblend.blend_edges(box, top_edge(box), radius)
     check(box, result, grows=False)
     assert content(box) == before
     assert result.certificate.angle < 1e-12
-    # the caps stand across the edge a little before its ends, as large as the corner that the section cuts off
+    assert result.certificate.coverage == 1
     added = [f for f in result.shape.Faces() if f.geomType() == "PLANE" and f.Area() < radius**2]
-    assert len(added) == 2
-    where = abs(added[0].Center().x)
-    assert 11 - 0.2 * radius < where < 11
+    assert sorted(round(cap.Center().x, 9) for cap in added) == [-11, 11]
     for cap in added:
-        assert abs(abs(cap.Center().x) - where) < 1e-9
         assert abs(cap.normalAt().x) == pytest.approx(1, abs=1e-12)
         assert cap.Area() == pytest.approx((1 - math.pi / 4) * radius**2, rel=2e-3)
     removed = box.Volume() - result.shape.Volume()
-    assert removed == pytest.approx((1 - math.pi / 4) * radius**2 * 2 * where, rel=2e-3)
+    assert removed == pytest.approx((1 - math.pi / 4) * radius**2 * 22, rel=2e-3)
+    # each end is told, with its vertex, the face there, the cause and the way out; at the line of the caller
+    assert kinds(result) == ["flat", "flat"]
+    points = [box.Vertices()[end.vertex - 1].toTuple() for end in result.certificate.ends]
+    assert sorted(points) == [(-11, -10, 5), (11, -10, 5)]
+    assert len(warned) == 2
+    for warning, end, (x, y, z) in zip(warned, result.certificate.ends, points, strict=True):
+        text = str(warning.message)
+        assert f"vertex {end.vertex} at ({x:g}, {y:g}, {z:g}), beside face" in text
+        assert end.cause == "the joint goes on there: another edge leaves in the same direction"
+        assert end.cause in text
+        assert "smaller size" in text
+        assert warning.filename == __file__
+    assert "has a flat end at vertex" in str(result.certificate)
 
 
-def test_the_edges_at_the_vertex_stay_whole():
+def test_flat_ends_where_asked_for_may_stand_before_the_vertex():
+    """The ridge of a ship's bow fades out: a cap stands as near to its end as it can, and coverage says where."""
+    body = ridge()
+    edge = sharp_edge(body)
+    with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ .* at t = 0 .*ends=\"flat\""):
+        cqblend.blend_edges(body, edge, 0.8)
+    result = cqblend.blend_edges(body, edge, 0.8, ends="flat")
+    check(body, result, grows=True)
+    assert result.certificate.angle < 1e-7
+    assert 0.5 < result.certificate.coverage < 0.999
+    length = 2 * edge.Length() * (1 - result.certificate.coverage)  # the joint goes on in a second, equal edge
+    assert sum(end.before for end in result.certificate.ends) == pytest.approx(length, rel=1e-6)
+    assert f"covers {result.certificate.coverage:.1%}" in str(result.certificate)
+
+
+def test_a_pair_of_ends_runs_as_the_edge_does():
+    box = cq.Workplane().box(30, 20, 10).val()
+    edge = top_edge(box)
+    for picked in (edge, cq.Edge(edge.wrapped.Reversed())):
+        result = cqblend.blend_edges(box, picked, 2, ends=("natural", "flat"))
+        (start,) = (end for end in result.certificate.ends if end.kind == "natural")
+        assert box.Vertices()[start.vertex - 1].Center() == picked.startPoint()
+        assert result.certificate.coverage < 1
+        assert cqblend.verify(result.shape, result.faces).ok
+
+
+def test_what_is_no_end_is_refused():
+    box = cq.Workplane().box(30, 20, 10).val()
+    with pytest.raises(cqblend.errors.InputError, match="ends must be 'auto' or 'natural' or 'flat', not 'round'"):
+        cqblend.blend_edges(box, top_edge(box), 2, ends="round")
+    with pytest.raises(cqblend.errors.InputError, match="one for each end of the edge, not 3 values"):
+        cqblend.blend_edges(box, top_edge(box), 2, ends=("flat",) * 3)
+
+
+def test_natural_ends_raise_where_they_cannot_be():
     box = rounded_box()
-    result = cqblend.blend_edges(box, top_edge(box), 1)
-    lengths = sorted(edge.Length() for edge in box.Edges())
-    left = sorted(edge.Length() for edge in result.shape.Edges())
-    for length in lengths:
-        if abs(length - 22) > 1e-9:  # of the blended edge a little is left at either end
-            nearest = min(left, key=lambda other: abs(other - length))
-            assert nearest == pytest.approx(length, abs=1e-12)
+    with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ at .* goes on there"):
+        cqblend.blend_edges(box, top_edge(box), 1, ends="natural")
+
+
+# Vertices of mixed convexity: an edge of the end face must be lengthened to where the blend ends on it.
+
+
+def flush_step(wall: str) -> cq.Shape:
+    """An L-shaped extrusion: the edges along its leg end at the wall, flush with the sides of the leg."""
+    outline = cq.Workplane().lineTo(40, 0).lineTo(40, 10).lineTo(10, 10)
+    if wall == "spline":
+        outline = outline.spline([(12, 20), (9, 30), (11, 40)], includeCurrent=True).lineTo(0, 40)
+    elif wall == "arc":
+        outline = outline.threePointArc((13, 25), (10, 40)).lineTo(0, 40)
+    else:
+        outline = outline.lineTo(10, 40).lineTo(0, 40)
+    return outline.close().extrude(20).val()
+
+
+@pytest.mark.parametrize("wall", ["plane", "arc", "spline"])
+def test_an_edge_that_ends_at_a_flush_wall(wall):
+    """The blend cuts into the wall's own border, which goes on to where the blend meets it: one unique way to end."""
+    body = flush_step(wall)
+    edge = min(body.Edges(), key=lambda e: (e.Center() - cq.Vector(25, 10, 20)).Length)
+    before = content(body)
+    result = cqblend.blend_edges(body, edge, 3)
+    assert content(body) == before
+    check(body, result, grows=False, flat=False)
+    assert kinds(result) == ["natural", "natural"]
+    removed = cqblend.verify(body).volume - cqblend.verify(result.shape).volume
+    if wall == "plane":
+        assert removed == pytest.approx((1 - math.pi / 4) * 9 * 30, rel=2e-3)
+    # the far corner of the blend lies on the side of the leg, below the vertex, and on the wall's surface
+    wall_face = next(f for f in result.shape.Faces() if (f.Center() - wall_centre(body)).Length < 1)
+    lowest = min(wall_face.Vertices(), key=lambda v: (v.Center() - cq.Vector(10, 7, 20)).Length)
+    assert abs(lowest.Y - 7) < 1e-6
+    assert abs(lowest.Z - 20) < 1e-9
+
+
+def wall_centre(body: cq.Shape) -> cq.Vector:
+    return min(body.Faces(), key=lambda f: (f.Center() - cq.Vector(11, 25, 10)).Length).Center()
+
+
+def lug() -> tuple[cq.Shape, cq.Edge]:
+    """A boss tangent to the sides of its plate, and its foot."""
+    plate = cq.Workplane().box(40, 26, 9, centered=(False, True, False))
+    body = plate.union(cq.Workplane().center(40, 0).circle(13).extrude(24)).clean().val()
+    return body, next(e for e in body.Edges() if e.geomType() == "CIRCLE" and abs(e.Center().z - 9) < 1e-6)
+
+
+@pytest.mark.parametrize("radius", [1, 3, 5, 9])
+def test_the_foot_of_a_lug_runs_out_on_its_tangent_sides(radius):
+    """The fillet is cut off by the planes of the sides, into which the boss goes on smoothly."""
+    body, foot = lug()
+    result = cqblend.blend_edges(body, foot, radius)
+    assert result.certificate.method == "wire substitution"
+    assert result.certificate.coverage == 1
+    assert kinds(result) == ["natural", "natural"]
+    assert result.shape.isValid()
+    assert BRepCheck_Analyzer(result.shape.wrapped, True, False, True).IsValid()
+    assert result.certificate.edge_tolerance < 5e-7
+    assert result.shape.BoundingBox().ymax == pytest.approx(13, abs=1e-6)
+    (blend,) = result.faces
+    t, v = np.meshgrid(np.linspace(0.2, 0.8, 9), np.linspace(0, 1, 17), indexing="ij")
+    low, high = blend._uvBounds()[:2]
+    for u, w in zip((low + t * (high - low)).ravel().tolist(), v.ravel().tolist(), strict=True):
+        x, y, z = blend._geomAdaptor().Value(u, w).Coord()
+        distance = math.hypot(13 + radius - math.hypot(x - 40, y), 9 + radius - z)  # from the middle of the ball
+        assert distance == pytest.approx(radius, rel=1e-3)
+
+
+def test_the_foot_of_a_lug_adds_up():
+    body, foot = lug()
+    result = cqblend.blend_edges(body, foot, 3)
+    check(body, result, grows=True, flat=False)
+    rho = np.linspace(13, 16, 20001)
+    height = 3 - np.sqrt(9 - (16 - rho) ** 2)
+    exact = np.trapezoid(height * rho * 2 * np.arcsin(13 / rho), rho)  # of the ball's own fillet, between the sides
+    added = cqblend.verify(result.shape).volume - cqblend.verify(body).volume
+    assert added == pytest.approx(exact, rel=2e-3)
+
+
+def test_one_end_fails_and_the_other_is_natural():
+    """A plate on one with a rounded corner: the blend has a face to end on above, and below one of no depth."""
+    low = cq.Workplane().box(90, 80, 6, centered=(True, True, False)).edges("|Z and >X and >Y").fillet(9)
+    body = low.union(cq.Workplane().box(90, 80, 6, centered=(True, True, False)).translate((0, 0, 6))).val()
+    edge = min(body.Edges(), key=lambda e: (e.Center() - cq.Vector(45, 40, 9)).Length)
+    with pytest.raises(cqblend.errors.SizeError, match="nothing would remain of edge"):
+        cqblend.blend_edges(body, edge, 9)
+    up = edge.startPoint().z < edge.endPoint().z
+    result = cqblend.blend_edges(body, edge, 9, ends=("flat", "natural") if up else ("natural", "flat"))
+    check(body, result, grows=False)
+    flat, natural = sorted(result.certificate.ends, key=lambda end: end.kind)
+    assert body.Vertices()[natural.vertex - 1].Z == 12
+    assert result.certificate.coverage == pytest.approx(1 - flat.before / 6)
+    smaller = cqblend.blend_edges(body, edge, 8)
+    check(body, smaller, grows=False, flat=False)
+    assert smaller.certificate.coverage == 1
 
 
 def test_a_concave_piece():
     """The foot of a rounded box on a plate: straight and curved pieces in turn."""
     body = cq.Workplane().box(60, 60, 6).union(cq.Workplane().box(30, 20, 20).edges("|Z").fillet(4)).val().Solids()[0]
     edge = next(e for e in body.Edges() if (e.Center() - cq.Vector(0, -10, 3)).Length < 1e-6)
-    check(body, cqblend.blend_edges(body, edge, 2), grows=True)
-
-
-def test_a_joint_that_fades_out():
-    body = ridge()
-    sharp = [e for e in body.Edges() if len(e.ancestors(body, "Face").Faces()) == 2 and e.geomType() == "ELLIPSE"]
-    if not sharp:
-        sharp = [e for e in body.Edges() if cqblend.continuity(body, e).angle > 1]
-    result = cqblend.blend_edges(body, sharp[0], 0.8)
+    with pytest.warns(cqblend.errors.FlatEndWarning):
+        result = cqblend.blend_edges(body, edge, 2)
     check(body, result, grows=True)
-    assert result.certificate.angle < 1e-7
+    assert result.certificate.coverage == 1
 
 
 def test_a_vertex_of_many_faces():
     body = apex()
     edge = max(body.Edges(), key=lambda e: e.Center().z if e.Length() > 1 else -1)
-    result = cqblend.blend_edges(body, edge, 1)
+    with pytest.raises(cqblend.errors.TopologyError, match="takes one further face, across the edge, not 2"):
+        cqblend.blend_edges(body, edge, 1)
+    result = cqblend.blend_edges(body, edge, 1, ends="flat")
     assert cqblend.verify(result.shape, result.faces).ok
     ends = np.array([vertex.toTuple() for vertex in result.shape.Vertices()])
     assert ends[:, 2].max() == pytest.approx(12, abs=1e-9)

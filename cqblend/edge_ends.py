@@ -1,0 +1,179 @@
+"""How an open blend is to end: what is asked, in which order it is tried, and where its rails and caps must reach.
+
+An end is *natural*, on the one face that crosses the edge at its vertex, or *flat*, in a planar cap across the edge: at
+the vertex, or, only where that is asked for, some way before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from cqblend.blends.contact import Solver, intersect
+from cqblend.certificate import EndRecord
+from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
+from cqblend.occ.end_curves import EndError
+from cqblend.occ.joint import Joint
+from cqblend.request import EndWanted
+
+BEFORE = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
+ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
+LONGEST = 0.3  # of the edge: more than that no cap leaves open at one end
+
+How = Literal["natural", "flat at the vertex", "flat"]
+WAYS: dict[EndWanted, tuple[How, ...]] = {
+    "auto": ("natural", "flat at the vertex"),
+    "natural": ("natural",),
+    "flat": ("flat",),
+}
+
+
+@dataclass(frozen=True)
+class EndPlan:
+    """How a blend ends at t = 0 and at t = 1: in caps at these t, or naturally (None); and the range of its rails."""
+
+    how: tuple[How, How]
+    caps: tuple[float | None, float | None]
+    domain: tuple[float, float]
+
+    @classmethod
+    def natural(cls, domain: tuple[float, float]) -> EndPlan:
+        """Return the plan of natural ends."""
+        return cls(("natural", "natural"), (None, None), domain)
+
+    @property
+    def coverage(self) -> float:
+        """The share of the edge that is blended."""
+        first, last = self.caps
+        return (1.0 if last is None else last) - (first or 0.0)
+
+
+class Attempts:
+    """Which ends to try, the wanted ones first; what failed at one end is not tried again with another at the other.
+
+    Iterate, and tell with :meth:`fail` why an attempt failed.
+    """
+
+    def __init__(self, wanted: tuple[EndWanted, EndWanted]) -> None:
+        self._wanted = wanted
+        self._combinations = list(product(WAYS[wanted[0]], WAYS[wanted[1]]))
+        self._failed: dict[tuple[int, How], CqblendError] = {}
+        self._errors: list[CqblendError] = []
+
+    def __iter__(self) -> Iterator[tuple[How, How]]:
+        for how in self._combinations:
+            if not any((end, how[end]) in self._failed for end in (0, 1)):
+                yield how
+
+    def fail(self, how: tuple[How, How], error: CqblendError) -> None:
+        """Remember why an attempt failed."""
+        if isinstance(error, EndError):
+            self._failed.setdefault((error.end, how[error.end]), error.cause)
+            error = error.cause
+        self._errors.append(error)
+
+    def cause(self, end: int) -> str:
+        """Return why the first choice at an end was not to be had."""
+        natural: tuple[int, How] = (end, "natural")
+        return str(self._failed[natural] if natural in self._failed else self._errors[0])
+
+    def error(self, joint: Joint) -> CqblendError:
+        """Return the error to raise when nothing came of any: the first one, and why a flat end was no way out."""
+        for end in (0, 1):
+            failures = {how: error for (where, how), error in self._failed.items() if where == end}
+            if len(failures) == len(WAYS[self._wanted[end]]):
+                first, *others = failures.values()
+                others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
+                way = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
+                return type(first)(f"the blend cannot end at {joint.name_end(end)}: {first}{others_too}{way}")
+        return self._errors[0]
+
+
+def plan_ends(joint: Joint, solve: Solver, how: tuple[How, How]) -> EndPlan:
+    """Return where the ends of an open blend stand, each as it is to be.
+
+    Rails reach the planes of the faces at their ends, or of the caps, and a little more.
+
+    Raises
+    ------
+    EndError
+        One of them cannot be so.
+    """
+    length = joint.spine.length
+    reach = float(solve(np.array([0.5])).reach.max())
+    caps: list[float | None] = []
+    domain = []
+    for end, way in enumerate(how):
+        sign = 1.0 if end else -1.0
+        try:
+            if way == "natural":
+                caps.append(None)
+                domain.append(end + sign * (_past(joint, solve, end) + reach / 5) / length)
+            else:
+                cap = _cap(joint, solve, end, reach, BEFORE if way == "flat" else BEFORE[:1])
+                caps.append(cap)
+                domain.append(cap + sign * 0.02 * reach / length)
+        except (TopologyError, SizeError, GeometryError) as error:
+            raise EndError(end, error) from error
+    return EndPlan(how, (caps[0], caps[1]), (domain[0], domain[1]))
+
+
+def record_ends(joint: Joint, plan: EndPlan, cause: Callable[[int], str] = str) -> tuple[EndRecord, ...]:
+    """Return the certificate's records of both ends; ``cause`` tells of one at the vertex why it is flat."""
+    records = []
+    for end, (how, cap) in enumerate(zip(plan.how, plan.caps, strict=True)):
+        before = 0.0 if cap is None else abs(end - cap) * joint.spine.length
+        why = cause(end) if how == "flat at the vertex" else ""
+        kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
+        records.append(EndRecord(joint.edge, joint.vertex_number(end), kind, before, why))
+    return tuple(records)
+
+
+def warn_of_flat_ends(joint: Joint, ends: tuple[EndRecord, ...]) -> None:
+    """Warn of ends that are flat without having been asked to be."""
+    for end, record in enumerate(ends):
+        if record.cause:
+            warn(
+                FlatEndWarning(
+                    f"edge {joint.edge}: the blend ends in a flat cap at {joint.name_end(end)}: {record.cause}. A "
+                    "smaller size may help, or to blend before the edges there are rounded; "
+                    'ends="natural" makes this an error'
+                )
+            )
+
+
+def _past(joint: Joint, solve: Solver, end: int) -> float:
+    """Return how far past the end of the edge (mm) the rails meet the plane of the face there."""
+    corner, normal = joint.end_plane(end)
+    t = np.array([float(end)])
+    try:
+        contacts = solve(t)
+    except (GeometryError, SizeError) as error:
+        raise TopologyError("the joint fades out before it gets there") from error
+    direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
+    across = float(direction @ normal)
+    if abs(across) < ALONG:  # the face runs along the edge: the rails meet it before the end, or at it
+        return 0.0
+    points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
+    return max([0.0, *(float((corner - point) @ normal) / across for point in points)])
+
+
+def _cap(joint: Joint, solve: Solver, end: int, reach: float, steps: tuple[float, ...]) -> float:
+    """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
+    error: CqblendError | None = None
+    for back in steps:
+        step = back * reach / joint.spine.length
+        if step > LONGEST:
+            break
+        t = np.array([end + step if end == 0 else end - step])
+        try:
+            stations = intersect(joint.sides, joint.stations(t), joint.spine.length)
+            joint.check_cap(solve(t), stations, end)
+            return float(t[0])
+        except CqblendError as failure:
+            error = error or failure
+    raise TopologyError(f"there is no room for a flat end: {error}")

@@ -1,0 +1,116 @@
+"""How far the curves of an edge lie apart, and the tolerance that says so.
+
+A STEP reader gives an edge the deviation of its curve and parameter curves at 23 parameters, and ordinary ``BRepCheck``
+looks at the same 23; between them they may part by a thousand times as much. Cut such an edge, and it is looked at
+elsewhere: a body that was valid no longer is, through no fault of the cut. So every edge that surgery makes or cuts is
+measured along its whole length, by OCCT's own search for the largest deviation, and gets the tolerance that it needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
+from OCP.BRep import BRep_Tool
+from OCP.BRepLib import BRepLib_ValidateEdge
+from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
+from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
+
+from cqblend.blends.primaries import tangent_coordinates
+from cqblend.errors import GeometryError
+from cqblend.occ import bulk
+from cqblend.occ.adapt import face_side
+from cqblend.occ.topology import BUILDER, Index, ends, explore, loosen
+from cqblend.splines import fit
+
+MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
+COARSE = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
+FEET, STEPS = 257, 4  # points of an edge whose feet on a face are looked for, and steps that this takes
+
+
+def deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
+    """Return the largest distance (mm) between an edge's curve and the image of its parameter curve on a face.
+
+    Both at the same parameter, if the edge claims as much, along all of the edge. The orientation of the use tells the
+    two sides of a seam apart. 0 of a degenerate edge.
+
+    Raises
+    ------
+    GeometryError
+        If the edge has no parameter curve on the face, or OCCT cannot compare them.
+    """
+    curve, pcurve = BRep_Tool.Curve_s(use, 0.0, 0.0), BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
+    if BRep_Tool.Degenerated_s(use) or curve is None:
+        return 0.0
+    if pcurve is None:
+        raise GeometryError("an edge has no curve in the parameters of its face: repair the shape first (ShapeFix)")
+    on_face = Adaptor3d_CurveOnSurface(
+        Geom2dAdaptor_Curve(pcurve, *BRep_Tool.Range_s(use, face)), GeomAdaptor_Surface(BRep_Tool.Surface_s(face))
+    )
+    search = BRepLib_ValidateEdge(
+        GeomAdaptor_Curve(curve, *BRep_Tool.Range_s(use)), on_face, BRep_Tool.SameParameter_s(use)
+    )
+    search.SetExactMethod(True)
+    search.Process()
+    if not search.IsDone():
+        raise GeometryError("OCCT cannot tell how far an edge lies from its curve on a face")
+    return float(search.GetMaxDistance())
+
+
+def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
+    """Replace an edge's parameter curve on a face by one through the feet of the edge's points, if that is much nearer.
+
+    It helps where the face holds the edge's curve and the parameter curve alone is coarse. ``strays`` is how far the
+    curves lie apart, and what is returned is how far they do then (mm).
+    """
+    old = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
+    span: tuple[float, float] = BRep_Tool.Range_s(use)
+    if span != BRep_Tool.Range_s(use, face) or BRep_Tool.IsClosed_s(use, face):
+        return strays
+    t = np.linspace(span[0], span[1], FEET)
+    curve = BRep_Tool.Curve_s(use, 0.0, 0.0)
+    points = np.array([curve.Value(x).Coord() for x in t.tolist()])
+    start = uv = np.array([old.Value(x).Coord() for x in t.tolist()])
+    surface = face_side(face, points[:1]).native
+    for _ in range(STEPS):
+        jet = surface.jet(uv)
+        uv = uv + tangent_coordinates(jet, points - jet[0])
+    found, before = surface.jet(uv)[0], surface.jet(start)[0]
+    off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
+    if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
+        return strays
+    degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
+    BUILDER.UpdateEdge(use, bulk.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
+    strays_now = deviation(use, face)
+    if strays_now < strays / 2:
+        return strays_now
+    BUILDER.UpdateEdge(use, old, face, BRep_Tool.Tolerance_s(use))
+    return strays
+
+
+def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> float:
+    """Raise the tolerance of every edge of faces that is not among the input's ``edges`` to what its curves need.
+
+    Its parameter curves are fitted again first where that brings them much nearer. New vertices follow. Edges and
+    vertices of the input are shared with it, and stay as they are. Returns the largest tolerance of an edge that is not
+    the input's (mm).
+    """
+    largest = 0.0
+    for face in faces:
+        for use in explore(face, TopAbs_EDGE):
+            if edges.of(use):
+                continue
+            strays = deviation(use, face)
+            if strays > COARSE:
+                strays = refit_pcurve(use, face, strays)
+            needed = MARGIN * strays
+            if needed > BRep_Tool.Tolerance_s(use):
+                BUILDER.UpdateEdge(use, needed)
+            largest = max(largest, BRep_Tool.Tolerance_s(use))
+            for vertex in ends(use):
+                if not vertices.of(vertex):
+                    loosen(vertex, BRep_Tool.Tolerance_s(use))
+    return largest

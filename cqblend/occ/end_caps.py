@@ -1,0 +1,171 @@
+"""Flat caps: planar faces across the edge, for blends that end where no face crosses the edge.
+
+A cap is bounded by the end curve X of the blend and by a wall on each side, from the corners of the blend down to the
+edge: a curve inside the side face, or the part of an edge of the input that lies in the cap's plane.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.Geom import Geom_Plane
+from OCP.GeomAPI import GeomAPI
+from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.contact import intersect, newton
+from cqblend.blends.primaries import Array, Frame, Plane, unit
+from cqblend.errors import TopologyError
+from cqblend.occ.edge_accuracy import MARGIN
+from cqblend.occ.end_curves import edge_between, end_curve, end_edge, fitted, span_of
+from cqblend.occ.endings import Ending
+from cqblend.occ.neighbour_edges import Cut, border_in_plane, foot_on
+from cqblend.occ.topology import (
+    BUILDER,
+    attach,
+    ends,
+    flipped,
+    forward,
+    location_of,
+    loosen,
+    make_face,
+    make_vertex,
+    make_wire,
+    trimmed,
+)
+from cqblend.splines import Curve
+
+if TYPE_CHECKING:
+    from cqblend.occ.surgery import Surgery
+
+
+def in_cap(surgery: Surgery, end: int, t: float) -> Ending:
+    """End the blend in a flat cap in the plane across the edge at t.
+
+    Raises
+    ------
+    TopologyError
+        If the blend does not meet that plane, or the edge's vertex is too far from the surfaces for a cap there.
+    """
+    at = np.array([t])
+    stations = intersect(surgery.sides, surgery.spine.stations(at, surgery.sides), surgery.spine.length)
+    foot, tau = stations.point[0], stations.direction[0]
+    first, second = (row(at)[0] for row in surgery.rows)
+    loop = np.cross(second - first, foot - first) @ tau  # X runs ahead in the boundary of the cap at the far end
+    normal = tau * (np.sign(loop) * (1.0 if end else -1.0))
+    across = (second - first) - (second - first) @ tau * tau
+    x = unit(across)
+    plane = Plane(Frame(foot, np.array([x, np.cross(normal, x), normal])))
+    surface = Geom_Plane(gp_Ax3(gp_Pnt(*foot.tolist()), gp_Dir(*normal.tolist()), gp_Dir(*x.tolist())))
+    cap = make_face(surface)
+    curve = end_curve(surgery, plane, foot, np.zeros(2), t)
+    edge, corners = end_edge(surgery, curve, cap)
+    vertex = _foot_vertex(surgery, end, t, foot)
+    walls: tuple[list[TopoDS_Edge], list[TopoDS_Edge]] = ([], [])
+    bounds, cuts = [], []
+    for i, (side, corner) in enumerate(zip(surgery.sides, corners, strict=True)):
+        border = border_in_plane(side.face, vertex, surgery.spine.edges, tau, location_of(corner)) if t == end else None
+        if border is None:
+            foot_uv = stations.uv[i], surgery.spine.on_face(at, side.face)
+            walls[i].append(_wall(surgery, i, foot_uv, curve, plane, cap, (vertex, corner)))
+            bounds += walls[i]
+            continue
+        piece, wall = _cut_off(border, vertex, corner)
+        attach(piece, cap, GeomAPI.To2d_s(BRep_Tool.Curve_s(piece, 0.0, 0.0), surface.Pln()))
+        bounds.append(wall)
+        first, second = surgery.faces_at_edge(border)
+        cuts.append(Cut(end, border, vertex, corner, (first, second), piece, side.face))
+    uses = [edge, flipped(bounds[1]), bounds[0]] if end else [flipped(edge), flipped(bounds[0]), bounds[1]]
+    BUILDER.Add(cap, make_wire(uses))
+    return Ending(edge, corners, span_of(curve), vertex, tuple(cuts), walls, cap)
+
+
+def _cut_off(edge: TopoDS_Edge, vertex: TopoDS_Vertex, corner: TopoDS_Vertex) -> tuple[TopoDS_Edge, TopoDS_Edge]:
+    """Return the part of a FORWARD edge between its vertex and a corner: FORWARD, and from the vertex to the corner."""
+    first, last = BRep_Tool.Range_s(edge)
+    at, distance = foot_on(edge, corner)
+    loosen(corner, MARGIN * distance)
+    if ends(edge)[0].IsSame(vertex):
+        piece = trimmed(edge, (vertex, corner), (first, at))
+        return piece, piece
+    piece = trimmed(edge, (corner, vertex), (at, last))
+    return piece, flipped(piece)
+
+
+def _foot_vertex(surgery: Surgery, end: int, t: float, foot: Array) -> TopoDS_Vertex:
+    """Return the edge's own vertex if the cap stands there, else a new one on the edge."""
+    if t == end:
+        vertex = surgery.spine.vertices[end]
+        if np.linalg.norm(location_of(vertex) - foot) > BRep_Tool.Tolerance_s(vertex):
+            raise TopologyError("the edge's vertex is too far from its faces for a blend to end there")
+        return vertex
+    on_edge = surgery.spine.points(np.array([t]))[0]
+    return make_vertex(foot, MARGIN * float(np.linalg.norm(on_edge - foot)))
+
+
+def _wall(
+    surgery: Surgery,
+    i: int,
+    foot_uv: tuple[Array, Array],
+    end_curve: Curve,
+    plane: Plane,
+    cap: TopoDS_Face,
+    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+) -> TopoDS_Edge:
+    """Make the edge in which side i meets the plane of a cap, from the edge point to corner i.
+
+    ``foot_uv`` are the edge point's parameters on the primary, and, to a tolerance, the face's own.
+    """
+    side, (uv, on_edge) = surgery.sides[i], foot_uv
+    t, corner = end_curve(np.array([float(i)]))[0, [0]], end_curve(np.array([float(i)]))[0, 4:]
+    foot = plane.frame.origin
+    start, stop = side.beside(side.own(uv), on_edge), side.beside(surgery.pcurves[i](t), on_edge)
+    chord, normal = corner - foot, plane.frame.axes[2]
+    length = float(np.linalg.norm(chord))
+
+    def exact(s: Array) -> Array:
+        def system(x: Array) -> tuple[Array, Array, Array]:
+            jet = side.native.jet(x)
+            offset = jet[0] - foot
+            residual = np.stack([offset @ normal, offset @ chord / length - s * length], -1)
+            jacobian = np.stack([np.stack([rate @ normal, rate @ chord / length], -1) for rate in jet[1:3]], -1)
+            return residual, jacobian, np.linalg.norm(jet[1:3], axis=2).T
+
+        x, good = newton(system, start + s[:, None] * (stop - start), length, length)
+        if not good.all():
+            raise TopologyError("a flat cap at the end of the edge does not cross its faces cleanly")
+        point = side.native.jet(x)[0]
+        return np.column_stack([x, (point - foot) @ plane.frame.axes[:2].T, point])
+
+    def error(values: Array, _: Array) -> float:
+        on_face, on_plane = side.native.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
+        return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
+
+    return edge_between(fitted(exact, error), vertices, side.face, cap)
+
+
+def remains(
+    surgery: Surgery, low: Ending, high: Ending, caps: tuple[float | None, float | None]
+) -> dict[int, list[TopoDS_Edge]]:
+    """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
+    spine = surgery.spine
+    stops = np.append(0.0, np.cumsum([piece.length for piece in spine.pieces])) / spine.length
+    first, last = caps[0] or 0.0, 1.0 if caps[1] is None else caps[1]
+    left: dict[int, list[TopoDS_Edge]] = {}
+    for edge, start, stop in zip(spine.edges, stops[:-1], stops[1:], strict=True):
+        if stop <= first or start >= last:
+            continue
+        pieces = left.setdefault(surgery.edges.of(edge), [])
+        for t, ending, before in ((first, low, True), (last, high, False)):
+            if start < t < stop:
+                at = float(spine.locate(np.array([t]))[1][0])
+                head = before == (edge.Orientation() == forward(edge).Orientation())
+                span, own = BRep_Tool.Range_s(edge), ends(TopoDS.Edge_s(forward(edge)))
+                pieces.append(
+                    trimmed(edge, (own[0], ending.vertex), (span[0], at))
+                    if head
+                    else trimmed(edge, (ending.vertex, own[1]), (at, span[1]))
+                )
+    return left

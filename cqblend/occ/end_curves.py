@@ -1,0 +1,169 @@
+"""Curves in which two surfaces meet, solved point by point and fitted: the ends of a blend, and edges around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.contact import newton, normal_jet
+from cqblend.blends.primaries import Array, Primary, tangent_coordinates
+from cqblend.errors import CqblendError, TopologyError
+from cqblend.occ import bulk
+from cqblend.occ.topology import attach, make_edge, make_vertex
+from cqblend.splines import Curve, Surface, fit
+
+if TYPE_CHECKING:
+    from cqblend.occ.surgery import Surgery
+
+FITTED = 1e-9  # mm: such curves are fitted until they lie on both their faces to this, if they can
+MOST = 64  # times six spans of such a curve
+
+
+class EndError(CqblendError):
+    """One end of a blend cannot be built: ``end`` is 0 or 1, and ``cause`` is why."""
+
+    def __init__(self, end: int, cause: CqblendError) -> None:
+        super().__init__(str(cause))
+        self.end = end
+        self.cause = cause
+
+
+def span_of(curve: Curve) -> tuple[float, float]:
+    """Return the t of the rails at which an end curve starts and stops."""
+    first, last = curve(np.array([0.0, 1.0]))[:, 0]
+    return float(first), float(last)
+
+
+def fitted(exact: Callable[[Array], Array], error: Callable[[Array, Array], float]) -> Curve:
+    """Interpolate a curve on [0, 1]: one cubic if that is right, else C2 cubics on as many spans as it takes."""
+    count = 1
+    while True:
+        v = np.linspace(0, 1, 6 * count + 1)
+        values = exact(v)
+        curve = _cubic(values) if count == 1 else fit.interpolate(v[::2], values[::2])
+        if error(curve(v), v) <= FITTED or count >= MOST:
+            return curve
+        count *= 2
+
+
+def _cubic(values: Array) -> Curve:
+    """Return the cubic on [0, 1] through values at 0, 1/3, 2/3 and 1, the even ones of (7, k)."""
+    q = values[::2]
+    coefs = [
+        q[0],
+        (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6,
+        (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6,
+        q[3],
+    ]
+    return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
+
+
+def end_curve(
+    surgery: Surgery, native: Primary, corner: Array, at: Array, start: float, tangent: int | None = None
+) -> Curve:
+    """Return the curve v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1].
+
+    ``corner`` is a point of N near the end, of parameters ``at``; t is looked for from ``start``. Where the face on
+    side ``tangent`` (0 or 1) goes on smoothly into N, the blend touches N where its rail crosses over.
+
+    Raises
+    ------
+    TopologyError
+        If the blend does not meet N all the way.
+    """
+    surface = surgery.blend.surface
+    size = float(np.linalg.norm(surface(start, 0.0) - surface(start, 1.0)))
+    touch, slope = (None, 0.0) if tangent is None else _touching(surface, native, at, start, tangent)
+    if touch is not None:
+        start, at, corner = float(touch[0]), touch[1:], native.jet(touch[None, 1:])[0, 0]
+
+    def exact(v: Array) -> Array:
+        def system(x: Array) -> tuple[Array, Array, Array]:
+            h = surface.jet(x[:, 0], v, 1)
+            n = native.jet(x[:, 1:])
+            jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
+            return h[0, 0] - n[0], jacobian, np.linalg.norm(jacobian, axis=1)
+
+        t = start + slope * (v - (tangent or 0))
+        offset = surface(t, v) - corner
+        guess = at + tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
+        x, good = newton(system, np.column_stack([t, guess]), size, size)
+        if touch is not None:  # where the equations are singular, and the solution is known
+            x[v == tangent], good[v == tangent] = touch, True
+        if not good.all():
+            raise TopologyError("the blend does not meet the face there all across: the size is too large for it")
+        return np.column_stack([x[:, 0], v, x[:, 1:], native.jet(x[:, 1:])[0]])
+
+    def error(values: Array, v: Array) -> float:
+        on_blend, on_face = surface(values[:, 0], v), native.jet(values[:, 2:4])[0]
+        return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_face)))
+
+    return fitted(exact, error)
+
+
+def _touching(surface: Surface, native: Primary, at: Array, start: float, side: int) -> tuple[Array, float]:
+    """Return (t, a, b) at which rail ``side`` of a blend H touches N(a, b), and dt/dv of the curve in which H meets N.
+
+    The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the
+    second derivative of g vanishes, into the blend.
+    """
+    v = np.array([float(side)])
+
+    def system(x: Array) -> tuple[Array, Array, Array]:
+        h, n = surface.jet(x[:, 0], v, 2), native.jet(x[:, 1:])
+        away, rate = h[0, 0] - n[0], h[1, 0]
+        normal, normal_a, normal_b = normal_jet(n)
+        rows = [
+            [rate * n[1], away * n[3] - n[1] * n[1], away * n[4] - n[1] * n[2]],
+            [rate * n[2], away * n[4] - n[1] * n[2], away * n[5] - n[2] * n[2]],
+            [h[2, 0] * normal, rate * normal_a, rate * normal_b],
+        ]
+        residual = np.stack([(away * n[1]).sum(1), (away * n[2]).sum(1), (rate * normal).sum(1)], axis=1)
+        jacobian = np.stack([np.stack([entry.sum(1) for entry in row], axis=1) for row in rows], axis=1)
+        return residual, jacobian, np.linalg.norm(np.stack([rate, n[1], n[2]], axis=2), axis=1)
+
+    rate = surface.jet(np.array([start]), v, 1)[1, 0]
+    speed = float(np.linalg.norm(rate))
+    x, good = newton(system, np.array([[start, *at]]), speed**2, speed)
+    if not good.all():
+        raise TopologyError("the blend does not run out on the face there")
+    h, n = surface.jet(x[:, 0], v, 2), native.jet(x[:, 1:])
+    normal = normal_jet(n)[0]
+    steps = [tangent_coordinates(n, h[1, 0])[0], tangent_coordinates(n, h[0, 1])[0]]
+    bend = (np.array([[n[3], n[4]], [n[4], n[5]]])[:, :, 0] * normal).sum(axis=-1)
+
+    def second(i: int, j: int) -> float:
+        along = (h[2, 0], h[1, 1], h[0, 2])[i + j]
+        return float((along * normal).sum() - steps[i] @ bend @ steps[j])
+
+    roots = np.roots([second(0, 0), 2 * second(0, 1), second(1, 1)])
+    into = [float(root) for root in roots.real if root * (0.5 - side) * (0.5 - start) > 0]
+    if np.iscomplex(roots).any() or not into:
+        raise TopologyError("the blend does not run out on the face there")
+    return x[0], min(into, key=abs)
+
+
+def end_edge(
+    surgery: Surgery, curve: Curve, face: TopoDS_Face
+) -> tuple[TopoDS_Edge, tuple[TopoDS_Vertex, TopoDS_Vertex]]:
+    """Make the edge of an end curve, with its pcurves on the blend and on the face it ends on."""
+    first, last = curve(np.array([0.0, 1.0]))[:, 4:]
+    corners = (make_vertex(first), make_vertex(last))
+    return edge_between(curve, corners, surgery.face, face), corners
+
+
+def edge_between(
+    curve: Curve,
+    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+    first: TopoDS_Face,
+    second: TopoDS_Face,
+) -> TopoDS_Edge:
+    """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
+    degree, knots, poles, _ = curve.to_bspline()
+    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
+    attach(edge, first, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
+    attach(edge, second, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+    return edge
