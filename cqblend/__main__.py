@@ -16,7 +16,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -55,15 +55,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name. By default those of the process, and then a child does the work.
     """
     try:
-        options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
-        code = _supervised(options, sys.argv[1:]) if arguments is None else _run(options)
-        sys.stdout.flush()
+        try:
+            options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
+            return _supervised(options, sys.argv[1:]) if arguments is None else _run(options)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter complains when it ends
-        return CLOSED
-    return code
+    except OSError as error:  # what has no name of ours comes from standard output
+        with suppress(OSError):  # or the interpreter complains when it ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return CLOSED
+        _say("error", f"standard output cannot be written: {error.strerror}")
+        return USAGE
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -139,7 +145,10 @@ def _stopped(child: "subprocess.Popen[bytes]", number: int) -> int:
     """Pass a signal on to the child, which may have had it itself, and wait for its end."""
     for one in _ENDINGS:
         signal.signal(one, signal.SIG_IGN)
-    child.send_signal(number)
+    if os.name == "posix":
+        child.send_signal(number)
+    else:
+        child.terminate()
     try:
         child.wait(_PATIENCE)
     except subprocess.TimeoutExpired:

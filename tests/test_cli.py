@@ -364,7 +364,7 @@ def test_a_damaged_but_whole_file_is_read_with_a_warning(capsys, box, tmp_path):
 def started(*arguments, **options):
     """Run the command line as users do."""
     command = [sys.executable, "-m", "cqblend", *map(str, arguments)]
-    environment = {**os.environ, "PYTHONPATH": str(Path(cqblend.__file__).parents[1])}
+    environment = {**os.environ, "PYTHONPATH": str(Path(cqblend.__file__).parents[1]), "PYTHONUNBUFFERED": ""}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen(command, text=True, env=environment, **(pipes | options))
 
@@ -417,9 +417,43 @@ def test_an_interrupt_ends_quietly(tmp_path, number, code):
 
 
 def test_a_closed_pipe_ends_quietly(box):
-    reading, writing = os.pipe()
-    process = started("continuity", box, "--near", CORNER, stdout=writing)
-    os.close(writing)
-    os.close(reading)
+    for arguments in (["continuity", box, "--near", CORNER], ["--help"]):
+        reading, writing = os.pipe()
+        process = started(*arguments, stdout=writing)
+        os.close(writing)
+        os.close(reading)
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_a_full_disk_behind_standard_output_is_one_line(box):
+    with Path("/dev/full").open("w") as full:
+        process = started("continuity", box, "--near", CORNER, stdout=full)
     _, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (141, "")
+    assert process.returncode == 2
+    assert "standard output cannot be written: No space left on device" in one_line(err)
+
+
+@pytest.mark.parametrize("suffix", ["dxf", "svg", "pdf", "json", "step", "png"])
+def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, suffix):
+    """The disk is full when the file is to be put in its place."""
+    from cqblend import picture
+    from cqblend.occ.step import write_step
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / f"out.{suffix}"
+    path.write_text("precious")
+    monkeypatch.setattr(os, "fsync", full)
+    square = cq.Face.makePlane(2, 1)
+    part = picture.Part([square], (0.5, 0.5, 0.5))
+    write = {
+        "step": lambda: write_step(square.wrapped, path),
+        "png": lambda: picture.draw([picture.View([part], (1, 1, 1), (0, 0, 0), 3.0)], path, size=(20, 20)),
+    }.get(suffix, lambda: cqblend.unroll(square, 0.1).export(path))
+    with pytest.raises(OSError, match="No space left"):
+        write()
+    assert path.read_text() == "precious"
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]

@@ -7,7 +7,7 @@ well, with tiny shapes. A callable or a parameter that is not in it fails a test
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +23,7 @@ from cqblend import Boundary, Combination, Conic, Curve, Guide, Rail, Surface
 from cqblend import __main__ as cli
 from cqblend.errors import CqblendError, InputError
 from cqblend.occ.step import write_step
+from cqblend.request import STEER
 
 OPERATORS = (
     "__call__", "__getitem__", "__neg__", "__add__", "__radd__", "__sub__", "__rsub__", "__mul__", "__rmul__",
@@ -67,6 +68,17 @@ def line() -> Curve:
 @cache
 def ahead() -> Curve:
     return line() + np.array([0.0, 0.0, 1.0])
+
+
+@cache
+def across() -> Curve:
+    return Curve.bezier([[0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+@cache
+def bowl() -> Surface:
+    x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], indexing="ij")
+    return Surface.from_bspline((2, 2), ([0, 0, 0, 1, 1, 1],) * 2, np.stack([x, y, x * y * (2 - y)], -1))
 
 
 @cache
@@ -392,7 +404,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "form": "auto",
         "tolerance": 1e-5,
         "angular_tolerance": 1e-5,
-        "steer": 0.3490658503988659,
+        "steer": STEER,
     },
     "potential_blend": lambda: {
         "surface1": walls()[0],
@@ -430,6 +442,60 @@ for _name in ("BezierRelation", "Conic", "Relation"):
         ARGUMENTS[f"{_name}.{_method}"] = lambda given=_given: dict(given)
 for _name in ("PdeBlend", "PotentialBlend"):
     ARGUMENTS[f"{_name}.face"] = dict
+
+VARIANTS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
+    "potential section": (
+        "blend_edges",
+        lambda: {"radius": None, "section": "potential", "steer": STEER, "a": 0.3, "b": 0.2, "lam": 0.0},
+    ),
+    "pde section": ("blend_edges", lambda: {"section": "pde", "order": 4, "terms": 2, "continuity": None}),
+    "width": ("blend_edges", lambda: {"radius": None, "width": (0.2, 0.3)}),
+    "pde along rails": (
+        "pde_blend",
+        lambda: {"side1": rail(), "side2": rail(True), "order": 4, "terms": 4, "modes": 4, "tolerance": 1e-3},
+    ),
+    "pde of rings": ("pde_blend", lambda: {"side1": boundary(), "side2": boundary(True), "order": 4, "modes": 1}),
+    "pde with ends": (
+        "pde_blend",
+        lambda: {"ends": (end(0.0), end(2.0)), "order": 2, "terms": 2, "modes": 3},
+    ),
+    "pde by three": (
+        "pde_blend",
+        lambda: {"order": (2, 2, 2), "parameters": ((1, 1), (1, 2), (1, 3)), "points": (9, 9)},
+    ),
+    "guide": (
+        "hermite_blend",
+        lambda: {"tangents": Guide(across()), "length": scalar() + 1.0, "bulge": (1.0, np.cosh)},
+    ),
+    "exact": (
+        "hermite_blend",
+        lambda: {"form": "exact", "continuity": ("G2", "G1"), "tangents": "parametric"},
+    ),
+    "by normal": ("reshape", lambda: {"by": "normal", "reference": "centroid", "amounts": [[1, 2], [3, np.sin]]}),
+    "by extents": ("reshape", lambda: {"surface": bowl(), "reference": "extents", "tuning": (1, 2, -3)}),
+    "of functions": ("potential_blend", lambda: {"relation": (lambda x: 2 * (1 - x) ** 2, lambda x: 2 * x**2)}),
+    "hermite": ("normalise", lambda: {"method": "hermite", "length": scalar() + 1.0}),
+    "knots": ("normalise", lambda: {"knots": 3, "tolerance": math.inf}),
+    "a surface": ("unroll", lambda: {"shape": bowl(), "tolerance": 0.5}),
+    "triangles": ("unroll", lambda: {"shape": bowl(), "tolerance": 0.5, "layout": "triangles"}),
+    "elber": ("unroll", lambda: {"shape": bowl(), "tolerance": 0.5, "method": "elber"}),
+    "chord": ("Rail.coordinates", lambda: {"name": "chord", "operands": (rail(True),)}),
+    "rings": (
+        "Boundary",
+        lambda: {"position": lambda t: np.stack([t, t * t, t * 0], axis=-1), "first": None, "second": None},
+    ),
+    "dxf": (
+        "Pattern.export",
+        lambda: {"path": f"{FOLDER.name}/p.dxf", "page": "a4", "sheet": (9.0, 9.0), "margin": 0.5},
+    ),
+    "json": ("Pattern.export", lambda: {"path": f"{FOLDER.name}/p.json", "page": "a4"}),
+    "paper": ("Pattern.export", lambda: {"page": (210.0, 297.0), "sheet": [9.0, 9.0], "margin": 0.5, "kerf": 0.1}),
+    "strips": ("Pattern.with_tabs", lambda: {"style": "strips", "pitch": 0.5}),
+    "surface's": ("Surface.isoparametric", lambda: {"u": None, "v": 0.5}),
+    "both": ("Surface.clip", lambda: {"v": [0.1, 0.2]}),
+    "faces": ("verify", lambda: {"shape": blended().shape, "faces": list(blended().faces)}),
+}
+"""Other ways to call some of them."""
 
 NONSENSE: dict[str, Callable[[], Any]] = {
     "None": lambda: None,
@@ -541,12 +607,15 @@ def test_every_public_callable_and_parameter_is_walked() -> None:
         assert sorted(ARGUMENTS[name]()) == sorted(parameters(name)), name
 
 
-@pytest.mark.parametrize("name", sorted(FOUND))
-def test_nothing_raw_leaves(name: str) -> None:
-    arguments = ARGUMENTS[name]()
+FEW = ("text", "negative", "nan", "huge", "array of nan", "empty list", "explosive", "raising function", "surface")
+"""Kinds of nonsense for calls that differ little from others."""
+
+
+def walk(name: str, arguments: dict[str, Any], kinds: Iterable[str]) -> None:
+    """Call with kinds of nonsense in the place of every argument."""
     for parameter in arguments:
-        for what, make in NONSENSE.items():
-            given = make()
+        for what in kinds:
+            given = NONSENSE[what]()
             if parameter in ("progress", "report") and callable(given):
                 continue  # what these raise leaves unchanged, see below
             try:
@@ -559,6 +628,20 @@ def test_nothing_raw_leaves(name: str) -> None:
                 continue
             assert len(said) > 10, (parameter, what)
             assert "\n" not in said, (parameter, what)
+
+
+@pytest.mark.parametrize("name", sorted(FOUND))
+def test_nothing_raw_leaves(name: str) -> None:
+    called(name, ARGUMENTS[name]())
+    walk(name, ARGUMENTS[name](), FEW if name in ("Workplane.blend", "potential_blend") else NONSENSE)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_nothing_raw_leaves_when_called_in_another_way(variant: str) -> None:
+    name, others = VARIANTS[variant]
+    arguments = {**ARGUMENTS[name](), **others()}
+    called(name, arguments)
+    walk(name, arguments, FEW)
 
 
 @pytest.mark.parametrize("kind", [Guide, Combination])
