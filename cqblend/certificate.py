@@ -69,8 +69,8 @@ class EndRecord:
     Attributes
     ----------
     edge, vertex : int
-        1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if an earlier blend of
-        the same call made it.
+        1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
+        it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat"}
         On the face across the end of the edge, or in a flat cap.
     before : float
