@@ -17,7 +17,7 @@ Solving = Callable[[Joint, BlendRequest], Solver]
 """What finds the contacts of a blend."""
 
 STATIONS = 25  # at which contacts are looked at
-CLEAR = 3.0  # of the edge's tolerance: how far off the rails must be
+CLEAR = 3.0  # of the edge's tolerance: no size is smaller
 BELOW = 1 / 8  # of the size that contacts allow: where trials start, and by which they go down where that fails
 DOWN = 3  # times
 STEP = 1.25  # by which they go up
@@ -44,9 +44,9 @@ def reach(joint: Joint, request: BlendRequest, solver: Solving) -> float:
 def check(joint: Joint, request: BlendRequest, solver: Solving) -> None:
     """Raise SizeError if contacts turn back, leave their faces, or are too near to the edge.
 
-    A rail that is nearer to the edge than three times its tolerance cannot be told from it: the edge as it is drawn
-    runs up to one tolerance beside the surfaces' true intersection, from which contacts are solved, and the rail's own
-    edge may have a tolerance of twice that.
+    The edge as it is drawn runs up to its tolerance beside the surfaces' true intersection, from which contacts are
+    solved: a rail that is nearer than that cannot be told from it, however obtuse the angle between the faces. New
+    edges may have twice that tolerance, so that sizes below three times lose themselves in it.
     """
     size, least = max(request.lengths), min(request.lengths)
     if size > joint.extent:
@@ -67,11 +67,12 @@ def check(joint: Joint, request: BlendRequest, solver: Solving) -> None:
             f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.faces[side]}"
         )
     nearest = float(_distances(joint, contacts).min())
-    if nearest < CLEAR * joint.tolerance:
+    short = max(CLEAR * joint.tolerance / least, joint.tolerance / nearest)
+    if short > 1:
         raise SizeError(
-            f"size {least:g} is too small: the rail runs {nearest:.2g} from the edge, and must be three times the "
-            f"edge's own tolerance, {joint.tolerance:.2g}, away from it: take at least "
-            f"{1.01 * CLEAR * joint.tolerance / nearest * least:.3g}"
+            f"size {least:g} is too small: it must be three times the edge's own tolerance, {joint.tolerance:.2g}, and "
+            f"the rails, which run {nearest:.2g} from the edge, further off than that: take at least "
+            f"{1.01 * short * least:.3g}"
         )
 
 

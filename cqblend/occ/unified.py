@@ -25,12 +25,14 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID,
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_MapOfShape
 
-from cqblend.occ.joint import Joint
+from cqblend.occ.joint import SMOOTH, Joint
 from cqblend.occ.kinds import downcast
+from cqblend.occ.measure import continuity_between
 from cqblend.occ.topology import CONFUSION, Ancestors, distinct, ends, explore, seams
 
 BESIDE = 1.1  # how much further than its rails a blend may touch something
 SAME_AREA = 1e-4  # relative: OCCT integrates spline faces at few points
+SAMPLES = 9  # along an edge
 PARALLEL = 1e-9  # rad, between the normals of planes, the axes of cylinders that are the same
 
 
@@ -109,7 +111,12 @@ def _splits(
     for face in reached:
         for edge in distinct(explore(face, TopAbs_EDGE)):
             beyond = [other for other in faces_at(edge) if not other.IsSame(face)]
-            if len(beyond) != 1 or _among(edge, spine) or _among(edge, splits) or not _same_surface(face, *beyond):
+            if (
+                len(beyond) != 1
+                or _among(edge, spine)
+                or _among(edge, splits)
+                or not _same_surface(face, beyond[0], edge)
+            ):
                 continue
             if near(edge):
                 splits.append(edge)
@@ -120,21 +127,28 @@ def _splits(
     return splits + [edge for edge, beyond in others if splits and _among(beyond, reached)]
 
 
-def _same_surface(one: TopoDS_Face, two: TopoDS_Face) -> bool:
-    """Whether the boundary of the second face lies on the surface of the first, which is of the same kind."""
-    if BRepAdaptor_Surface(one).GetType() != BRepAdaptor_Surface(two).GetType():
+def _same_surface(one: TopoDS_Face, two: TopoDS_Face, shared: TopoDS_Edge) -> bool:
+    """Whether a face goes on smoothly in a second one, whose boundary lies on its surface, of the same kind.
+
+    Faces with a pole or an apex do not count: OCCT does not survive making them one.
+    """
+    if BRepAdaptor_Surface(one, False).GetType() != BRepAdaptor_Surface(two, False).GetType():
         return False
-    if any(BRep_Tool.Degenerated_s(edge) for face in (one, two) for edge in explore(face, TopAbs_EDGE)):
-        return False  # OCCT does not survive it
     surface = _basis(one)
     for edge in distinct(explore(two, TopAbs_EDGE)):
+        if edge.IsSame(shared):
+            continue
+        if BRep_Tool.Degenerated_s(edge):
+            return False
         curve = BRepAdaptor_Curve(edge)
         within = max(CONFUSION, BRep_Tool.Tolerance_s(edge))
         for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 5).tolist():
             foot = GeomAPI_ProjectPointOnSurf(curve.Value(t), surface)
             if foot.NbPoints() == 0 or foot.LowerDistance() > within:
                 return False
-    return True
+    if any(BRep_Tool.Degenerated_s(edge) for edge in explore(one, TopAbs_EDGE)):
+        return False
+    return continuity_between(((one, shared), (two, shared)), SAMPLES).angle < SMOOTH
 
 
 def _basis(face: TopoDS_Face) -> Geom_Surface:
