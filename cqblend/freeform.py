@@ -244,6 +244,8 @@ def along_rails(
     for i in (0, 1):
         side = _Side(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
         side.check()
+        if orders[i] and given[i].side is not None:
+            side.check_side()
         aims.append(Aim(rails[i], side.vectors, orders[i], closed and side.returns(), side.exact))
     return rails, on_rails((aims[0], aims[1]), steer)
 
@@ -360,6 +362,17 @@ class _Side:
                 "rails meet there? give a length"
             )
         self._check_jumps()
+
+    def check_side(self) -> None:
+        """Raise InputError if the direction, which has an own side, is on the other side of the rail than asked."""
+        t = np.array([sum(self.rail.domain) / 2])
+        (rate,), ((r, s),) = self.rail.curve(t, 1), self.coordinates(t)
+        side = "left" if rate[0] * s - rate[1] * r > 0 else "right"
+        if side != self.rail.side:
+            raise InputError(
+                f'side="{self.rail.side}" of rail {self.number + 1} has no effect: the {self._name} points to its '
+                f"{side}; leave the side out, or turn the direction"
+            )
 
     def _check_jumps(self) -> None:
         """Raise InputError where a curve that the field is made of jumps."""

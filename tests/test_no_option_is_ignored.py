@@ -177,3 +177,13 @@ def test_a_rectangle_of_points_is_too_much() -> None:
     ends = [Boundary(Curve.bezier([[0.0, 0.0, z], [2.0, 0.0, z]])) for z in (0.0, 1.0)]
     with pytest.raises(InputError, match=r"would take .* GB: give fewer points"):
         cqblend.pde_blend(*ends, order=2, points=(500, 500), terms=30, modes=30)
+
+
+def test_a_side_that_the_direction_contradicts_is_refused() -> None:
+    wrong = Rail(sheet(), LINE, "left")  # the other rail lies to its right
+    with pytest.raises(InputError, match=r'side="left" of rail 1 has no effect: the chord points to its right'):
+        cqblend.hermite_blend(wrong, RAILS[1], tangents="chord")
+    with pytest.raises(InputError, match=r"the guide points to its right"):
+        cqblend.hermite_blend(wrong, RAILS[1], tangents=Guide(GUIDE))
+    hermite(tangents="chord")
+    cqblend.hermite_blend(Rail(sheet(), LINE), RAILS[1], tangents="chord")
