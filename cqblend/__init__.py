@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import wrapt
 
 from cqblend import cadquery_plugin, errors, installation
-from cqblend.certificate import Certificate, RailRecord, SkippedEdge
+from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ __all__ = [
     "Continuity",
     "CqblendError",
     "Curve",
+    "EndRecord",
     "Family",
     "Guide",
     "Normalised",

@@ -1,23 +1,31 @@
 """The command line.
 
 Exists so that a STEP file can be blended, measured and unrolled without a script. Holds the arguments, the exit codes
-and what is printed where: results on stdout, progress and errors on stderr. Starts fast: OCCT is loaded when there is
-work for it.
+and what is printed where: results on stdout, progress, warnings and errors on stderr. Starts fast: OCCT is loaded when
+there is work for it. OCCT crashes on some damaged files, so the work is done by a child process, which the command
+outlives to say so.
 """
 
 import argparse
 import math
+import os
+import signal
+import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 from cqblend import __version__
-from cqblend.errors import CqblendError, FileError, InputError, InstallationError, StepError
+from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
+from cqblend.installation import fresh_interpreter
 
-OK, FAILED, USAGE = 0, 1, 2
+OK, FAILED, USAGE, INTERRUPTED, CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
 Command = Callable[[argparse.Namespace], None]
 
@@ -25,9 +33,14 @@ _EPILOG = f"""exit codes:
   {OK}  done
   {FAILED}  the shape could not be blended, measured or unrolled; one line on stderr says why
   {USAGE}  wrong usage, or a file that is missing, damaged or cannot be written
+  {INTERRUPTED:d}, {CLOSED}  interrupted, or nobody reads the output any more
 """
 
 _DEFAULT = "default: %(default)s"
+
+_STEP = (".step", ".stp", ".p21")
+
+_TAB_WIDTH = 6.0  # mm
 
 _PATIENCE = 1.0
 """Seconds after which a step announces itself."""
@@ -39,22 +52,137 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Without the program's name; by default those of the process.
+        Without the program's name. By default those of the process, and then a child does the work.
     """
-    options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
     try:
-        options.run(options)
-    except (StepError, FileError, InputError) as error:
-        return _failed(error, USAGE)
-    except CqblendError as error:
-        return _failed(error, FAILED)
+        try:
+            options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
+            return _supervised(options, sys.argv[1:]) if arguments is None else _run(options)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except OSError as error:  # what has no name of ours comes from standard output
+        with suppress(OSError):  # or the interpreter complains when it ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return CLOSED
+        _say("error", f"standard output cannot be written: {error.strerror}")
+        return USAGE
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Do what is asked, in this process."""
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, CqblendWarning):
+                _say("warning", str(message))
+            else:
+                others(message, category, *where, **more)
+
+        warnings.showwarning = show
+        try:
+            options.run(options)
+        except (StepError, FileError, InputError) as error:
+            _say("error", str(error))
+            return USAGE
+        except CqblendError as error:
+            _say("error", str(error))
+            return FAILED
     return OK
 
 
-def _failed(error: CqblendError, code: int) -> int:
-    message = " ".join(str(error).split())
-    print(f"cqblend: error: {message}", file=sys.stderr)
-    return code
+def _say(what: str, message: str) -> None:
+    print(f"cqblend: {what}: {' '.join(message.split())}", file=sys.stderr)
+
+
+class _Ended(BaseException):
+    """Somebody has sent this process a signal to end; which one is its argument."""
+
+
+_ENDINGS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def _signals_raised() -> Iterator[None]:
+    """Have signals to end raise `_Ended` for a while."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise _Ended(number)
+
+    before = {number: signal.signal(number, end) for number in _ENDINGS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _supervised(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Have a child do what is asked, and outlive it.
+
+    The child dies of an interrupt on the spot, even within OCCT: what it was about to write is removed here.
+    """
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); "
+        "from cqblend.__main__ import main; sys.exit(main(sys.argv[1:]))"
+    )
+    with _signals_raised(), subprocess.Popen(fresh_interpreter(code, *arguments)) as child:  # noqa: S603  (ourselves)
+        try:
+            result = child.wait()
+        except _Ended as ended:
+            result = _stopped(child, ended.args[0])
+    if 0 <= result <= 255:
+        return result
+    _remove_unfinished(options, child.pid)
+    return 128 - result if -result in _ENDINGS else _explained(options, result)
+
+
+def _stopped(child: "subprocess.Popen[bytes]", number: int) -> int:
+    """Pass a signal on to the child, which may have had it itself, and wait for its end."""
+    for one in _ENDINGS:
+        signal.signal(one, signal.SIG_IGN)
+    if os.name == "posix":
+        child.send_signal(number)
+    else:
+        child.terminate()
+    try:
+        child.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+    return -number
+
+
+def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
+    from cqblend.developables.writing import remove_unfinished
+
+    for path in (getattr(options, name, None) for name in ("output", "strips")):
+        if path is not None:
+            remove_unfinished(path if path.is_dir() else path.resolve().parent, process)
+
+
+def _explained(options: argparse.Namespace, result: int) -> int:
+    """Say of what a child has died, and return the exit code."""
+    try:
+        cause = signal.Signals(-result).name
+    except ValueError:
+        cause = f"code {result & 0xFFFFFFFF:#x}"
+    file = getattr(options, "input", None)
+    if file is None:
+        _say("error", f"OCCT has crashed ({cause})")
+        return FAILED
+    code = "from cqblend.occ.step import read_step; read_step(sys.argv[1])"
+    again = subprocess.run(fresh_interpreter(code, str(file)), capture_output=True, check=False)  # noqa: S603  (as above)
+    if again.returncode not in range(256):
+        _say("error", f"{file}: damaged: OCCT crashes when it reads the file ({cause})")
+        return USAGE
+    killed = "there may be too little memory" if cause == "SIGKILL" else "try another edge or size, or repair the file"
+    _say("error", f"{file}: OCCT has crashed while it worked on the shape in it ({cause}): {killed}")
+    return FAILED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -122,7 +250,7 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
     unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
-    unroll.add_argument("--tab-width", type=float, metavar="W", default=6.0, help="mm; default: %(default)g")
+    unroll.add_argument("--tab-width", type=float, metavar="W", help=f"mm; default: {_TAB_WIDTH:g}")
     unroll.add_argument(
         "--sheet", type=_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
     )
@@ -215,6 +343,7 @@ def _blend(options: argparse.Namespace) -> None:
         order=options.order,
         **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
     )
+    _check_step(options.output)
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _step("looking for the edges"):
@@ -249,6 +378,10 @@ def _unroll(options: argparse.Namespace) -> None:
     from cqblend.patterns import unroll
 
     checked_path(options.output)
+    if options.tab_width is not None and not options.tabs:
+        raise InputError("--tab-width has no effect without --tabs: leave it out, or say which")
+    if options.strips:
+        _check_step(options.strips)
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
     faces = []
@@ -266,12 +399,14 @@ def _unroll(options: argparse.Namespace) -> None:
     )
     if options.tabs:
         with _step("adding tabs"):
-            pattern = pattern.with_tabs(options.tab_width, style=options.tabs)
+            width = _TAB_WIDTH if options.tab_width is None else options.tab_width
+            pattern = pattern.with_tabs(width, style=options.tabs)
+    strips = pattern.strips_3d() if options.strips else None
     with _step(f"placing the pieces and writing {options.output}"):
         pattern.export(options.output, sheet=options.sheet, kerf=options.kerf)
     if options.strips:
         with _step(f"writing {options.strips}"):
-            write_step(pattern.strips_3d(), options.strips)
+            write_step(strips, options.strips)
     print(pattern.report)
 
 
@@ -294,6 +429,7 @@ def _demo(options: argparse.Namespace) -> None:
 
     step, picture = options.output / "teapot.step", options.output / "teapot.png"
     _make_folder(options.output)
+    _check_step(step)
     with _step("blending the spout of the Utah teapot onto its body"):
         pot = demo.sharp()
         result = demo.blended(pot)
@@ -309,6 +445,13 @@ def _demo(options: argparse.Namespace) -> None:
         print(f"no picture: {error}")
     else:
         print(f"drawn in {picture}")
+
+
+def _check_step(path: Path) -> None:
+    """Raise an error if a STEP file cannot be written there."""
+    from cqblend.developables.writing import checked_target
+
+    checked_target(path, _STEP, "STEP files")
 
 
 def _make_folder(folder: Path) -> None:

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cqblend.errors import SelectionError
-from cqblend.request import STEER
+from cqblend.request import STEER, callback
 
 if TYPE_CHECKING:
     from cqblend.front import BlendResult
@@ -72,6 +72,7 @@ def blend(
     """
     from cqblend.front import blend_edges
 
+    callback("report", report, "the result")
     edges = self.edges().vals()
     if not edges:
         raise SelectionError("no edge is selected: put .edges(...) before .blend(...)")
@@ -146,6 +147,7 @@ def unroll(
     """
     from cqblend import patterns
 
+    callback("report", report, "the pattern")
     pattern = patterns.unroll(
         self,
         tolerance,

@@ -11,6 +11,8 @@ from functools import cached_property, reduce
 from operator import or_
 from typing import TYPE_CHECKING, Literal
 
+from cqblend.errors import InputError, shown
+
 if TYPE_CHECKING:
     from cqblend.blends.proof import Proof
 
@@ -67,8 +69,8 @@ class EndRecord:
     Attributes
     ----------
     edge, vertex : int
-        1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if an earlier blend of
-        the same call made it.
+        1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
+        it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat"}
         On the face across the end of the edge, or in a flat cap.
     before : float
@@ -247,7 +249,17 @@ class Certificate:
 
     @classmethod
     def merge(cls, certificates: Sequence["Certificate"]) -> "Certificate":
-        """One certificate for several blends in one solid: all rails, and the worst of everything else."""
+        """One certificate for several blends in one solid: all rails, and the worst of everything else.
+
+        Raises
+        ------
+        InputError
+            These are no certificates, or none is given.
+        """
+        if not isinstance(certificates, list | tuple) or not all(isinstance(one, cls) for one in certificates):
+            raise InputError(f"certificates are merged, a list of them, not {shown(certificates)}")
+        if not certificates:
+            raise InputError("there is no certificate to merge")
         return cls(
             rails=tuple(rail for one in certificates for rail in one.rails),
             form="exact" if all(one.form == "exact" for one in certificates) else "compact",

@@ -6,7 +6,7 @@ the vertex, or, only where that is asked for, some way before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -23,6 +23,9 @@ from cqblend.request import EndWanted
 BEFORE = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
 ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
 LONGEST = 0.3  # of the edge: more than that no cap leaves open at one end
+
+SMALLER = "A smaller size may help"
+EARLIER = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
 
 How = Literal["natural", "flat at the vertex", "flat"]
 WAYS: dict[EndWanted, tuple[How, ...]] = {
@@ -76,10 +79,9 @@ class Attempts:
             error = error.cause
         self._errors.append(error)
 
-    def cause(self, end: int) -> str:
+    def cause(self, end: int) -> CqblendError:
         """Return why the first choice at an end was not to be had."""
-        natural: tuple[int, How] = (end, "natural")
-        return str(self._failed[natural] if natural in self._failed else self._errors[0])
+        return self._failed.get((end, "natural"), self._errors[0])
 
     def error(self, joint: Joint) -> CqblendError:
         """Return the error to raise when nothing came of any: the first one, and why a flat end was no way out."""
@@ -122,28 +124,20 @@ def plan_ends(joint: Joint, solve: Solver, how: tuple[How, How]) -> EndPlan:
     return EndPlan(how, (caps[0], caps[1]), (domain[0], domain[1]))
 
 
-def record_ends(joint: Joint, plan: EndPlan, cause: Callable[[int], str] = str) -> tuple[EndRecord, ...]:
-    """Return the certificate's records of both ends; ``cause`` tells of one at the vertex why it is flat."""
+def record_ends(joint: Joint, plan: EndPlan, attempts: Attempts | None = None) -> tuple[EndRecord, ...]:
+    """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for."""
     records = []
     for end, (how, cap) in enumerate(zip(plan.how, plan.caps, strict=True)):
         before = 0.0 if cap is None else abs(end - cap) * joint.spine.length
-        why = cause(end) if how == "flat at the vertex" else ""
+        why = ""
+        if how == "flat at the vertex" and attempts is not None:
+            cause = attempts.cause(end)
+            why, help_ = str(cause), SMALLER if isinstance(cause, SizeError) else EARLIER
+            where = f"edge {joint.edge}: the blend ends in a flat cap at {joint.name_end(end)}"
+            warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
         kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
         records.append(EndRecord(joint.edge, joint.vertex_number(end), kind, before, why))
     return tuple(records)
-
-
-def warn_of_flat_ends(joint: Joint, ends: tuple[EndRecord, ...]) -> None:
-    """Warn of ends that are flat without having been asked to be."""
-    for end, record in enumerate(ends):
-        if record.cause:
-            warn(
-                FlatEndWarning(
-                    f"edge {joint.edge}: the blend ends in a flat cap at {joint.name_end(end)}: {record.cause}. A "
-                    "smaller size may help, or to blend before the edges there are rounded; "
-                    'ends="natural" makes this an error'
-                )
-            )
 
 
 def _past(joint: Joint, solve: Solver, end: int) -> float:

@@ -24,7 +24,7 @@ from cqblend.blends.problem import Problem
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.skin import Skin, loosened, tied
 from cqblend.certificate import Certificate, EndRecord
-from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends, warn_of_flat_ends
+from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends
 from cqblend.errors import (
     CqblendError,
     GeometryError,
@@ -96,7 +96,6 @@ def blend_shape(
         certificate = certify(joint, proposal, blend)
         if plan is not None:
             certificate = replace(certificate, coverage=plan.coverage, ends=ends)
-            warn_of_flat_ends(joint, ends)
         _check_promise(certificate, request, joint)
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
@@ -320,7 +319,7 @@ def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndP
         except (EndError, SizeError, TopologyError, VerificationError) as error:
             attempts.fail(how, error)
         else:
-            return proposal, blend, plan, record_ends(joint, plan, attempts.cause)
+            return proposal, blend, plan, record_ends(joint, plan, attempts)
     raise attempts.error(joint)
 
 

@@ -21,6 +21,10 @@ class InputError(CqblendError, ValueError):
     """An argument is of the wrong type, not a number, out of range, or contradicts another one."""
 
 
+class OperandError(InputError, TypeError):
+    """A spline is added to, or multiplied by, something that is no spline, number or vector of its dim."""
+
+
 class SelectionError(CqblendError, ValueError):
     """An edge or face cannot be used: foreign to the solid, a seam, degenerate, smooth already, or not on two faces."""
 
@@ -71,7 +75,7 @@ class StepError(CqblendError, OSError):
 
 
 class FileError(CqblendError, OSError):
-    """A pattern could not be written."""
+    """A pattern or a picture could not be written."""
 
 
 class InstallationError(CqblendError, ImportError):
@@ -86,6 +90,10 @@ class FlatEndWarning(CqblendWarning):
     """A blend ends in a flat cap at a vertex; the message says where, why, and what helps."""
 
 
+class DamagedFileWarning(CqblendWarning):
+    """Some entities of a file are unusable, although the solids in it are whole; the message names the entities."""
+
+
 def warn(warning: CqblendWarning) -> None:
     """Give a warning, at the line of the caller's own code from which cqblend was called."""
     level, frame = 1, inspect.currentframe()
@@ -95,9 +103,21 @@ def warn(warning: CqblendWarning) -> None:
 
 
 def shown(value: object) -> str:
-    """Return a value as a message names it: in full if that is short, else by its type."""
-    text = repr(value)
-    return text if len(text) <= 40 else with_article(type(value).__name__)
+    """Return a value as a message names it: in full if that is short and one line, else by its type."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001  (of an object that cannot even be shown, a message names the type)
+        text = ""
+    return text if 0 < len(text) <= 40 and text.isprintable() else with_article(type(value).__name__)
+
+
+def reason(error: BaseException) -> str:
+    """Return what an exception that is not ours says, in one line, with its type."""
+    try:
+        said = " ".join(str(error).split())
+    except Exception:  # noqa: BLE001  (as above)
+        said = ""
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
 
 
 def with_article(noun: str) -> str:

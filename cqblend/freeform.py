@@ -15,14 +15,29 @@ import numpy as np
 
 from cqblend.blends import hermite
 from cqblend.blends.aiming import Aim, on_rails
+from cqblend.blends.checks import ask
 from cqblend.blends.primaries import Array
 from cqblend.blends.rails import FIELDS, FieldName, Rail
 from cqblend.blends.regularity import stations
 from cqblend.blends.ribbons import Ribbon
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.request import CONTINUITY, FORM, STEER, choice, pair, positive, turn
+from cqblend.request import (
+    ANGLE,
+    CONTINUITY,
+    EXACT,
+    FORM,
+    STEER,
+    TOLERANCE,
+    UNTIED,
+    choice,
+    leave_out,
+    pair,
+    positive,
+    turn,
+)
 from cqblend.splines import Curve, Surface
+from cqblend.splines.knots import numbers, whole
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -46,6 +61,7 @@ class Guide:
 
     def operands(self, side: int) -> tuple[Curve, ...]:
         """Return the guiding curve of side 0 or 1."""
+        side = _checked_side(self, side)
         return (self.first if side == 0 else -self.first if self.second is None else self.second,)
 
 
@@ -58,8 +74,18 @@ class Combination:
 
     def operands(self, side: int) -> tuple[Curve, ...]:
         """Return the one curve or the two, the same on side 0 and 1."""
-        del side
+        _checked_side(self, side)
         return (self.first,) if self.second is None else (self.first, self.second)
+
+
+def _checked_side(field: Guide | Combination, side: object) -> int:
+    """Return side 0 or 1 of a field of cross directions that is made of one or two curves."""
+    for curve in (field.first, field.second):
+        if curve is not None and not isinstance(curve, Curve):
+            raise InputError(f"a {type(field).__name__} is made of Curves, not {shown(curve)}")
+    if field.first is None:
+        raise InputError(f"a {type(field).__name__} takes a Curve")
+    return whole("side", side, 0, 1)
 
 
 Tangents: TypeAlias = FieldName | Guide | Combination
@@ -110,8 +136,8 @@ def hermite_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: Length | tuple[Length, Length] = None,
     form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
+    tolerance: float = TOLERANCE,
+    angular_tolerance: float = ANGLE,
     steer: float = STEER,
 ) -> Blend:
     r"""Blend two surfaces along given rails.
@@ -171,8 +197,12 @@ def hermite_blend(
     ((1, 5), 'exact')
     """
     orders = pair("continuity", continuity, partial(choice, built=CONTINUITY))
+    if orders == ("G0", "G0"):
+        check_untied(UNTIED, tangents, bulge, length, steer)
     rails, ribbons = along_rails((rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer)
     form = choice("form", form, FORM)
+    if form == "exact":
+        leave_out(EXACT, tolerance=(tolerance, TOLERANCE), angular_tolerance=(angular_tolerance, ANGLE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     made = hermite.hermite(ribbons, form, tolerance, angular_tolerance)
     hermite.check_creases(made.surface)
@@ -200,7 +230,12 @@ def along_rails(
         rail1 if rail1.side is not None else rail1.towards(rail2),
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
+    if orders == (0, 0):
+        leave_out(UNTIED, bulge=(bulge, 1.0), steer=(steer, STEER))
     kinds = pair("tangents", tangents, _tangents)
+    for kind in kinds:
+        if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
+            raise InputError("the second curve of a Guide has no effect unless the Guide is that of both sides")
     bulges = pair("bulge", bulge, _amount)
     lengths = pair("length", length, _length)
     steer = turn("steer", steer)
@@ -209,8 +244,17 @@ def along_rails(
     for i in (0, 1):
         side = _Side(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
         side.check()
+        if orders[i] and given[i].side is not None:
+            side.check_side()
         aims.append(Aim(rails[i], side.vectors, orders[i], closed and side.returns(), side.exact))
     return rails, on_rails((aims[0], aims[1]), steer)
+
+
+def check_untied(why: str, tangents: object, bulge: object, length: object, steer: object) -> None:
+    """Raise InputError if an option of cross derivatives along rails was given where there are none."""
+    leave_out(
+        why, tangents=(tangents, "perpendicular"), bulge=(bulge, 1.0), length=(length, None), steer=(steer, STEER)
+    )
 
 
 def curve_on(face: Any, edge: Any) -> Curve:
@@ -294,7 +338,7 @@ class _Side:
         size = np.linalg.norm(vectors, axis=1)
         if self.length is None:
             size = np.linalg.norm(self.other.curve3d()(t) - jet[0, 0], axis=1) / size
-        elif self.length == "field":
+        elif isinstance(self.length, str):  # "field"
             size = np.ones_like(size)
         else:
             size = _at(self.length, t) / size
@@ -318,6 +362,17 @@ class _Side:
                 "rails meet there? give a length"
             )
         self._check_jumps()
+
+    def check_side(self) -> None:
+        """Raise InputError if the direction, which has an own side, is on the other side of the rail than asked."""
+        t = np.array([sum(self.rail.domain) / 2])
+        (rate,), ((r, s),) = self.rail.curve(t, 1), self.coordinates(t)
+        side = "left" if rate[0] * s - rate[1] * r > 0 else "right"
+        if side != self.rail.side:
+            raise InputError(
+                f'side="{self.rail.side}" of rail {self.number + 1} has no effect: the {self._name} points to its '
+                f"{side}; leave the side out, or turn the direction"
+            )
 
     def _check_jumps(self) -> None:
         """Raise InputError where a curve that the field is made of jumps."""
@@ -344,7 +399,7 @@ class _Side:
         One that is less than C1, such as T1 of a rail that is no more than C1, would leave a crease in the blend: it is
         fitted.
         """
-        if self.length != "field" or not isinstance(self.bulge, float) or self.rail.curve.rational:
+        if not isinstance(self.length, str) or not isinstance(self.bulge, float) or self.rail.curve.rational:
             return None
         rs = self.rail.symbolic_coordinates(self._name, *self._operands)
         return None if rs is None or rs.rational or (rs.continuity < 1).any() else rs * self.bulge
@@ -362,12 +417,8 @@ def _check_senses(rail1: Rail, rail2: Rail) -> None:
 
 def _at(amount: Amount, t: Array) -> Array:
     """Return what may vary along the rail at t (n,), above zero."""
-    try:
-        given = np.asarray(amount(t) if callable(amount) else amount, dtype=np.float64).squeeze()
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"a length or bulge that is a function takes an array of parameters and returns as many numbers: {error}"
-        ) from error
+    rule = "a length or bulge that is a function takes an array of parameters and returns as many numbers"
+    given = numbers(f"{rule}, which", ask(rule, amount, t) if callable(amount) else amount).squeeze()
     if given.shape not in ((), t.shape):
         raise InputError(
             f"a length or bulge that is a function takes an array of parameters, here {len(t)}, and returns as many "

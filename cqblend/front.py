@@ -16,14 +16,13 @@ from cqblend.largest import largest_size
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
 from cqblend.occ import convert, measure, pcurves, verification
 from cqblend.request import STEER, BlendRequest, choice, positive
+from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
     from cqblend.occ.measure import Continuity
     from cqblend.occ.verification import Verification
-    from cqblend.splines.curve import Curve
-    from cqblend.splines.surface import Surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,7 +397,14 @@ def to_face(surface: "Surface") -> "TopoDS_Face":
     """Return the face that covers the whole of a symbolic spline surface, as a TopoDS face.
 
     Wrap it with ``cadquery.Face(...)`` or ``build123d.Face(...)``.
+
+    Raises
+    ------
+    InputError
+        It is not a Surface of dim 3.
     """
+    if not isinstance(surface, Surface) or surface.dim != 3:
+        raise InputError(f"a face covers a Surface of dim 3, not {shown(surface)}")
     return convert.to_face(surface)
 
 
@@ -429,5 +435,12 @@ def to_edge(curve: "Curve") -> "TopoDS_Edge":
     """Return the edge that covers the whole of a symbolic spline curve, as a TopoDS edge.
 
     Wrap it with ``cadquery.Edge(...)`` or ``build123d.Edge(...)``.
+
+    Raises
+    ------
+    InputError
+        It is not a Curve of dim 3.
     """
+    if not isinstance(curve, Curve) or curve.dim != 3:
+        raise InputError(f"an edge covers a curve in space, a Curve of dim 3, not {shown(curve)}")
     return pcurves.edge_of(curve)

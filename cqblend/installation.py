@@ -2,8 +2,9 @@
 
 Two distributions write the same folder ``OCP``: cadquery-ocp, which CadQuery needs, and cadquery-ocp-novtk, which
 build123d asks for. Whichever is installed last wins; if it is the one without VTK, ``import cadquery`` fails with a
-message that names neither. This module sees the clash from the files alone and says what to do. It must not import
-what it inspects, and must cost next to nothing: it runs at every ``import cqblend``.
+message that names neither. This module sees the clash from the files alone and says what to do. It also knows how the
+same packages are found in another process. It must not import what it inspects, and must cost next to nothing: it runs
+at every ``import cqblend``.
 """
 
 import sys
@@ -43,6 +44,11 @@ class _NoCadQuery(MetaPathFinder):
                 f"cadquery-ocp and has overwritten it; repair it with: {REPAIR}"
             )
         return None
+
+
+def fresh_interpreter(code: str, *arguments: str) -> list[str]:
+    """Return the command that runs code in a process of its own, with the module path of this one."""
+    return [sys.executable, "-P", "-c", f"import sys; sys.path[:] = {sys.path!r}; {code}", *arguments]
 
 
 def explain_clash() -> None:

@@ -9,11 +9,14 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from cqblend.errors import InputError, shown, with_article
+from cqblend.errors import InputError, reason, shown, with_article
 from cqblend.occ.kinds import children, downcast, is_topods, kind
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+
+_DEEPEST = 9  # iterables within each other, in which edges are looked for
 
 
 def native_shape(thing: Any) -> Any:
@@ -81,9 +84,7 @@ def faces_of(things: Any) -> "list[TopoDS_Face]":
         return [face_of(things, "faces")]
     if _is_workplane(things):
         things = things.vals()
-    if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
-        raise InputError(f"faces must be faces, not {_shown(things)}")
-    return [face_of(thing, "faces") for thing in things]
+    return [face_of(thing, "faces") for thing in _items(things, "faces must be faces")]
 
 
 def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None]":
@@ -104,9 +105,7 @@ def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None
         things = things.vals()
     elif _topods(_made(things)) is not None:
         things = [things]
-    if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
-        raise InputError(f"faces, shells or solids are unrolled, not {_shown(things)}")
-    found = [_made(thing) for thing in things]
+    found = [_made(thing) for thing in _items(things, "faces, shells or solids are unrolled")]
     for thing in found:
         topods = _topods(thing)
         if topods is None or kind(topods) in ("wire", "edge", "vertex"):
@@ -142,7 +141,19 @@ def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:
     return shape
 
 
-def _flattened(things: Any) -> "Iterable[TopoDS_Edge]":
+def _items(things: Any, wanted: str) -> list[Any]:
+    """Return the items of an iterable of shapes, in which case nothing but shapes is wanted."""
+    if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
+        raise InputError(f"{wanted}, not {_shown(things)}")
+    try:
+        return list(things)
+    except Exception as error:
+        raise InputError(f"{wanted}, and going through what is given raises {reason(error)}") from error
+
+
+def _flattened(things: Any, depth: int = 0) -> "Iterable[TopoDS_Edge]":
+    if depth > _DEEPEST:
+        raise InputError(f"edges are nested more than {_DEEPEST} deep")
     topods = _topods(things)
     if topods is not None and kind(topods) == "edge":
         yield topods
@@ -151,10 +162,10 @@ def _flattened(things: Any) -> "Iterable[TopoDS_Edge]":
         things = children(topods)
     elif _is_workplane(things):
         things = things.vals()
-    elif topods is not None or isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
+    elif topods is not None:
         raise InputError(f"edges must be edges, not {_shown(things)}")
-    for thing in things:
-        yield from _flattened(thing)
+    for thing in _items(things, "edges must be edges"):
+        yield from _flattened(thing, depth + 1)
 
 
 def _topods(thing: Any) -> "TopoDS_Shape | None":

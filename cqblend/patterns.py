@@ -24,7 +24,7 @@ from cqblend.developables.tabs import Style, Tabs, fitted_tabs
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.native import skins_of, wrapped_like
 from cqblend.report import Report
-from cqblend.request import choice, flag, positive
+from cqblend.request import callback, choice, flag, is_default, leave_out, positive
 from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
 
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 FINER = 10.0
 """By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
+
+TAPER, LABELS, PAGE, SECONDS = np.pi / 4, 4.0, "a4", 30.0
+"""Of tabs, rad; of labels, mm; of the PDF; for packing, s: unless told otherwise."""
 
 STRAIN = 0.01
 """What paper, leather and thin metal take."""
@@ -87,6 +90,8 @@ class Pattern:
         """
         from cqblend.occ.patterns import planar_faces
 
+        if flag("tabs", tabs) and self.tabs is None:
+            raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
         placed = sheets.arrange(self.pieces).pieces
         return [wrapped_like(self._model, face) for face in planar_faces(placed.pieces, tabs=tabs)]
 
@@ -140,7 +145,7 @@ class Pattern:
         width: float,
         *,
         style: Style = "one",
-        taper: float = 0.7853981633974483,
+        taper: float = TAPER,
         pitch: float | None = None,
     ) -> "Pattern":
         """Return the pattern with tabs along its seams, by which pieces are glued, stitched or welded.
@@ -166,6 +171,8 @@ class Pattern:
         InputError
             A number makes no sense, or there would be more than 20,000 teeth.
         """
+        if is_default(style, "allowance"):
+            leave_out("on an allowance, which has no teeth", taper=(taper, TAPER), pitch=(pitch, None))
         fit = partial(fitted_tabs, style=style, width=width, taper=taper, pitch=pitch)
         tabs = fit(self._unrolled.pieces)
         return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
@@ -178,11 +185,11 @@ class Pattern:
         margin: float = 5.0,
         gap: float = 3.0,
         kerf: float = 0.0,
-        labels: float | None = 4.0,
+        labels: float | None = LABELS,
         fit: float | None = None,
-        page: str | tuple[float, float] | None = "a4",
+        page: str | tuple[float, float] | None = PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
-        seconds: float = 30.0,
+        seconds: float = SECONDS,
     ) -> "File":
         """Write the pieces to a file for a cutter, in true size: DXF, SVG, PDF or JSON, by the suffix.
 
@@ -227,8 +234,20 @@ class Pattern:
             A piece cannot be cut so that it fits the sheet, or has a slit or a hole narrower than the kerf.
         """
         target = files.checked_path(path)
+        suffix = target.suffix.lower()
+        if suffix != ".pdf":
+            leave_out(f"on {suffix}, which has no pages", page=(page, PAGE))
+        if suffix == ".json":
+            leave_out("on .json, which has the pieces themselves", labels=(labels, LABELS), fit=(fit, None))
+        if is_default(packer, "grid"):
+            leave_out('on packer="grid"', seconds=(seconds, SECONDS))
         paper(page)
         positive("seconds", seconds)
+        packer = choice("packer", packer, ("grid", "spyrrow"))
+        if sheet is not None:
+            sheet = sheets.checked_size(sheet)
+        labels = None if labels is None else millimetres("the height of labels", labels)
+        fit = self.report.flat / 10 if fit is None else millimetres("the fit of arcs", fit, zero=True)
         kerf = millimetres("the kerf", kerf, zero=True)
         margin = millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
         gap = millimetres("the gap between pieces", gap, zero=True) + kerf
@@ -238,7 +257,7 @@ class Pattern:
             placed,
             target,
             kerf=kerf,
-            fit=self.report.flat / 10 if fit is None else fit,
+            fit=fit,
             height=labels,
             page=page,
             report=asdict(self.report),
@@ -246,9 +265,19 @@ class Pattern:
 
     def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
-        inner = sheets.usable(sheets.checked_size(sheet), margin + (self.tabs.width if self.tabs else 0.0))
+        inner = sheets.usable(sheet, margin + (self.tabs.width if self.tabs else 0.0))
         bare = cutting.within(self._unrolled.pieces, inner)
         return self._fit(bare).pieces if self._fit else bare
+
+
+def _check_paired(unrolled: Unrolled) -> None:
+    """Raise InputError if strips twist, and the rulings of none could be paired anew."""
+    twisted = sum(record.kind == "twisted" for record in unrolled.records)
+    if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
+        raise InputError(
+            f"developable has no effect: none of {twisted} twisted strips has a pairing of rulings that is developable "
+            "and keeps it within the tolerance; leave developable out, or try the other direction or another tolerance"
+        )
 
 
 def unroll(
@@ -290,9 +319,11 @@ def unroll(
         narrower until they do not. Not with ``method="elber"``, which is the paper's.
     developable : bool
         Whether rulings of twisted strips are paired anew, so that the strips are truly developable, wherever such a
-        pairing exists within the tolerance.
+        pairing exists within the tolerance; it is an error if there is none. Not with ``method="elber"`` or
+        ``layout="triangles"``.
     even : bool
-        Whether the strips of a face share its error evenly, instead of leaving the rest to the last one.
+        Whether the strips of a face share its error evenly, instead of leaving the rest to the last one. Not with
+        ``method="elber"``.
     least_width : float, optional
         Mm; narrower strips are refused.
     flat_tolerance : float, optional
@@ -308,7 +339,7 @@ def unroll(
     Raises
     ------
     InputError
-        An argument is of the wrong type or out of range, or nothing is selected.
+        An argument is of the wrong type or out of range, has no effect beside another one, or nothing is selected.
     TopologyError
         More than two faces meet at an edge.
     UnrollError
@@ -333,8 +364,16 @@ def unroll(
         even=flag("even", even),
         least_width=None if least_width is None else positive("least_width", least_width),
     )
-    if progress is not None and not callable(progress):
-        raise InputError(f"progress is called with two arguments; {shown(progress)} cannot be")
+    callback("progress", progress, "two arguments")
+    if wishes.method == "elber":
+        leave_out(
+            'on method="elber", which is the paper\'s',
+            even=(even, False),
+            developable=(developable, False),
+            strain=(strain, STRAIN),
+        )
+    if wishes.layout == "triangles":
+        leave_out('on layout="triangles", which is flat along diagonals', developable=(developable, False))
     if isinstance(shape, Surface):
         import cadquery
 
@@ -348,6 +387,8 @@ def unroll(
         except SelectionError:  # the solid in the chain is another one
             skin = read(parts)
     unrolled = assembly.unroll(skin, wishes, progress)
+    if developable:
+        _check_paired(unrolled)
     pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), None, unrolled, model)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)

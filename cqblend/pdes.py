@@ -23,8 +23,23 @@ from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import returns
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
-from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
-from cqblend.request import FORM, MOST_MODES, MOST_TERMS, STEER, choice, count, orders, positive
+from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails, check_untied
+from cqblend.request import (
+    ANGLE,
+    EXACT,
+    FORM,
+    MOST_MODES,
+    MOST_POINTS,
+    MOST_TERMS,
+    STEER,
+    TOLERANCE,
+    choice,
+    count,
+    count_or_auto,
+    leave_out,
+    orders,
+    positive,
+)
 from cqblend.splines import Curve, Surface
 
 CORNER = 1e-6  # of the size: as near as that, an end section meets a side
@@ -97,8 +112,8 @@ def pde_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: Length | tuple[Length, Length] = None,
     form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
+    tolerance: float = TOLERANCE,
+    angular_tolerance: float = ANGLE,
     steer: float = STEER,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
@@ -177,17 +192,20 @@ def pde_blend(
     wanted = Problem(
         orders(order),
         parameters,
-        None if terms == "auto" else count("terms", terms, MOST_TERMS),
+        count_or_auto("terms", terms, MOST_TERMS),
         choice("basis", basis, BASES),
-        None if modes == "auto" else count("modes", modes, MOST_MODES),
+        count_or_auto("modes", modes, MOST_MODES),
         _points(points),
         choice("minimise", minimise, ("auto", "residual", "energy")),
     )
     highest = max(wanted.halves) - 1
     form = choice("form", form, FORM)
+    if form == "exact":
+        leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     make = partial(wanted.blend, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
+        check_untied("between boundary data, which have derivatives of their own", tangents, bulge, length, steer)
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
         held = _ends(ends, wanted, closed, (side1, side2))
@@ -258,8 +276,6 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
 
 
 def _points(value: object) -> tuple[int | None, int | None]:
-    if isinstance(value, str) and value == "auto":
-        return None, None
     if isinstance(value, list | tuple) and len(value) == 2:
-        return count("points[0]", value[0]), count("points[1]", value[1])
-    return count("points", value), None
+        return count("points[0]", value[0], MOST_POINTS), count("points[1]", value[1], MOST_POINTS)
+    return count_or_auto("points", value, MOST_POINTS), None

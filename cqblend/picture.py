@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cqblend.developables.writing import written_beside
 from cqblend.errors import InstallationError
 
 if TYPE_CHECKING:
@@ -126,7 +127,8 @@ def draw(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
     writer.SetInputConnection(image.GetOutputPort())
     writer.WriteToMemoryOn()
     writer.Write()
-    path.write_bytes(memoryview(writer.GetResult()))
+    with written_beside(path) as part:
+        part.write_bytes(memoryview(writer.GetResult()))
 
 
 def _renderer(view: View) -> Any:

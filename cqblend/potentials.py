@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends import hermite
 from cqblend.blends.branches import Branch, branches, nearest_approach
-from cqblend.blends.checks import as_point, number
+from cqblend.blends.checks import as_point
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
@@ -27,8 +27,9 @@ from cqblend.blends.skin import Skin, loosened
 from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
-from cqblend.request import FORM, choice, positive
+from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive
 from cqblend.splines import Curve, Surface
+from cqblend.splines.knots import finite, number
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""
@@ -36,7 +37,8 @@ Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float |
 Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
 START = 0.5  # x at which branches are looked for, half-way
-TOLERANCE, ANGLE = 1e-7, 1e-5  # mm and rad, of compact joints
+OFFSET = 1e-6  # relative, of offsets as splines
+TUNING = (1.0, 1.0, 1.0)
 FINEST = 1e-7  # of the distance between rails: a finer skin takes more spans than it is worth
 INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
 
@@ -67,8 +69,17 @@ class PotentialBlend(Blend):
     skin: float
 
     def amounts(self, v: ArrayLike) -> Array:
-        """Return (s1, s2), (..., 2), by which the surfaces are reshaped at v: (0, b) at 0, (a, 0) at 1."""
-        return self.sweep.curves.meeting.s(1 - np.asarray(v, dtype=np.float64))
+        """Return (s1, s2), (..., 2), by which the surfaces are reshaped at v: (0, b) at 0, (a, 0) at 1.
+
+        Raises
+        ------
+        InputError
+            A v is not between 0 and 1.
+        """
+        v = finite("v", v)
+        if v.size and not (v.min() >= 0 and v.max() <= 1):
+            raise InputError(f"v runs over [0, 1], not to {v.flat[np.abs(v - 0.5).argmax()]:.6g}")
+        return self.sweep.curves.meeting.s(1 - v)
 
     @property
     def hermite(self) -> Blend:
@@ -85,7 +96,11 @@ class PotentialBlend(Blend):
         InputError
             t or v is outside its range.
         """
-        t, v = np.broadcast_arrays(np.asarray(t, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        t, v = finite("t", t), finite("v", v)
+        try:
+            t, v = np.broadcast_arrays(t, v)
+        except ValueError as error:
+            raise InputError(f"t of shape {t.shape} and v of shape {v.shape} do not go together") from error
         low, high = self.sweep.domain
         if not (np.all((t >= low) & (t <= high)) and np.all((v >= 0) & (v <= 1))):
             raise InputError(f"t runs over [{low:.9g}, {high:.9g}] and v over [0, 1]")
@@ -99,9 +114,9 @@ def reshape(
     by: str = "reference",
     *,
     reference: Reference = "centroid",
-    tuning: Sequence[float] = (1.0, 1.0, 1.0),
+    tuning: Sequence[float] = TUNING,
     amounts: Amounts = None,
-    tolerance: float = 1e-6,
+    tolerance: float = OFFSET,
 ) -> Family:
     r"""Make a family of surfaces S(u, v; s) out of one, S(u, v; 0).
 
@@ -164,12 +179,16 @@ def reshape(
     if surface.dim != 3:
         raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
     by = choice("by", by, ("reference", "normal"))
+    if by == "reference":
+        leave_out('on by="reference", which is exact', tolerance=(tolerance, OFFSET))
+    else:
+        leave_out('on by="normal": normals need none', reference=(reference, "centroid"))
+    if tuning is not TUNING:
+        tuning = _tuning(tuning, has_effect=by == "reference" and is_default(reference, "extents"))
     tolerance = positive("tolerance", tolerance)
     poles = surface.to_bspline()[2]
     functions, groups = _amounts(amounts, poles.shape[:2])
     if by == "normal":
-        if not (isinstance(reference, str) and reference == "centroid"):
-            raise InputError('reference is an option of by="reference": normals need none')
         return Offset.of(surface, functions, groups, tolerance, outward)
     return Moved.of(surface, functions, groups, _reference(reference, tuning, poles), tolerance)
 
@@ -207,16 +226,23 @@ def _amount(given: Any) -> Callable[[Array], Any]:
     return lambda s: factor * s
 
 
+def _tuning(given: object, *, has_effect: bool) -> tuple[float, ...]:
+    """Return the three factors of the paper's rule; others than 1 are refused where they have no effect."""
+    if not isinstance(given, list | tuple | np.ndarray) or getattr(given, "ndim", 1) == 0 or len(given) != 3:
+        raise InputError(f"tuning is three numbers, not {shown(given)}")
+    factors = tuple(number("tuning", one) for one in given)
+    if not has_effect and factors != TUNING:
+        raise InputError('tuning has no effect but on reference="extents": leave tuning out')
+    return factors
+
+
 def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
     if callable(given):
         return given
-    if not isinstance(tuning, list | tuple | np.ndarray) or len(tuning) != 3:
-        raise InputError(f"tuning is three numbers, not {shown(tuning)}")
-    factors = np.array([number("tuning", one) for one in tuning])
     if isinstance(given, str):
         rule = choice("reference", given, ("centroid", "extents"))
         if rule == "extents":
-            return np.asarray(factors * np.ptp(poles, axis=(0, 1)) / 2)
+            return np.asarray(np.array(tuning) * np.ptp(poles, axis=(0, 1)) / 2)
         return np.asarray(poles.mean(axis=(0, 1)))
     made = as_point(given)
     if made is None:
@@ -297,6 +323,10 @@ def potential_blend(
     """
     pair = relation_of(relation)
     form = choice("form", form, FORM)
+    if form == "exact":
+        leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
+        if skin is not None:
+            leave_out(EXACT + " if the skin is given", tolerance=(tolerance, TOLERANCE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     skin = None if skin is None else positive("skin", skin)
     families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))

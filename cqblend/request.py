@@ -12,11 +12,12 @@ from functools import partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from cqblend.blends.relations import Conic
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
+
+    from cqblend.blends.relations import Conic
 
 Continuity = Literal["G0", "G1", "G2", "G3"]
 Tangents = Literal["parametric", "perpendicular", "chord"]
@@ -34,9 +35,17 @@ _ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
 
 Chosen = TypeVar("Chosen", bound=str)
 Checked = TypeVar("Checked")
+Caller = TypeVar("Caller", bound=Callable[..., object])
 
 ORDERS = (2, 4, 6)  # of partial differential equations
 MOST_TERMS, MOST_MODES = 100, 500  # across and along: far more than any blend takes
+MOST_POINTS = 500  # of collocation, in either direction
+
+TOLERANCE, ANGLE = 1e-7, 1e-5
+"""Of the compact form, mm and rad."""
+
+UNTIED = "on a blend that is G0 on both sides, which has no cross derivatives"
+EXACT = 'on form="exact", which keeps rails and tangent planes to rounding'
 
 STEER = math.radians(20)
 """rad. More than that, a turn would show in the shape of the blend."""
@@ -93,7 +102,7 @@ class BlendRequest:
     bulge: tuple[float, float]
     steer: float
     section: Section
-    relation: Conic | None
+    relation: "Conic | None"
     order: tuple[int, int, int] | None
     parameters: Any
     terms: int | None
@@ -121,8 +130,8 @@ class BlendRequest:
         parameters: Any = None,
         terms: object = "auto",
         form: object = "auto",
-        tolerance: object = 1e-7,
-        angular_tolerance: object = 1e-5,
+        tolerance: object = TOLERANCE,
+        angular_tolerance: object = ANGLE,
         ends: object = "auto",
         first: "TopoDS_Face | None" = None,
     ) -> "BlendRequest":
@@ -151,7 +160,12 @@ class BlendRequest:
         relation = None
         if section == "potential":
             _refuse(section, radius=radius, width=width)
-            _refuse(section, tangents=tangents != "perpendicular", bulge=bulge != 1.0, steer=steer != STEER)
+            _refuse(
+                section,
+                tangents=not is_default(tangents, "perpendicular"),
+                bulge=not is_default(bulge, 1.0),
+                steer=not is_default(steer, STEER),
+            )
             relation = _potential(a, b, lam)
         else:
             _refuse(section, a=a, b=b, lam=lam)
@@ -159,6 +173,10 @@ class BlendRequest:
                 given = "neither" if radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
         continuity, orders = _smoothness(continuity, section, order, parameters, terms)
+        if continuity == ("G0", "G0"):
+            leave_out(UNTIED, tangents=(tangents, "perpendicular"), bulge=(bulge, 1.0), steer=(steer, STEER))
+        if is_default(form, "exact"):
+            leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
         return cls(
             radius=None if radius is None else _size("radius", radius),
             width=None if width is None else pair("width", width, _size),
@@ -170,7 +188,7 @@ class BlendRequest:
             relation=relation,
             order=orders,
             parameters=parameters,
-            terms=None if terms == "auto" else count("terms", terms, MOST_TERMS),
+            terms=count_or_auto("terms", terms, MOST_TERMS),
             form=choice("form", form, FORM),
             tolerance=positive("tolerance", tolerance),
             angular_tolerance=positive("angular_tolerance", angular_tolerance),
@@ -192,7 +210,7 @@ class BlendRequest:
             self,
             radius=None if self.radius is None else self.radius * factor,
             width=None if self.width is None else (self.width[0] * factor, self.width[1] * factor),
-            relation=None if conic is None else Conic(conic.a * factor, conic.b * factor, conic.lam * factor**2),
+            relation=None if conic is None else type(conic)(conic.a * factor, conic.b * factor, conic.lam * factor**2),
         )
 
 
@@ -201,7 +219,7 @@ def _smoothness(
 ) -> tuple[tuple[Continuity, Continuity], tuple[int, int, int] | None]:
     """Return the continuity on both sides, and the orders of the equations that give it."""
     if section != "pde":
-        _refuse(section, order=order, parameters=parameters, terms=None if terms == "auto" else terms)
+        _refuse(section, order=order, parameters=parameters, terms=None if is_auto(terms) else terms)
         wanted = pair("continuity", "G1" if continuity is None else continuity, partial(choice, built=CONTINUITY))
         if section == "potential" and wanted != ("G1", "G1"):
             raise InputError(f"a potential blend is G1 on both sides, not {shown(continuity)}: leave continuity out")
@@ -232,8 +250,10 @@ def _refuse(section: Section, **given: object) -> None:
             raise InputError(f"{name} is no option of section={section!r}{way}")
 
 
-def _potential(a: object, b: object, lam: Any) -> Conic:
+def _potential(a: object, b: object, lam: Any) -> "Conic":
     """Return the relation of a potential section; each of a and b is the other one if it is left out."""
+    from cqblend.blends.relations import Conic  # which takes NumPy: ``import cqblend`` does not
+
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
     first, second = _size("a", b if a is None else a), _size("b", a if b is None else b)
@@ -320,6 +340,55 @@ def count(name: str, value: object, most: int | None = None) -> int:
     if most is not None and number > most:
         raise InputError(f"{name} must be at most {most}, not {shown(number)}")
     return number
+
+
+def is_default(value: object, default: object) -> bool:
+    """Whether an option is what it is if it is left out. Objects of the caller's are not asked whether they are equal.
+
+    Examples
+    --------
+    >>> is_default(1, 1.0), is_default(None, "auto"), is_default((1.0, 1.0), 1.0)
+    (True, False, False)
+    """
+    known = str | int | float | None
+    return isinstance(value, known) and isinstance(value, bool) == isinstance(default, bool) and value == default
+
+
+def leave_out(why: str, **options: tuple[object, object]) -> None:
+    """Refuse options that have no effect in a combination.
+
+    Parameters
+    ----------
+    why
+        Completes "an option has no effect ..".
+    **options
+        What was given, and the default, of each.
+
+    Raises
+    ------
+    InputError
+        If one is not at its default.
+    """
+    for name, (value, default) in options.items():
+        if not is_default(value, default):
+            raise InputError(f"{name} has no effect {why}: leave {name} out")
+
+
+def is_auto(value: object) -> bool:
+    """Whether a value is the word "auto"."""
+    return is_default(value, "auto")
+
+
+def count_or_auto(name: str, value: object, most: int) -> int | None:
+    """Return a whole number above 0, None for "auto"."""
+    return None if is_auto(value) else count(name, value, most)
+
+
+def callback(name: str, value: Caller | None, takes: str) -> Caller | None:
+    """Return what is to be called, if anything."""
+    if value is not None and not callable(value):
+        raise InputError(f"{name} is called with {takes}; {shown(value)} cannot be")
+    return value
 
 
 def turn(name: str, value: object) -> float:

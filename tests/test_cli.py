@@ -1,7 +1,9 @@
 """The command line: what it prints where, and its exit codes."""
 
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +16,12 @@ from cqblend.__main__ import main
 
 BOX = (30.0, 20.0, 10.0)
 CORNER = f"{BOX[0]},{BOX[1]},5"
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch):
+    """However slow the machine is, nothing announces itself unless a test asks for it."""
+    monkeypatch.setattr("cqblend.__main__._PATIENCE", 600.0)
 
 
 @pytest.fixture
@@ -319,3 +327,139 @@ def test_module_and_script_are_the_same(box):
         )
         assert done.returncode == 0, done.stderr
         assert "convex" in done.stdout
+
+
+# what is written is checked before anything is computed, and crashes, interrupts and closed pipes end well
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("out.txt", "not to 'out.txt'"), ("no/out.step", "does not exist"), ("sub.step", "is a folder")],
+)
+def test_an_output_that_cannot_be_is_refused_before_anything_is_read(capsys, tmp_path, name, reason):
+    """The input does not even exist: had it been opened first, the message would say so."""
+    (tmp_path / "sub.step").mkdir()
+    absent = tmp_path / "absent.step"
+    for arguments in (
+        ["blend", absent, tmp_path / name, "--near", "0,0,0", "--radius", "1"],
+        ["unroll", absent, tmp_path / "p.dxf", "--tolerance", "1", "--strips", tmp_path / name],
+    ):
+        code, out, err = run(capsys, *arguments)
+        assert (code, out) == (2, "")
+        assert reason in one_line(err)
+    assert [path.name for path in tmp_path.iterdir()] == ["sub.step"]
+
+
+def test_a_width_of_tabs_without_tabs_is_refused(capsys, box, tmp_path):
+    code, _, err = run(capsys, "unroll", box, tmp_path / "p.dxf", "--tolerance", "0.1", "--tab-width", "3")
+    assert code == 2
+    assert "--tab-width has no effect" in one_line(err)
+
+
+def test_a_damaged_but_whole_file_is_read_with_a_warning(capsys, box, tmp_path):
+    whole = box.read_text()
+    path = tmp_path / "odd.step"
+    path.write_text(re.sub(r"#\d+ = DIRECTION\([^;]*;\n", "", whole, count=1))
+    code, out, err = run(capsys, "continuity", path, "--near", CORNER)
+    assert code == 0
+    assert "angle 1.6 rad" in out
+    (warning,) = [line for line in err.splitlines() if not line.startswith("cqblend: reading")]  # which takes its time
+    assert warning.startswith(f"cqblend: warning: {path}: damaged: 1 entities")
+
+
+def started(*arguments, **options):
+    """Run the command line as users do."""
+    command = [sys.executable, "-m", "cqblend", *map(str, arguments)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(cqblend.__file__).parents[1]), "PYTHONUNBUFFERED": ""}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen(command, text=True, env=environment, **(pipes | options))
+
+
+def test_a_file_on_which_occt_crashes_is_an_error_that_names_it(box, tmp_path):
+    """A surface that is the offset of itself: OCCT's reader calls itself until the stack is full."""
+    path, output = tmp_path / "endless.step", tmp_path / "out.step"
+    path.write_text(re.sub(r"(#\d+) = PLANE\([^;]*;", r"\1 = OFFSET_SURFACE('',\1,1.,.F.);", box.read_text(), count=1))
+    output.write_text("precious")
+    process = started("blend", path, output, "--near", CORNER, "--radius", "2")
+    out, err = process.communicate(timeout=120)
+    assert (process.returncode, out) == (2, "")
+    assert f"{path}: damaged" in one_line(err)
+    assert output.read_text() == "precious"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["box.step", "endless.step", "out.step"]
+
+
+@pytest.mark.parametrize(
+    ("killed", "reason"), [("SIGSEGV", "try another edge or size"), ("SIGKILL", "too little memory")]
+)
+def test_a_crash_after_reading_is_an_error_that_names_the_file(capsys, box, tmp_path, monkeypatch, killed, reason):
+    """The child kills itself and leaves an unfinished file; the next process, which only reads, comes back."""
+    unfinished = "open(f'{sys.argv[1]}/.cqblend-{os.getpid()}-x.step', 'w').close()"
+    codes = iter([f"import os, signal, sys; {unfinished}; os.kill(os.getpid(), signal.{killed})", ""])
+    monkeypatch.setattr(
+        "cqblend.__main__.fresh_interpreter", lambda code, *_: [sys.executable, "-c", next(codes), str(tmp_path)]
+    )
+    arguments = ["cqblend", "blend", box, tmp_path / "out.step", "--near", CORNER, "--radius", "2"]
+    monkeypatch.setattr("sys.argv", [str(one) for one in arguments])
+    handlers = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)]
+    code = main()
+    assert (code, next(codes, None)) == (1, None)
+    message = one_line(capsys.readouterr().err)
+    assert str(box) in message
+    assert killed in message
+    assert reason in message
+    assert [one.name for one in tmp_path.iterdir()] == ["box.step"]
+    assert [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)] == handlers
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_ends_quietly(tmp_path, number, code):
+    process = started("demo", "--output", tmp_path)
+    first = process.stderr.readline()  # the blend has been under way for a second
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert first.startswith("cqblend: blending")
+    assert (process.returncode, out, err) == (code, "", "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_closed_pipe_ends_quietly(box):
+    for arguments in (["continuity", box, "--near", CORNER], ["--help"]):
+        reading, writing = os.pipe()
+        process = started(*arguments, stdout=writing)
+        os.close(writing)
+        os.close(reading)
+        _, err = process.communicate(timeout=60)
+        assert (process.returncode, err) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_a_full_disk_behind_standard_output_is_one_line(box):
+    with Path("/dev/full").open("w") as full:
+        process = started("continuity", box, "--near", CORNER, stdout=full)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert "standard output cannot be written: No space left on device" in one_line(err)
+
+
+@pytest.mark.parametrize("suffix", ["dxf", "svg", "pdf", "json", "step", "png"])
+def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, suffix):
+    """The disk is full when the file is to be put in its place."""
+    from cqblend import picture
+    from cqblend.occ.step import write_step
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / f"out.{suffix}"
+    path.write_text("precious")
+    monkeypatch.setattr(os, "fsync", full)
+    square = cq.Face.makePlane(2, 1)
+    part = picture.Part([square], (0.5, 0.5, 0.5))
+    write = {
+        "step": lambda: write_step(square.wrapped, path),
+        "png": lambda: picture.draw([picture.View([part], (1, 1, 1), (0, 0, 0), 3.0)], path, size=(20, 20)),
+    }.get(suffix, lambda: cqblend.unroll(square, 0.1).export(path))
+    with pytest.raises(OSError, match="No space left"):
+        write()
+    assert path.read_text() == "precious"
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]

@@ -297,17 +297,13 @@ def wrong_kind_of_edge(draw: random.Random) -> Call:
         ]
     )
     share = draw.random()
-    mixed = draw.random() < 0.3 and name in SHARP and kind != "degenerate"  # a Workplane drops degenerate edges
 
-    def picked() -> list[cq.Edge]:
+    def picked() -> list[cq.Edge]:  # together with another edge, such a one is passed over
         wrong = edges(name, kind)
-        one = [wrong[int(share * len(wrong))]]
-        return [*edges(name, "sharp")[:1], *one] if mixed else one
+        return [wrong[int(share * len(wrong))]]
 
     options = sizes(draw.uniform(0.1, 2), draw)
-    # a seam or smooth edge together with another edge may also be refused for being two joints
-    errors = (SelectionError, UnsupportedError) if mixed else (SelectionError,)
-    return Call(f"{kind} edge", draw.choice(DOORS), lambda: body(name), picked, options, errors)
+    return Call(f"{kind} edge", draw.choice(DOORS), lambda: body(name), picked, options, (SelectionError,))
 
 
 def foreign_edge(draw: random.Random) -> Call:

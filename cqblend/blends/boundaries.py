@@ -14,12 +14,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import number
+from cqblend.blends.checks import ask
 from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.knots import interval, number, numbers, whole
 
 Component: TypeAlias = float | Curve | Callable[[Array], Any]
 Given: TypeAlias = Curve | Callable[[Array], Any] | Sequence[Component]
@@ -75,12 +76,7 @@ class Boundary:
     def _domain(self) -> tuple[float, float]:
         own = {one.domain for given in self._given for one in _parts(given) if isinstance(one, Curve)}
         if self.domain is not None:
-            if not isinstance(self.domain, list | tuple | np.ndarray) or len(self.domain) != 2:
-                raise InputError(f"domain must be two numbers, not {shown(self.domain)}")
-            a, b = (number("domain", x) for x in self.domain)
-            if not a < b:
-                raise InputError(f"domain must be two increasing numbers, not {shown(self.domain)}")
-            own.add((a, b))
+            own.add(interval("domain", self.domain))
         if len(own) > 1:
             raise InputError(f"a boundary has one domain, not {' and '.join(map(str, sorted(own)))}")
         return own.pop() if own else (0.0, 2 * np.pi)
@@ -131,8 +127,7 @@ class Boundary:
         >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(np.pi / 3, 0.5).round(6).tolist()
         [0.5, 0.866025, 0.5]
         """
-        if side not in (1, 2):
-            raise InputError(f"the side is 1 or 2, not {shown(side)}")
+        side = whole("the side", side, 1, 2)
         if len(self.curves) < 2:
             raise InputError("a boundary is a rail only with its first derivative: it has no tangent plane else")
         return Rail(*self.ribbon(1, side - 1, self).trace, "left")
@@ -145,6 +140,9 @@ class Boundary:
         GeometryError
             If it has a direction, and that spans no tangent plane with the position's somewhere.
         """
+        order, side = whole("the number of directions", order, 0, 2), whole("the side", side, 0, 1)
+        if not isinstance(other, Boundary):
+            raise InputError(f"the other side is a Boundary, not {shown(other)}")
         position, *rest = self.curves
         if not rest:
             rest = [(other.curves[0] - position) * (1.0, -1.0)[side]]
@@ -189,7 +187,7 @@ def _parts(given: object) -> Sequence[Any]:
         return [given]
     if callable(given):
         return [given]
-    parts = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    parts = list(given) if isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim) else []
     if len(parts) != 3:
         raise InputError(f"boundary data are a Curve, a function, or three components, not {shown(given)}")
     for part in parts:
@@ -206,15 +204,8 @@ def _checked(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Ar
     expected = "(n, 3)" if dim == 3 else "(n,) as a component"
 
     def call(t: Array) -> Array:
-        try:
-            values = np.asarray(function(t))
-            if np.iscomplexobj(values):
-                raise InputError("boundary data are real, not complex")
-            values = values.astype(np.float64)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"boundary data that are a function take an array of parameters t: {error}") from error
+        given = ask("boundary data that are a function take an array of parameters t", function, t)
+        values = numbers("what a function of boundary data returns", given)
         if dim == 1 and values.shape in ((), (1,), (len(t),), (len(t), 1)):
             values = np.broadcast_to(values.reshape(-1), len(t))[:, None]
         if values.shape != (len(t), dim):

@@ -1,11 +1,13 @@
 """What blends ask of numbers that they are given, and of fits that they make."""
 
-from numbers import Real
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cqblend.errors import GeometryError, InputError, shown
+from cqblend.errors import GeometryError, InputError, reason
+from cqblend.splines.knots import numbers
 
 
 class TooFine(GeometryError):
@@ -15,24 +17,21 @@ class TooFine(GeometryError):
 def as_point(value: object) -> NDArray[np.float64] | None:
     """Return three finite numbers as an array (3,); None if the value is something else."""
     try:
-        found = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+        found = numbers("a point", value)
+    except InputError:
         return None
     return found if found.shape == (3,) and np.isfinite(found).all() else None
 
 
-def number(name: str, value: object) -> float:
-    """Return a finite number as a float. A bool is no number.
+def ask(rule: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function of the caller's gives; `rule` says what it should take and return.
 
     Raises
     ------
     InputError
-        If it is none.
+        If the function raises; that is the cause.
     """
     try:
-        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:
-        found = float("inf")
-    if not np.isfinite(found):
-        raise InputError(f"{name} must be a finite number, not {shown(value)}")
-    return found
+        return function(*arguments)
+    except Exception as error:
+        raise InputError(f"{rule}: {reason(error)}") from error

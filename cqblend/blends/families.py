@@ -23,11 +23,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cqblend.blends.checks import ask
 from cqblend.blends.contact import normal_jet
 from cqblend.blends.primaries import Array, Primary, Tensor, cross, unit
-from cqblend.errors import GeometryError, InputError
+from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.evaluation import Side
+from cqblend.splines.knots import number, numbers, whole
 
 Amount = Callable[[Array], Any]
 
@@ -110,6 +112,7 @@ class Family(ABC):
 
     def kinks(self, axis: int) -> tuple[Array, Array]:
         """Return the inner knot lines of a parameter, of the laps next to the first too, and the continuity there."""
+        axis = whole("axis", axis, 0, 1)
         assert isinstance(self.primary, Tensor)
         assert self.primary.knots is not None
         lines, orders, period = (
@@ -138,6 +141,10 @@ class Family(ABC):
             If an amount is not 0 at s = 0, or sets out from there so steeply that the blend would not be tangent to
             the surface, or is no smooth function.
         """
+        if not isinstance(s, Curve) or s.dim != 1 or s.domain != (0.0, 1.0):
+            raise InputError(f"s is a Curve of dim 1 over [0, 1], not {shown(s)}")
+        if not isinstance(which, str):
+            raise InputError(f"which surface it is, is said by a text, not {shown(which)}")
         amounts = fit.reproduce(lambda x: self._amounts(s(x)[:, 0], which), (0.0, 1.0))
         end = 0.0 if abs(s(0.0)[0]) < abs(s(1.0)[0]) else 1.0
         largest = float(np.abs(amounts(np.linspace(0, 1, 65))).max())
@@ -157,12 +164,21 @@ class Family(ABC):
             )
         return Course(amounts, None)
 
+    def _tolerance(self, given: object) -> float | None:
+        """Return a tolerance that is given with s, checked also where the surface is exact."""
+        tolerance = None if given is None else number("tolerance", given)
+        if tolerance is not None and tolerance <= 0:
+            raise InputError(f"tolerance must be above 0, not {tolerance:g}")
+        return tolerance
+
     def _amounts(self, s: Array, which: str) -> Array:
         made = np.empty((len(s), len(self.functions)))
         for i, function in enumerate(self.functions):
+            rule = f"an amount of surface {which} takes an array of s and returns as many numbers"
+            given = numbers(f"an amount of surface {which}", ask(rule, function, s))
             try:
-                made[:, i] = np.broadcast_to(np.asarray(function(s), dtype=np.float64), s.shape)
-            except (TypeError, ValueError) as error:
+                made[:, i] = np.broadcast_to(given, s.shape)
+            except ValueError as error:
                 raise InputError(
                     f"an amount of surface {which} takes an array of s and returns as many numbers: {error}"
                 ) from error
@@ -206,6 +222,7 @@ class Moved(Family):
 
     def jet(self, uv: Array, state: State) -> Array:
         """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
+        _check_place(uv, state)
         assert isinstance(self.primary, Tensor)
         u, v = self.primary.wrap(uv).T
         n, m = len(uv), len(self.functions)
@@ -222,9 +239,9 @@ class Moved(Family):
 
     def __call__(self, s: float, tolerance: float | None = None) -> Surface:
         """Return the surface at s, over the same parameters, exactly."""
-        del tolerance
+        self._tolerance(tolerance)
         degrees, knots, poles, weights = self.surface.to_bspline()
-        at = np.array([float(s)])
+        at = np.array([number("s", s)])
         amounts = self._amounts(at, "given")[0][self.groups][..., None]
         return Surface.from_bspline(degrees, knots, poles + amounts * (poles - self._at(at)[0]), weights)
 
@@ -241,13 +258,14 @@ class Moved(Family):
 
     def _at(self, s: Array) -> Array:
         """Return the reference points (n, 3)."""
-        given = self.reference(s) if callable(self.reference) else self.reference
+        rule = "a reference that is a function takes an array of s and returns as many points"
+        given = ask(rule, self.reference, s) if callable(self.reference) else self.reference
+        points = numbers("reference points", given)
         try:
-            points = np.asarray(given, dtype=np.float64)
             points = np.broadcast_to(
                 points if points.ndim < 2 or points.shape[0] != 3 or len(s) == 3 else points.T, (len(s), 3)
             )
-        except (TypeError, ValueError) as error:
+        except ValueError as error:
             raise InputError(
                 f"a reference that is a function takes an array of s and returns as many points: {error}"
             ) from error
@@ -306,6 +324,7 @@ class Offset(Family):
 
     def jet(self, uv: Array, state: State) -> Array:
         """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
+        _check_place(uv, state)
         base = self.primary.jet(uv)
         n, nu, nv = normal_jet(base)
         out = np.empty((4, len(uv), 3))
@@ -331,7 +350,8 @@ class Offset(Family):
         GeometryError
             If it is not a spline within the tolerance.
         """
-        amounts = self._amounts(np.array([float(s)]), "given")[0]
+        tolerance = self._tolerance(tolerance)
+        amounts = self._amounts(np.array([number("s", s)]), "given")[0]
         surface, exact = self._spline, self.normals
         if not amounts.any():
             return surface
@@ -383,6 +403,14 @@ def _check_creases(surface: Surface) -> None:
                 f"the surface has a crease of {angle[i]:.2g} rad at {'uv'[axis]} = {at[i]:.6g}: moved along its two "
                 "normals there, it would be torn; reshape it from a reference, or the smooth parts one by one"
             )
+
+
+def _check_place(uv: object, state: object) -> None:
+    """Raise InputError unless there are parameters (n, 2) and as many states."""
+    if not isinstance(uv, np.ndarray) or uv.dtype != np.float64 or uv.ndim != 2 or uv.shape[1] != 2:
+        raise InputError(f"parameters (u, v) are an array of shape (n, 2), not {shown(uv)}")
+    if not isinstance(state, State) or len(state.amounts) not in (1, len(uv)):
+        raise InputError(f"a state is what the course of a family gives at as many parameters, not {shown(state)}")
 
 
 def own_normals(surface: Surface) -> Surface | None:

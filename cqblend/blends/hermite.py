@@ -22,7 +22,7 @@ from cqblend.blends.compact import compact
 from cqblend.blends.primaries import cross, unit
 from cqblend.blends.ribbons import Ribbon, faded, in_space
 from cqblend.blends.sections import Jets, section
-from cqblend.errors import DegreeError, GeometryError
+from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
 
 Form = Literal["exact", "compact"]
@@ -46,6 +46,11 @@ class Blend:
     ribbons: tuple[Ribbon, Ribbon] = field(repr=False)
     form: Form
     residual: float | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        ribbons = self.ribbons if isinstance(self.ribbons, tuple) else ()
+        if not isinstance(self.surface, Surface) or [isinstance(one, Ribbon) for one in ribbons] != [True, True]:
+            raise InputError("a blend has a Surface and two ribbons: hermite_blend and the like make one")
 
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:

@@ -34,6 +34,7 @@ Form: TypeAlias = list[tuple[float, int, int]]  # terms: coefficient, order acro
 CHECKS = 5  # further points, at which a residual is read
 FURTHER = 2  # further bubbles, for which an error of the energy is estimated
 MOST = 6000  # unknowns that are solved for at once
+ENTRIES = 10**8  # of a matrix for points that somebody asks for: 0.8 GB
 NOTHING = 1e-7  # share of the terms of an equation, below which their sum is rounding
 
 
@@ -177,6 +178,12 @@ class Minimum:
             raise InputError(
                 f"{len(v)} x {len(w)} collocation points are fewer than the unknowns, {self.terms} terms times "
                 f"{basis.count} functions along: give more points, or fewer terms or modes"
+            )
+        entries = len(v) * len(w) * len(some) * basis.count
+        if self.points != (None, None) and entries > ENTRIES:
+            raise InputError(
+                f"{len(v)} x {len(w)} collocation points for {self.terms} terms times {basis.count} functions along "
+                f"would take {8e-9 * entries:.3g} GB: give fewer points"
             )
         blocks, rights, size = [], [], np.zeros(self.data.shape[-1])
         for form in self._forms():

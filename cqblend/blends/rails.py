@@ -22,6 +22,7 @@ from cqblend.blends.crossing import is_closed
 from cqblend.blends.primaries import Array, cross, tangent_coordinates
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
+from cqblend.splines.knots import finite
 
 RailSide: TypeAlias = Literal["left", "right"]
 FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]
@@ -79,7 +80,7 @@ class Rail:
         if not isinstance(self.curve, Curve) or self.curve.dim != 2:
             given = f"one of dim {self.curve.dim}" if isinstance(self.curve, Curve) else shown(self.curve)
             raise InputError(f"a rail is a Curve of dim 2 in the surface's parameter plane, not {given}")
-        if self.side not in ("left", "right", None):
+        if self.side is not None and not (isinstance(self.side, str) and self.side in ("left", "right")):
             raise InputError(f'the side of a rail is "left", "right" or None, not {shown(self.side)}')
         regularity.check(self.surface, self.curve, self._position)
 
@@ -182,7 +183,7 @@ class Rail:
             As :meth:`field`.
         """
         counts = {"parametric": (0,), "perpendicular": (0,), "chord": (1,), "guide": (1,), "combination": (1, 2)}
-        if name not in counts:
+        if not isinstance(name, str) or name not in counts:
             raise InputError(f"no field is named {shown(name)}: choose one of {', '.join(FIELDS)}")
         if len(operands) not in counts[name]:
             raise InputError(
@@ -207,7 +208,7 @@ class Rail:
         InputError
             As :meth:`field`.
         """
-        t = np.asarray(t, dtype=np.float64)
+        t = _along(t)
         rs = self.symbolic_coordinates(name, *operands)
         if rs is not None:
             return rs(t)
@@ -301,7 +302,9 @@ class Rail:
             If one is zero or parallel to the rail, or passes from one side to the other between two of the parameters:
             det(c', (r, s)) = 0 there, and the blend would have no tangent plane. The message names t.
         """
-        t, rs = np.asarray(t, dtype=np.float64), np.asarray(rs, dtype=np.float64)
+        t, rs = _along(t), finite("directions (r, s)", rs)
+        if rs.shape != (len(t), 2) or not len(t):
+            raise InputError(f"directions (r, s) at {len(t)} parameters have shape {(len(t), 2)}, not {rs.shape}")
         jet, rate = self._jet(t)
         vectors = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
         across = cross(vectors, rate)
@@ -322,6 +325,14 @@ class Rail:
     def reparametrized(self, t0: float, t1: float) -> Rail:
         """Return the rail with its parameter changed affinely, so that the domain becomes [t0, t1]."""
         return Rail(self.surface, self.curve.reparametrized(t0, t1), self.side)
+
+
+def _along(t: object) -> Array:
+    """Return parameters (n,)."""
+    given = finite("t", t)
+    if given.ndim != 1:
+        raise InputError(f"t is an array of parameters of shape (n,), not {given.shape}")
+    return given
 
 
 def _change(t: Array, values: Array, least: Array) -> float | None:

@@ -18,9 +18,10 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cqblend.blends.checks import number
+from cqblend.blends.checks import ask
 from cqblend.errors import CqblendError, InputError, shown
 from cqblend.splines import Curve, fit
+from cqblend.splines.knots import finite, number, numbers
 
 Array = NDArray[Any]
 Pair: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
@@ -90,7 +91,16 @@ class Relation:
         return float(self.curve(1.0)[1])
 
     def __call__(self, x: ArrayLike) -> Array:
-        """Return (s1, s2) at x, (..., 2)."""
+        """Return (s1, s2) at x, (..., 2).
+
+        Raises
+        ------
+        InputError
+            An x is not between 0 and 1, where the relation ends.
+        """
+        x = finite("x", x)
+        if x.size and not (x.min() >= 0 and x.max() <= 1):
+            raise InputError(f"a relation runs over x from 0 to 1, not to {x.flat[np.abs(x - 0.5).argmax()]:.6g}")
         return self.curve(x)
 
     @cached_property
@@ -127,7 +137,7 @@ class Relation:
         return self._other(1, s1)
 
     def _other(self, wanted: Literal[0, 1], given: ArrayLike) -> Array:
-        values = np.asarray(given, dtype=np.float64)
+        values = finite(f"s{2 - wanted}", given)
         s = values.ravel()
         x = np.linspace(0, 1, SAMPLES)
         ahead = self.curve(x)[:, 1 - wanted] - s[:, None]
@@ -216,8 +226,8 @@ class BezierRelation(Relation):
 
     def __init__(self, points: Sequence[Sequence[float]] | Array) -> None:
         try:
-            poles = np.array(points, dtype=np.float64)
-        except (TypeError, ValueError):
+            poles = numbers("points of a relation", points)
+        except InputError:
             poles = np.empty(0)
         if poles.ndim != 2 or poles.shape[1] != 2 or len(poles) < 3:
             raise InputError(f"a relation takes three points (s1, s2) or more, not {shown(points)}")
@@ -244,9 +254,10 @@ def relation(given: Any) -> Relation:
         )
 
     def values(x: Array) -> Array:
+        parts = [numbers("what a relation returns", part) for part in _parts(functions, x)]
         try:
-            made = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in _parts(functions, x)), x)[:-1]
-        except (TypeError, ValueError) as error:
+            made = np.broadcast_arrays(*parts, x)[:-1]
+        except ValueError as error:
             raise InputError(f"a relation takes an array of x and returns as many s1 and s2: {error}") from error
         out = np.stack(made, axis=-1)
         if out.shape != (len(x), 2) or not np.isfinite(out).all():
@@ -263,10 +274,10 @@ def relation(given: Any) -> Relation:
 
 
 def _parts(functions: Sequence[Callable[[Array], Any]], x: Array) -> Sequence[Any]:
-    if len(functions) == 2:
-        return [one(x) for one in functions]
-    made = functions[0](x)
-    if not isinstance(made, tuple | list | np.ndarray):
-        raise InputError(f"a relation returns s1 and s2, not {shown(made)}")
-    array = np.asarray(made, dtype=np.float64)
+    made = [ask("a relation takes an array of x and returns as many s1 and s2", one, x) for one in functions]
+    if len(made) == 2:
+        return made
+    if not isinstance(made[0], tuple | list | np.ndarray):
+        raise InputError(f"a relation returns s1 and s2, not {shown(made[0])}")
+    array = numbers("what a relation returns", made[0])
     return list(array.T) if array.ndim == 2 and array.shape == (len(x), 2) and len(x) != 2 else list(array)

@@ -153,7 +153,7 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
 
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
     """
-    tell = progress or _silent
+    tell = _silent if progress is None else progress
     faces: list[DividedPatch] = []
     failures = [Failure((face,), error) for face, error in skin.refused.items()]
     for i, patch in enumerate(skin.patches):

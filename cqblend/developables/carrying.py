@@ -125,8 +125,12 @@ class Edges:
         users: dict[int, list[Use]] = defaultdict(list)
         sagittas: dict[int, float] = defaultdict(lambda: np.inf)
         finer: dict[int, float] = defaultdict(lambda: 1.0)
+        least: dict[int, int] = defaultdict(lambda: 1)
         for face in faces:
             lines = face.lines()
+            for loop in face.patch.loops:
+                for use in loop:
+                    least[use.edge] = max(least[use.edge], cells.CORNERS + 1 - len(loop))
             for use in (use for loop in face.patch.loops for use in loop):
                 users[use.edge].append((use, lines, face.extent))
                 finer[use.edge] = max(finer[use.edge], face.finer)
@@ -139,12 +143,12 @@ class Edges:
         for number, uses in users.items():
             edge = skin.edges[number]
             try:
-                self._sample(edge, uses, wishes.flat / finer[number], sagittas[number])
+                self._sample(edge, uses, wishes.flat / finer[number], sagittas[number], least[number])
             except CqblendError as error:
                 self.refused[number] = error
 
-    def _sample(self, edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) -> None:
-        samples = sample(edge, uses, tolerance, sagitta)
+    def _sample(self, edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int) -> None:
+        samples = sample(edge, uses, tolerance, sagitta, least)
         self.samples[edge.index] = samples
         self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
         if edge.degenerate:

@@ -16,6 +16,9 @@ import shapely
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
+CORNERS = 3
+"""Vertices of a loop at least: fewer enclose nothing."""
+
 Point = tuple[float, float]
 
 
@@ -122,10 +125,19 @@ def cut(loops: Sequence[Sequence[Side]], lines: Lines) -> list[Cell]:
             strict=True,
         )
     }
+    for ring in rings:
+        if len(ring) < CORNERS or not np.isfinite(ring).all():
+            raise GeometryError(
+                f"a trimming loop of {len(ring)} vertices, the first at (u, v) = {tuple(ring[0].tolist())}, encloses "
+                "nothing: the face is a sliver; repair it, or take a smaller tolerance"
+            )
     domain = shapely.Polygon(rings[0], rings[1:])
     if not domain.is_valid:
         raise GeometryError(f"the trimming loops are not simple: {shapely.is_valid_reason(domain)} (u, v)")
-    return list(_cells(domain, known, lines))
+    try:
+        return list(_cells(domain, known, lines))
+    except shapely.errors.GEOSException as error:
+        raise GeometryError(f"the trimming loops cannot be cut along parameter lines: {error}") from error
 
 
 def _cells(domain: shapely.Polygon, known: dict[tuple[Point, Point], tuple[int, int]], lines: Lines) -> Iterator[Cell]:

@@ -8,9 +8,12 @@ from numbers import Real
 
 from cqblend.errors import InputError, shown
 
+LEAST, MOST = 1e-9, 1e6
+"""What makes sense on flat stock, mm: an atom, and a kilometre."""
+
 
 def millimetres(name: str, value: object, *, zero: bool = False) -> float:
-    """Return a finite length above 0 (or 0, if that is allowed) as a float. A bool is no length.
+    """Return a length from `LEAST` to `MOST` (or 0, if that is allowed) as a float. A bool is no length.
 
     Raises
     ------
@@ -23,7 +26,12 @@ def millimetres(name: str, value: object, *, zero: bool = False) -> float:
     5.0
     """
     if not isinstance(value, bool) and isinstance(value, Real):
-        number = float(value)
-        if math.isfinite(number) and (number > 0 or (zero and number == 0)):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if LEAST <= number <= MOST or (zero and number == 0):
             return number
+        if math.isfinite(number) and number > 0:
+            raise InputError(f"{name} is a positive number of mm, from {LEAST:g} to {MOST:g}, not {shown(value)}")
     raise InputError(f"{name} is {'0 or ' if zero else ''}a positive number of mm, not {shown(value)}")

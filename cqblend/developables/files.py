@@ -5,9 +5,7 @@ what a format looks like inside.
 """
 
 import os
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
@@ -17,7 +15,8 @@ from cqblend.developables.pdf import Page, paper, write_pdf
 from cqblend.developables.record import write_json
 from cqblend.developables.sheets import Sheets
 from cqblend.developables.svg import write_svg
-from cqblend.errors import FileError, InputError, shown
+from cqblend.developables.writing import checked_target, written_beside
+from cqblend.errors import FileError
 
 SUFFIXES = (".dxf", ".svg", ".pdf", ".json")
 
@@ -64,7 +63,7 @@ def export(
     paper(page)
     drawings = () if suffix == ".json" else draw(sheets, kerf=kerf, fit=fit, height=height)
     try:
-        with _whole(target) as whole:
+        with written_beside(target) as whole:
             if suffix == ".dxf":
                 write_dxf(beside(drawings), whole)
             elif suffix == ".svg":
@@ -78,37 +77,14 @@ def export(
     return target
 
 
-@contextmanager
-def _whole(target: File) -> Iterator[File]:
-    """Give a file to be written that takes the place of another one when it is whole."""
-    handle, name = tempfile.mkstemp(suffix=target.suffix, prefix=f".{target.stem}-", dir=target.parent)
-    os.close(handle)
-    whole = File(name)
-    try:
-        yield whole
-        umask = os.umask(0)
-        os.umask(umask)
-        whole.chmod(0o666 & ~umask)  # temporary files are private
-        whole.replace(target)
-    except BaseException:
-        with suppress(OSError):
-            whole.unlink()
-        raise
-
-
 def checked_path(path: str | os.PathLike[str]) -> File:
     """Return the path of a file to be written.
 
     Raises
     ------
     InputError
-        If its suffix is not known or its folder does not exist.
+        If its suffix is not known, its folder does not exist, or it is a folder.
+    FileError
+        If it is protected.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise InputError(f"a file has a path, pattern.dxf for example, not {shown(path)}")
-    target = File(path)
-    if target.suffix.lower() not in SUFFIXES:
-        raise InputError(f"patterns are written to {', '.join(SUFFIXES)}, not to {target.name!r}")
-    if not target.parent.is_dir():
-        raise InputError(f"the folder {target.parent} does not exist: make it first")
-    return target
+    return checked_target(path, SUFFIXES, "patterns")

@@ -155,7 +155,7 @@ class Samples:
     uv: tuple[Array, ...]
 
 
-def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) -> Samples:
+def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int = 1) -> Samples:
     """Choose the vertices along an edge.
 
     Parameters
@@ -165,6 +165,8 @@ def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) ->
     tolerance, sagitta
         See :func:`refined`. Crossings of the two neighbours that are closer together than a thousandth of the tolerance
         are made one.
+    least
+        Number of segments at least. A loop of one or two edges encloses nothing if each of them is a chord.
     """
     ends = edge.breaks[[0, -1]]
     first, last = float(ends[0]), float(ends[1])
@@ -182,6 +184,8 @@ def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float) ->
     else:
         between = t[(np.abs(t[:, None] - stops) > window).all(axis=1)]
         t = refined(edge.points, np.sort(np.concatenate([stops, between])), tolerance, sagitta)
+        if len(t) <= least:
+            t = np.sort(np.concatenate([stops, np.linspace(first, last, least + 1)[1:-1]]))
     uv = []
     for (use, lines, extent), (at, axis, value) in zip(uses, met, strict=True):
         points = snapped(use.pcurve(t), lines, extent)

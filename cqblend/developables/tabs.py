@@ -162,7 +162,7 @@ def fitted_tabs(
     >>> tabs.pieces.pieces[0].cuts[0].points.round(9).tolist()
     [[0.0, 0.0], [40.0, 0.0], [45.0, 5.0], [45.0, 35.0], [40.0, 40.0], [0.0, 40.0], [0.0, 0.0]]
     """
-    if style not in get_args(Style):
+    if not isinstance(style, str) or style not in get_args(Style):
         raise InputError(f"the style of tabs is one of {', '.join(get_args(Style))}, not {shown(style)}")
     width = millimetres("the width of tabs", width)
     pitch = 3 * width if pitch is None else millimetres("the pitch of tabs", pitch)

@@ -1,20 +1,24 @@
 """STEP files, in and out, in millimetres, with one clear error instead of OCCT's chatter.
 
 OCCT reads a damaged file as far as it can and returns what is left, often with a face missing and no word about it, and
-sometimes crashes on the way; it writes straight over the target, with 12 digits. Here reading refuses a file whose
-geometry did not load completely, and writing keeps 16 digits and replaces the target only when the new file is
-complete. This module knows shapes as opaque things to be moved, not what they mean to cqblend.
+sometimes crashes on the way; it writes straight over the target, with 12 digits. Here a file whose geometry did not
+load completely is translated by another process first, and read only if its solids are whole all the same; writing
+keeps 16 digits and replaces the target only when the new file is complete. This module knows shapes as opaque things to
+be moved, not what they mean to cqblend.
 """
 
 import io
 import os
+import re
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Copy
+from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.GeomAbs import GeomAbs_SurfaceType
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.IFSelect import IFSelect_ReturnStatus
@@ -23,16 +27,28 @@ from OCP.Message import Message
 from OCP.STEPControl import STEPControl_Controller, STEPControl_Reader, STEPControl_StepModelType, STEPControl_Writer
 from OCP.StepData import StepData_StepWriter
 from OCP.StepGeom import StepGeom_Curve, StepGeom_Pcurve
+from OCP.StepShape import StepShape_FaceSurface, StepShape_ManifoldSolidBrep
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cqblend.errors import StepError
+from cqblend.developables.writing import written_beside
+from cqblend.errors import DamagedFileWarning, StepError, shown, warn
+from cqblend.installation import fresh_interpreter
 
 _GEOMETRY: Final = ("StepShape_", "StepGeom_")
 """OCCT's classes of STEP entities without which a shape is incomplete; notes, colours and tolerances are others."""
+
+_TORN: Final = ("Shell", "Loop", "Bound", "OrientedEdge", "SolidBrep", "BrepWithVoids", "Context", "Ctx", "file")
+"""What a solid cannot do without: with one of these unusable, a face or the unit of length is lost."""
+
+_PATIENCE: Final = 120.0
+"""Seconds after which OCCT counts as lost in a damaged file."""
+
+_NAMED: Final = 20
+"""Unusable entities that a message names."""
 
 _REAL: Final = "%#.16G"
 """OCCT formats a real into 24 bytes: one digit more, which would be bit exact, overruns them below 1e-99."""
@@ -51,15 +67,22 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
     Raises
     ------
     StepError
-        If the file is missing, unreadable, not STEP, damaged, or holds no geometry. A file counts as damaged when any
-        entity of its geometry or topology fails to load or to translate, even if OCCT would return the rest; unreadable
-        annotations are passed over.
+        If the file is missing, unreadable, not STEP, damaged, or holds no geometry. A file counts as damaged when an
+        entity of its geometry or topology fails to load or to translate, even if OCCT would return the rest, unless
+        all solids and faces of the file are there and valid; unreadable annotations are passed over.
+
+    Warns
+    -----
+    DamagedFileWarning
+        If entities failed, and the solids are whole and valid all the same; the message names them.
     """
     path = Path(path)
     try:
         data = path.read_bytes()
     except OSError as error:
         raise StepError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise StepError(f"{shown(str(path))} is no file name: {error}") from error
     if not data.strip():
         raise StepError(f"{path}: the file is empty")
     if b"ISO-10303-21" not in data[:4096]:
@@ -70,16 +93,31 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
         if status != IFSelect_ReturnStatus.IFSelect_RetDone:
             cause = "its syntax is damaged" if b"END-ISO-10303-21" in data[-4096:] else "it is cut off before its end"
             raise StepError(f"{path}: cannot be read as STEP: {cause}")
-        # OCCT crashes on some incomplete entities, so nothing is translated before all have loaded.
-        _require_complete(path, reader, reader.WS().ModelCheckList(False))
+        # OCCT crashes on some incomplete entities, so they are not translated here before another process has survived.
+        failed = _failed(data, reader.StepModel(), reader.WS().ModelCheckList(False))
         _require_pcurves(path, reader.StepModel())
+        if failed and (any(map(_tears, failed)) or not _survives(path)):
+            raise _damaged(path, failed)
         reader.SetSystemLengthUnit(1.0)
         reader.TransferRoots()
-        _require_complete(path, reader, reader.WS().TransferReader().LastCheckList())
+        failed += _failed(data, reader.StepModel(), reader.WS().TransferReader().LastCheckList())
         shape = reader.OneShape()
+        if failed and not _is_whole(shape, reader.StepModel()):
+            raise _damaged(path, failed)
     if shape.IsNull() or not _faces_and_edges(shape):
         raise StepError(f"{path}: the file holds no geometry")
+    if failed:
+        instead = "OCCT has put something else in their place, and the solids are whole and valid"
+        warn(DamagedFileWarning(f"{path}: {_named(failed)}; {instead}"))
     return shape
+
+
+def translate(path: str) -> None:
+    """Translate a file, for nothing but to see whether OCCT survives that."""
+    reader = STEPControl_Reader()
+    if reader.ReadStream("probe", io.BytesIO(Path(path).read_bytes())) == IFSelect_ReturnStatus.IFSelect_RetDone:
+        reader.TransferRoots()
+        BRepCheck_Analyzer(reader.OneShape()).IsValid()
 
 
 def write_step(shape: TopoDS_Shape, path: str | os.PathLike[str]) -> None:
@@ -103,27 +141,98 @@ def write_step(shape: TopoDS_Shape, path: str | os.PathLike[str]) -> None:
         data = _serialise(writer.Model())
     if not data.rstrip().endswith(b"END-ISO-10303-21;"):
         raise StepError(f"{path}: OCCT wrote an incomplete file")
-    _replace(path, data)
+    try:
+        with written_beside(path) as part:
+            part.write_bytes(data)
+    except OSError as error:
+        raise StepError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _require_complete(path: Path, reader: STEPControl_Reader, checks: Interface_CheckIterator) -> None:
-    """Refuse the model if a check has failed on an entity of its geometry."""
-    model = reader.StepModel()
-    failures = []
+class _Failure(NamedTuple):
+    """An entity of the geometry that OCCT cannot use: its name in the file, if known, its kind, and what is wrong."""
+
+    name: str
+    kind: str
+    why: str
+
+
+def _failed(data: bytes, model: Any, checks: Interface_CheckIterator) -> list[_Failure]:
+    """Return the entities of the geometry on which a check has failed."""
+    failures, names = [], None
     checks.Start()
     while checks.More():
         check, number = checks.Value(), checks.Number()
         if check.HasFailed():
-            kind = model.Value(number).DynamicType().Name() if number > 0 else _GEOMETRY[0] + "file"
+            entity = model.Value(number) if number > 0 else None
+            kind = _GEOMETRY[0] + "file" if entity is None else entity.DynamicType().Name()
             if kind.startswith(_GEOMETRY):
-                failures.append(f"{kind.split('_', 1)[1]}: {check.CFail(1).strip()}")
+                names = _names(data, model.NbEntities()) if names is None else names
+                failures.append(_Failure(names.get(number, ""), kind.split("_", 1)[1], check.CFail(1).strip()))
         checks.Next()
-    if failures:
-        raise StepError(f"{path}: damaged: {len(failures)} entities of its geometry are unusable, first {failures[0]}")
+    return failures
+
+
+def _names(data: bytes, count: int) -> dict[int, str]:
+    """Return the names, such as #12, of the entities of a file in their order; none if they are not as many as read."""
+    plain = re.sub(rb"'[^']*'|/\*.*?\*/", b"", data, flags=re.DOTALL)
+    found = re.findall(rb"(#\d+)\s*=", plain)
+    return {i: name.decode() for i, name in enumerate(found, 1)} if len(found) == count else {}
+
+
+def _tears(failure: _Failure) -> bool:
+    return any(part in failure.kind for part in _TORN)
+
+
+def _named(failed: list[_Failure]) -> str:
+    """Say which entities are unusable, and why the first is."""
+    first = failed[0]
+    text = f"damaged: {len(failed)} entities of its geometry are unusable, first {first.kind}: {first.why}"
+    named = ", ".join(f"{one.name} {one.kind}" for one in failed[:_NAMED] if one.name)
+    more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
+    return f"{text} ({named}{more})" if named else text
+
+
+def _damaged(path: Path, failed: list[_Failure]) -> StepError:
+    return StepError(f"{path}: {_named(failed)}")
+
+
+def _survives(path: Path) -> bool:
+    """Whether a process that translates the file comes back."""
+    code = "from cqblend.occ.step import translate; translate(sys.argv[1])"
+    command = fresh_interpreter(code, str(path))
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=_PATIENCE)  # noqa: S603  (our own code)
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
+
+
+def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
+    """Whether a shape is valid, all its shells are closed, and it has every solid and every face of its file."""
+    if shape.IsNull() or not BRepCheck_Analyzer(shape).IsValid():
+        return False
+    if not all(map(BRep_Tool.IsClosed_s, _subshapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
+        return False
+    entities = [model.Value(number) for number in range(1, model.NbEntities() + 1)]
+    return all(
+        _count_apart(shape, kind) >= sum(isinstance(one, wanted) for one in entities) > 0
+        for kind, wanted in (
+            (TopAbs_ShapeEnum.TopAbs_SOLID, StepShape_ManifoldSolidBrep),
+            (TopAbs_ShapeEnum.TopAbs_FACE, StepShape_FaceSurface),
+        )
+    )
+
+
+def _count_apart(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
+    """Return the number of subshapes of a kind; of one that stands in several places, once."""
+    found = TopTools_IndexedMapOfShape()
+    for one in _subshapes(shape, kind):
+        found.Add(one.Located(TopLoc_Location()))
+    return int(found.Extent())
 
 
 def _require_pcurves(path: Path, model: Any) -> None:
-    """Refuse a model in which a pcurve is no curve: OCCT takes it for one unseen, and crashes."""
+    """Refuse a model in which a pcurve is no curve: OCCT takes it for one unseen, and may crash any time."""
     for number in range(1, model.NbEntities() + 1):
         entity = model.Value(number)
         if isinstance(entity, StepGeom_Pcurve):
@@ -139,23 +248,6 @@ def _serialise(model: Any) -> bytes:
     stream = io.BytesIO()
     writer.Print(stream)
     return stream.getvalue()
-
-
-def _replace(path: Path, data: bytes) -> None:
-    """Put the data in the place of the path's content, whole or not at all."""
-    target = path.resolve()
-    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        try:
-            with partial.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise StepError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _readable(shape: TopoDS_Shape) -> TopoDS_Shape:

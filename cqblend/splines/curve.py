@@ -10,13 +10,13 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.errors import InputError
+from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
-from cqblend.splines.evaluation import BLOCK, Side, locate, quotient
-from cqblend.splines.spline import Spline, _elevated
+from cqblend.splines.evaluation import BLOCK, Side, checked_side, locate, quotient
+from cqblend.splines.spline import ORDER, Spline, _elevated
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -76,7 +76,7 @@ class Curve(Spline):
         array = door.numbers("poles", poles)
         if array.ndim != 2:
             raise InputError(f"poles have {array.ndim} axes, expected (p + 1, dim)")
-        ends = np.repeat(door.numbers("domain", domain), len(array))
+        ends = np.repeat(door.interval("domain", domain), len(array))
         return cls.from_bspline(len(array) - 1, ends, array, weights)
 
     @classmethod
@@ -102,7 +102,7 @@ class Curve(Spline):
         knots, poles = door.numbers("knots", knots), door.numbers("poles", poles)
         if poles.ndim != 2:
             raise InputError(f"poles have {poles.ndim} axes, expected (n, dim)")
-        door.validate(degree, knots, len(poles))
+        degree = door.validate(degree, knots, len(poles))
         homogeneous = door.homogeneous(poles, weights)
         breaks, coefs, continuity = door.extract(degree, knots, homogeneous)
         source = None
@@ -175,7 +175,7 @@ class Curve(Spline):
         At a break the piece to the right counts (at the last break the last piece), or the one on `side`. Beyond the
         domain the end pieces go on as polynomials.
         """
-        t = np.asarray(t, dtype=np.float64)
+        t, k, side = door.finite("t", t), door.whole("the order k", k, 0, ORDER), checked_side(side)
         if self._rational:
             values = self.jet(t, k, side=side)[k]
             return np.asarray(values)
@@ -184,7 +184,7 @@ class Curve(Spline):
 
     def jet(self, t: ArrayLike, order: int, *, side: Side = "right") -> Array:
         """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
-        t = np.asarray(t, dtype=np.float64)
+        t, order, side = door.finite("t", t), door.whole("the order", order, 0, ORDER), checked_side(side)
         jets = self._derivatives(t.ravel(), range(order + 1), side)
         if self._rational:
             jets = quotient(jets[:, None])[:, 0]
@@ -231,9 +231,7 @@ class Curve(Spline):
 
     def reparametrized(self, t0: float, t1: float) -> Self:
         """Change the parameter affinely, so that the domain becomes [t0, t1]."""
-        if not t0 < t1:
-            raise InputError(f"the domain [{t0}, {t1}] is empty")
-        a, b = self.domain
+        (t0, t1), (a, b) = door.interval("the domain", (t0, t1)), self.domain
         breaks = t0 + (self.breaks - a) * ((t1 - t0) / (b - a))
         breaks[-1] = t1
         return self._new((breaks,), self._coefs, self._rational, self._continuity)
@@ -253,7 +251,8 @@ class Curve(Spline):
         InputError
             If the dims differ, or the domains are not consecutive.
         """
-        a, b = self.domain[1], other.domain[0]
+        a, b = self.domain[1], self._other(other).domain[0]
+        continuity = door.whole("continuity", continuity, -1, door.SMOOTH)
         if self.dim != other.dim:
             raise InputError(f"cannot join curves of dim {self.dim} and {other.dim}")
         if abs(a - b) > 1e-14 * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
@@ -271,6 +270,8 @@ class Curve(Spline):
 
         Where g runs beyond the domain of f, the end pieces of f go on as polynomials.
         """
+        if not isinstance(parameter, Curve):
+            raise InputError(f"the parameter of a curve is a Curve, not {shown(parameter)}")
         if parameter.dim != 1:
             raise InputError(f"the parameter of a curve has dim 1, not {parameter.dim}")
         cut, index, continuity = follow(parameter, self._breaks, self._continuity)

@@ -9,10 +9,28 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
 
 Side = Literal["left", "right"]
+
+
+def checked_side(side: object) -> Side:
+    """Return the side of a break.
+
+    Raises
+    ------
+    InputError
+        If it is neither "left" nor "right".
+    """
+    if isinstance(side, str):
+        if side == "right":
+            return "right"
+        if side == "left":
+            return "left"
+    raise InputError(f'the side of a break is "left" or "right", not {shown(side)}')
+
 
 BLOCK = 4096
 """Scattered points evaluated at a time: the coefficients gathered for them should stay in the cache."""
@@ -42,7 +60,7 @@ def design(breaks: Array, degree: int, t: Array, k: int) -> Array:
             wider[:-1] -= values
             values = len(values) / length * wider
         out[np.arange(len(t)), :, piece] = values.T
-    return out.reshape(len(t), -1)
+    return out.reshape(len(t), (degree + 1) * n)
 
 
 def quotient(jets: Array) -> Array:

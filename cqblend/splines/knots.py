@@ -7,29 +7,34 @@ removing it would amplify rounding by more than `AMPLIFICATION`. This module mus
 have any number of trailing axes.
 """
 
+from numbers import Integral, Real
+
 import numpy as np
 
-from cqblend.errors import InputError
+from cqblend.errors import InputError, reason, shown
 from cqblend.splines.bernstein import Array, blossom
 
 SMOOTH = 1 << 20
 """Continuity order of a break where both pieces are one and the same polynomial: a break that no function asked for."""
 
+MOST = 10_000
+"""Largest degree of a B-spline, far beyond what doubles hold."""
+
 AMPLIFICATION = 50.0
 """Largest factor by which re-assembly may amplify rounding errors before it keeps another knot."""
 
 
-def validate(degree: int, knots: Array, count: int) -> None:
-    """Check a full knot vector for `count` poles.
+def validate(degree: object, knots: Array, count: int) -> int:
+    """Check a full knot vector for `count` poles, and return the degree.
 
     Raises
     ------
     InputError
-        If the degree is negative, the number of knots is not count + degree + 1, a knot is not finite or smaller than
-        its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the domain is empty.
+        If the degree is no whole number or negative, the number of knots is not count + degree + 1, a knot is not
+        finite or smaller than its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the
+        domain is empty.
     """
-    if degree < 0:
-        raise InputError(f"degree {degree} is negative")
+    degree = whole("the degree", degree, 0, MOST)
     if knots.ndim != 1 or len(knots) != count + degree + 1:
         raise InputError(
             f"{np.size(knots)} knots for {count} poles of degree {degree}: a full knot vector has {count + degree + 1}"
@@ -48,6 +53,7 @@ def validate(degree: int, knots: Array, count: int) -> None:
     if (repeats > degree + 1).any():
         i = int(np.argmax(repeats))
         raise InputError(f"knot {values[i]} is repeated {repeats[i]} times, more than degree + 1 = {degree + 1}")
+    return degree
 
 
 def extract(degree: int, knots: Array, poles: Array) -> tuple[Array, Array, Array]:
@@ -187,12 +193,88 @@ def numbers(name: str, values: object) -> Array:
     Raises
     ------
     InputError
-        If that is not possible.
+        If that is not possible: texts are no numbers, and neither is what raises when it is asked for its number.
     """
     try:
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be an array of numbers: {error}") from error
+        array = np.array(values)
+        if array.dtype.kind in "biufO":
+            return array.astype(np.float64)
+    except Exception as error:
+        raise InputError(f"{name} must be an array of numbers: {reason(error)}") from error
+    raise InputError(f"{name} must be an array of numbers, not {shown(values)}")
+
+
+def finite(name: str, values: object) -> Array:
+    """Return finite numbers as a float64 array, the same one if it is one already.
+
+    Raises
+    ------
+    InputError
+        If one is not finite, or as :func:`numbers`.
+    """
+    array = values if isinstance(values, np.ndarray) and values.dtype == np.float64 else numbers(name, values)
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} must be finite, not {array[~np.isfinite(array)].flat[0]}")
+    return array
+
+
+def number(name: str, value: object) -> float:
+    """Return a finite number as a float. A bool is no number.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:
+        found = float("inf")
+    if not np.isfinite(found):
+        raise InputError(f"{name} must be a finite number, not {shown(value)}")
+    return found
+
+
+def whole(name: str, value: object, least: int, most: int) -> int:
+    """Return a whole number from `least` to `most`. A bool is none.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    found = None if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
+    if found is None or not least <= found <= most:
+        what = " negative," if found is not None and found < 0 <= least else ""
+        raise InputError(f"{name} must be a whole number from {least} to {most}, not{what} {shown(value)}")
+    return found
+
+
+def pair_of(name: str, value: object) -> tuple[object, object]:
+    """Return the two items of a list, a tuple or an array of two.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "ndim", 1) == 0 or len(value) != 2:
+        raise InputError(f"{name} must be a pair, not {shown(value)}")
+    return value[0], value[1]
+
+
+def interval(name: str, value: object) -> tuple[float, float]:
+    """Return two finite numbers, the lower one first.
+
+    Raises
+    ------
+    InputError
+        If they are none.
+    """
+    low, high = (number(name, end) for end in pair_of(name, value))
+    if not low < high:
+        raise InputError(f"{name}={shown(value)}: not an interval, lower end first; it is empty")
+    return low, high
 
 
 def homogeneous(poles: Array, weights: object) -> Array:
@@ -212,7 +294,11 @@ def homogeneous(poles: Array, weights: object) -> Array:
         raise InputError(f"weights of shape {array.shape} for poles of shape {poles.shape}")
     if not np.isfinite(array).all() or array.min() <= 0:
         raise InputError(f"weights must be finite and positive; the least is {array.min()}")
-    return np.concatenate([poles * array[..., None], array[..., None]], axis=-1)
+    with np.errstate(over="ignore"):
+        made = np.concatenate([poles * array[..., None], array[..., None]], axis=-1)
+    if not np.isfinite(made).all():
+        raise InputError("a pole times its weight is beyond the range of doubles")
+    return made
 
 
 def clamped(degree: int, knots: Array) -> bool:

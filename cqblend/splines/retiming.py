@@ -8,11 +8,10 @@ References
 K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, section 2.1.1 and figure 1.
 """
 
-from math import isfinite
-
 import numpy as np
 
 from cqblend.errors import GeometryError, InputError, shown
+from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import dip
@@ -124,19 +123,15 @@ def change_of_parameter(
     >>> change_of_parameter(100, 1)
     <rational Curve of degree 2, dim 1, 1 pieces on [0, 1]>
     """
-    for name, interval in (("domain", domain), ("onto", onto)):
-        if not (all(map(isfinite, interval)) and interval[0] < interval[1]):
-            raise InputError(f"{name}={interval}: not an interval, lower end first")
-    for name, slope in (("start", start), ("end", end)):
-        if not (isfinite(slope) and slope >= 0):
-            raise InputError(f"{name}={slope}: the slope of a change of parameter is a number that is not negative")
-    low, high = onto
-    mean = (high - low) / (domain[1] - domain[0])
+    (first, last), (low, high) = door.interval("domain", domain), door.interval("onto", onto)
+    start, end = _rate("start", start), _rate("end", end)
+    mean = (high - low) / (last - first)
     a, b = start / mean, end / mean
     if a + b <= 3:
-        return Curve.bezier(_column(low, low + (high - low) * a / 3, high - (high - low) * b / 3, high), None, domain)
+        poles = _column(low, low + (high - low) * a / 3, high - (high - low) * b / 3, high)
+        return Curve.bezier(poles, None, (first, last))
     weights = np.array([1.0, (a + b) / 2, 1.0])
-    return Curve.bezier(_column(low, low + (high - low) * a / (a + b), high), weights, domain)
+    return Curve.bezier(_column(low, low + (high - low) * a / (a + b), high), weights, (first, last))
 
 
 def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domain: Interval | None = None) -> Curve:
@@ -172,7 +167,12 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
     >>> np.linalg.norm(arc([0.0, 1.0], 1), axis=1)
     array([1., 1.])
     """
+    if not isinstance(curve, Curve):
+        raise InputError(f"a curve is a Curve, not {shown(curve)}")
     ends = curve.domain
+    if domain is not None:
+        domain = door.interval("domain", domain)
+    start, end = _rate("start", start), _rate("end", end)
     slopes = []
     for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
         present = float(np.linalg.norm(curve(t, 1, side="right" if name == "start" else "left")))
@@ -180,6 +180,17 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
             raise GeometryError(f"the curve stands still at its {name}, t = {t:.9g}: no parameter gives it a speed")
         slopes.append(speed / present)
     return reparameterise(curve, change_of_parameter(*slopes, domain=domain or ends, onto=ends))
+
+
+def _rate(name: str, value: object) -> float:
+    """Return a derivative, or a speed, that is not negative."""
+    try:
+        rate = door.number(name, value)
+    except InputError:
+        rate = -1.0
+    if rate < 0:
+        raise InputError(f"{name}={shown(value)}: the slope of a change of parameter is a number that is not negative")
+    return rate
 
 
 def _column(*poles: float) -> Array:

@@ -13,12 +13,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.errors import GeometryError, InputError
+from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import SMOOTH
+from cqblend.splines.knots import SMOOTH, finite, number, numbers, whole
 
 _EPS = float(np.finfo(float).eps)
+
+ORDER, DEGREE = 100, 500
+"""Largest order of a derivative, and largest degree to which a spline is raised: doubles hold nothing beyond."""
 
 
 def along(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions: int) -> Array:
@@ -58,16 +61,19 @@ class Spline:
     ) -> None:
         k = self._directions
         name = type(self).__name__
-        try:
-            arrays = tuple(np.array(b, dtype=np.float64) for b in breaks)
-            values = np.array(coefs, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{name}: breaks and coefficients must be arrays of numbers: {error}") from error
-        if len(arrays) != k:
-            raise InputError(f"{name}: {len(arrays)} sets of breaks, expected {k}")
+        if not isinstance(rational, bool | np.bool_):
+            raise InputError(f"{name}: rational is True or False, not {shown(rational)}")
+        continuity = (None,) * k if continuity is None else continuity
+        for what, given in (("breaks", breaks), ("continuity", continuity)):
+            if not isinstance(given, list | tuple) or len(given) != k:
+                raise InputError(f"{name}: {what} is given for {k} parameters, not as {shown(given)}")
+        arrays = tuple(numbers(f"{name}: breaks", b) for b in breaks)
+        values = numbers(f"{name}: coefficients", coefs)
         for b in arrays:
             if b.ndim != 1 or len(b) < 2 or not np.isfinite(b).all() or (np.diff(b) <= 0).any():
-                raise InputError(f"{name}: breaks must be at least two finite, strictly increasing numbers, not {b}")
+                raise InputError(
+                    f"{name}: breaks must be at least two finite, strictly increasing numbers, not {shown(b.tolist())}"
+                )
         if values.ndim != 2 * k + 1:
             raise InputError(f"{name}: coefficients have {values.ndim} axes, expected {2 * k + 1}")
         expected = tuple(len(b) - 1 for b in arrays)
@@ -79,11 +85,13 @@ class Spline:
             raise InputError(f"{name}: a coefficient is not a finite number")
         orders = []
         for axis in range(k):
-            given = None if continuity is None else continuity[axis]
-            order = _met(values, axis, k) if given is None else np.array(given, dtype=int)
+            known = continuity[axis]
+            order = _met(values, axis, k) if known is None else numbers(f"{name}: continuity", known)
             if order.shape != (expected[axis] - 1,):
                 raise InputError(f"{name}: continuity of shape {order.shape}, expected {(expected[axis] - 1,)}")
-            orders.append(order)
+            if not np.isfinite(order).all() or (order != np.floor(order)).any():
+                raise InputError(f"{name}: continuity must be whole numbers, not {shown(order.tolist())}")
+            orders.append(np.clip(order, -1, SMOOTH).astype(int))
         self._set(arrays, values, bool(rational), tuple(orders), None)
 
     def _set(
@@ -237,17 +245,24 @@ class Spline:
             return w if v is None else v
         return self._product(v, w)
 
-    def _vector(self, value: object) -> Array | None:
-        """Shape a number, or one per component, to broadcast against a numerator; None if `value` is neither."""
+    def _vector(self, value: object) -> Array:
+        """Shape a number, or one per component, to broadcast against a numerator."""
+        name = type(self).__name__
         if isinstance(value, Spline):
-            return None
+            raise OperandError(f"a {name} and a {type(value).__name__} do not go together")
         try:
-            array = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError):
-            return None
+            array = finite("an operand", value)
+        except InputError as error:
+            raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers: {error}") from error
         if array.ndim > 1 or (array.ndim == 1 and len(array) != self.dim):
-            return None
+            raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers, not {shown(value)}")
         return array.reshape(*(1,) * self._directions, -1, *(1,) * self._directions)
+
+    def _other(self, value: object) -> Self:
+        """Return another spline of the same kind."""
+        if not isinstance(value, type(self)):
+            raise OperandError(f"a {type(self).__name__} is needed, not {shown(value)}")
+        return value
 
     # -- algebra
 
@@ -261,8 +276,6 @@ class Spline:
                 raise InputError(f"cannot add splines of dim {self.dim} and {other.dim}")
             return self._paired(other, np.add)
         vector = self._vector(other)
-        if vector is None:
-            return NotImplemented
         numerator, weight = self._parts()
         return self._like(numerator + (vector if weight is None else vector * weight), weight)
 
@@ -272,9 +285,7 @@ class Spline:
         if isinstance(other, type(self)):
             return self + (-other)
         vector = self._vector(other)
-        return (
-            NotImplemented if vector is None else self + (-vector.ravel() if vector.size > 1 else -float(vector.item()))
-        )
+        return self + (-vector.ravel() if vector.size > 1 else -float(vector.item()))
 
     def __rsub__(self, other: object) -> Self:
         return (-self) + other
@@ -285,8 +296,6 @@ class Spline:
                 raise InputError(f"cannot multiply splines of dim {self.dim} and {other.dim}: use dot or cross")
             return self._bilinear(other, self._product)
         vector = self._vector(other)
-        if vector is None:
-            return NotImplemented
         numerator, weight = self._parts()
         return self._like(numerator * vector, weight)
 
@@ -294,8 +303,8 @@ class Spline:
 
     def __truediv__(self, other: object) -> Self:
         vector = self._vector(other)
-        if vector is None:
-            return NotImplemented
+        if not vector.all():
+            raise OperandError(f"a {type(self).__name__} cannot be divided by 0")
         numerator, weight = self._parts()
         return self._like(numerator / vector, weight)
 
@@ -306,14 +315,14 @@ class Spline:
 
     def dot(self, other: Self) -> Self:
         """Scalar product, a spline of dim 1."""
-        if self.dim != other.dim:
+        if self.dim != self._other(other).dim:
             raise InputError(f"no scalar product of splines of dim {self.dim} and {other.dim}")
         k = self._directions
         return self._bilinear(other, lambda x, y: self._product(x, y).sum(axis=k, keepdims=True))
 
     def cross(self, other: Self) -> Self:
         """Vector product: dim 3 for dim 3, and the determinant as dim 1 for dim 2."""
-        if self.dim != other.dim or self.dim not in (2, 3):
+        if self.dim != self._other(other).dim or self.dim not in (2, 3):
             raise InputError(f"no vector product of splines of dim {self.dim} and {other.dim}: both need 3, or both 2")
         k = self._directions
         i, j = ([1, 2, 0], [2, 0, 1]) if self.dim == 3 else ([0], [1])
@@ -326,7 +335,11 @@ class Spline:
     def __getitem__(self, index: int | slice) -> Self:
         """Components: an int gives a spline of dim 1."""
         numerator, weight = self._parts()
-        chosen = np.atleast_1d(np.arange(self.dim)[index])
+        try:
+            chosen = np.arange(self.dim)[index if isinstance(index, slice) else whole("an index", index, -99, 99)]
+        except (IndexError, TypeError, ValueError) as error:
+            raise InputError(f"{shown(index)} chooses none of the {self.dim} components") from error
+        chosen = np.atleast_1d(chosen)
         if not len(chosen):
             raise InputError(f"{index} chooses none of the {self.dim} components")
         return self._like(numerator.take(chosen, self._directions), weight)
@@ -340,6 +353,8 @@ class Spline:
         InputError
             If there are none, or their domains differ.
         """
+        if not isinstance(splines, list | tuple) or not all(isinstance(one, cls) for one in splines):
+            raise InputError(f"stack takes a list of {cls.__name__}s, not {shown(splines)}")
         if not splines:
             raise InputError("stack needs at least one spline")
         result = splines[0]
@@ -349,8 +364,7 @@ class Spline:
 
     def _derive(self, orders: Sequence[int]) -> Self:
         """Mixed partial derivative. For N / w^m the quotient rule keeps (N, w, m): (N' w - m N w') / w^(m+1)."""
-        if any(order < 0 for order in orders):
-            raise InputError(f"derivative orders {tuple(orders)} must not be negative")
+        orders = [whole("the order of a derivative", order, 0, ORDER) for order in orders]
         k = self._directions
         numerator, weight = self._parts()
         power = 1
@@ -379,8 +393,7 @@ class Spline:
         return self._new(result._breaks, result._coefs, result._rational, continuity)
 
     def _elevate(self, amounts: Sequence[int]) -> Self:
-        if any(amount < 0 for amount in amounts):
-            raise InputError(f"cannot elevate by {tuple(amounts)}: use reduce to lower the degree")
+        amounts = [whole("the amount by which a degree is raised", amount, 0, DEGREE) for amount in amounts]
         degrees = [n - 1 + amount for n, amount in zip(self._coefs.shape[: self._directions], amounts, strict=True)]
         return self._new(self._breaks, _elevated(self._coefs, degrees), self._rational, self._continuity)
 
@@ -388,10 +401,11 @@ class Spline:
         k = self._directions
         coefs = self._coefs
         scale = np.abs(coefs).max()
+        tolerance = number("tolerance", tolerance)
         for axis, amount in enumerate(amounts):
             degree = self._coefs.shape[axis] - 1
-            if amount is not None and not 0 <= amount <= degree:
-                raise InputError(f"cannot reduce degree {degree} by {amount}")
+            if amount is not None:
+                amount = whole(f"the amount by which degree {degree} is reduced", amount, 0, degree)
             start, steps = coefs, range(1, degree + 1) if amount is None else [amount]
             for step in steps:
                 lower = along(lambda c, r=step: bernstein.reduce(c, r), start, axis, k)  # type: ignore[misc]
@@ -434,6 +448,7 @@ class Spline:
 
     def _clipped(self, axis: int, start: float, end: float) -> Self:
         old = self._breaks[axis]
+        start, end = number("the start of a part", start), number("the end of a part", end)
         slack = 4 * _EPS * max(abs(old[0]), abs(old[-1]))
         if not (old[0] - slack <= start < end <= old[-1] + slack):
             raise InputError(
@@ -453,9 +468,7 @@ class Spline:
 
     def _inserted(self, axis: int, breaks: ArrayLike) -> Self:
         old = self._breaks[axis]
-        new = np.unique(np.asarray(breaks, dtype=np.float64).ravel())
-        if not np.isfinite(new).all():
-            raise InputError("cannot cut at a break that is not a finite number")
+        new = np.unique(finite("breaks to cut at", breaks).ravel())
         new = new[(new > old[0]) & (new < old[-1])]
         return self._cut(axis, union(old, new)) if len(new) else self
 

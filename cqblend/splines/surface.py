@@ -10,16 +10,33 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.errors import InputError
+from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import barycentric, follow
 from cqblend.splines.curve import Curve
-from cqblend.splines.evaluation import BLOCK, Side, design, locate, quotient
-from cqblend.splines.spline import Spline, _with, along
+from cqblend.splines.evaluation import BLOCK, Side, checked_side, design, locate, quotient
+from cqblend.splines.spline import ORDER, Spline, _with, along
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
+
+LAPS = 1000
+"""Most further periods of a closed surface."""
+
+
+def _axis(value: object) -> int:
+    return door.whole("axis", value, 0, 1)
+
+
+def _scattered(u: object, v: object) -> tuple[Array, Array]:
+    """Return parameters of scattered points, of one shape."""
+    u, v = door.finite("u", u), door.finite("v", v)
+    try:
+        u, v = np.broadcast_arrays(u, v)
+    except ValueError as error:
+        raise InputError(f"u of shape {u.shape} and v of shape {v.shape} do not go together") from error
+    return u, v
 
 
 class Surface(Spline):
@@ -93,14 +110,13 @@ class Surface(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        pair = tuple(door.numbers("knots", k) for k in knots)
+        ku, kv = (door.numbers("knots", vector) for vector in door.pair_of("knots", knots))
         poles = door.numbers("poles", poles)
-        if poles.ndim != 3 or len(pair) != 2 or len(degrees) != 2:
-            raise InputError(f"poles have {poles.ndim} axes and there are {len(pair)} knot vectors, expected 3 and 2")
-        for degree, vector, count in zip(degrees, pair, poles.shape, strict=False):
-            door.validate(degree, vector, count)
+        if poles.ndim != 3:
+            raise InputError(f"poles have {poles.ndim} axes, expected 3")
+        first, second = door.pair_of("degrees", degrees)
+        p, q = door.validate(first, ku, len(poles)), door.validate(second, kv, poles.shape[1])
         homogeneous = door.homogeneous(poles, weights)
-        (p, q), (ku, kv) = degrees, pair
         bu, rows, cu = door.extract(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
         bv, coefs, cv = door.extract(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
         source = None
@@ -120,6 +136,8 @@ class Surface(Spline):
         InputError
             If the domains or dims differ.
         """
+        if not isinstance(rows, list | tuple) or not rows or not all(isinstance(row, Curve) for row in rows):
+            raise InputError(f"the rows of a surface are Curves, one at least, not {shown(rows)}")
         dims = {row.dim for row in rows}
         if len(dims) != 1:
             raise InputError(f"rows of a surface need one dim, not {sorted(dims)}")
@@ -129,9 +147,7 @@ class Surface(Spline):
         together = Curve.stack(homogeneous)
         p, _, n = together.coefs.shape
         coefs = together.coefs.reshape(p, len(rows), -1, n)[..., None]
-        breaks = np.array(domain, dtype=np.float64)
-        if not breaks[0] < breaks[1]:
-            raise InputError(f"the domain [{breaks[0]}, {breaks[1]}] is empty")
+        breaks = np.array(door.interval("domain", domain))
         return cls._new((together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int)))
 
     def to_bspline(self) -> BSplineSurface:
@@ -206,8 +222,9 @@ class Surface(Spline):
         At a knot line the piece to the right counts (at the last line the last piece), or the one on `side`. Beyond the
         domain the end patches go on as polynomials.
         """
-        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
-        jets = self._partials(u.ravel(), v.ravel(), ku, kv, ku + kv, side)
+        u, v = _scattered(u, v)
+        ku, kv = door.whole("the order ku", ku, 0, ORDER), door.whole("the order kv", kv, 0, ORDER)
+        jets = self._partials(u.ravel(), v.ravel(), ku, kv, ku + kv, checked_side(side))
         values = (quotient(jets) if self._rational else jets)[ku, kv]
         return np.asarray(np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim))
 
@@ -220,8 +237,9 @@ class Surface(Spline):
             (order + 1, order + 1, .., dim): entry [i, j] is the derivative of order i by u and j by v; zero for i + j
             > order.
         """
-        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
-        jets = self._partials(u.ravel(), v.ravel(), order, order, order, side)
+        u, v = _scattered(u, v)
+        order = door.whole("the order", order, 0, ORDER)
+        jets = self._partials(u.ravel(), v.ravel(), order, order, order, checked_side(side))
         if self._rational:
             jets = quotient(jets)
             high = np.add.outer(np.arange(order + 1), np.arange(order + 1)) > order
@@ -230,7 +248,8 @@ class Surface(Spline):
 
     def grid(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0) -> Array:
         """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
-        u, v = np.asarray(u, dtype=np.float64).ravel(), np.asarray(v, dtype=np.float64).ravel()
+        u, v = door.finite("u", u).ravel(), door.finite("v", v).ravel()
+        ku, kv = door.whole("the order ku", ku, 0, ORDER), door.whole("the order kv", kv, 0, ORDER)
         (p, q), dim_h = self.degree, self._coefs.shape[2]
         arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
         arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
@@ -238,9 +257,11 @@ class Surface(Spline):
         jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
         designs = [design(self._breaks[1], q, v, j).T for j in orders_v]
         for i, order in enumerate(orders_u):
-            rows = (design(self._breaks[0], p, u, order) @ arranged).reshape(len(u), dim_h, -1)
+            rows = (design(self._breaks[0], p, u, order) @ arranged).reshape(len(u), dim_h, len(designs[0]))
             for j, matrix in enumerate(designs):
-                jets[i, j] = np.moveaxis((rows.reshape(len(u) * dim_h, -1) @ matrix).reshape(len(u), dim_h, -1), 1, 0)
+                jets[i, j] = np.moveaxis(
+                    (rows.reshape(len(u) * dim_h, len(matrix)) @ matrix).reshape(len(u), dim_h, len(v)), 1, 0
+                )
         values = (quotient(jets) if self._rational else jets)[-1, -1]
         return np.moveaxis(values, 0, -1)
 
@@ -269,7 +290,7 @@ class Surface(Spline):
         result = self
         for axis, window in enumerate((u, v)):
             if window is not None:
-                result = result._clipped(axis, *window)
+                result = result._clipped(axis, *door.interval("uv"[axis], window))
         return result
 
     def cut(self, u: ArrayLike = (), v: ArrayLike = ()) -> Self:
@@ -278,7 +299,7 @@ class Surface(Spline):
 
     def reverse(self, axis: int) -> Self:
         """Run parameter 0 or 1 backwards over the same domain."""
-        return self._reversed(axis)
+        return self._reversed(_axis(axis))
 
     def transpose(self) -> Self:
         """Exchange the parameters."""
@@ -302,8 +323,8 @@ class Surface(Spline):
         InputError
             If the surface does not close, to 1e-7 of its largest coefficient.
         """
-        if before < 0 or after < 0:
-            raise InputError(f"cannot tile {before} times before and {after} times after: counts must not be negative")
+        axis, continuity = _axis(axis), door.whole("continuity", continuity, -1, door.SMOOTH)
+        before, after = (door.whole("a number of periods", count, 0, LAPS) for count in (before, after))
         lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
         gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
         if continuity >= 0 and gap > 1e-7 * np.abs(self._coefs).max():
@@ -324,8 +345,8 @@ class Surface(Spline):
         """Take the curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
         if (u is None) == (v is None):
             raise InputError("isoparametric needs exactly one of u and v")
-        axis, value = (0, u) if u is not None else (1, v)
-        piece, s, x, _ = locate(self._breaks[axis], np.array([value], dtype=np.float64))
+        axis, value = (0, door.number("u", u)) if u is not None else (1, door.number("v", v))
+        piece, s, x, _ = locate(self._breaks[axis], np.array([value]))
         row = self._coefs.take(int(piece[0]), axis=3 + axis)  # (p+1, q+1, dim, n)
         values = bernstein.basis(self.degree[axis], s, x)[:, 0]
         coefs = np.tensordot(values, row, axes=(0, axis))
@@ -350,10 +371,12 @@ class Surface(Spline):
             line that it has run along, the end of the common part may be.
         """
         cut, index, _ = self._follow(curve)
-        chosen = index if axis is None else index[axis : axis + 1]
+        chosen = index if axis is None else index[[_axis(axis)]]
         return np.asarray(cut.breaks[1:-1][(chosen[:, 1:] != chosen[:, :-1]).any(axis=0)])
 
     def _follow(self, curve: Curve) -> tuple[Curve, Array, Array]:
+        if not isinstance(curve, Curve):
+            raise InputError(f"a curve in the parameter plane is a Curve, not {shown(curve)}")
         if curve.dim != 2:
             raise InputError(f"a curve in the parameter plane has dim 2, not {curve.dim}")
         return follow(curve, self._breaks, self._continuity)

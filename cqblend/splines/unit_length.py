@@ -13,7 +13,8 @@ K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, sec
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import comb, inf, isfinite
+from math import comb, inf, isfinite, nan
+from numbers import Real
 from typing import Literal
 
 import numpy as np
@@ -107,7 +108,7 @@ def normalise(
     >>> unit.error <= 1e-5, len(unit.field.to_bspline()[2])
     (True, 15)
     """
-    _check(field, tolerance, method, knots)
+    tolerance = _check(field, tolerance, method, knots)
     reach = _reach(field, length)
     numerator, weight = _split(field)
     size = float(np.abs(numerator.coefs).max())
@@ -129,17 +130,28 @@ def normalise(
 # -- what is asked
 
 
-def _check(field: Curve, tolerance: float, method: str, knots: int | None) -> None:
+def _check(field: object, tolerance: object, method: object, knots: object) -> float:
+    """Check the arguments, and return the tolerance."""
     if not isinstance(field, Curve):
         raise InputError(f"a vector field is a Curve, not {shown(field)}")
     if not np.isfinite(field.coefs).all():
         raise InputError("the field has a coefficient that is not a finite number")
-    if not tolerance > 0:
-        raise InputError(f"tolerance {tolerance}: it must be positive")
-    if method not in ("hermite", "schoenberg"):
+    try:
+        wanted = nan if isinstance(tolerance, bool) or not isinstance(tolerance, Real) else float(tolerance)
+    except OverflowError:
+        wanted = inf
+    if not wanted > 0:
+        raise InputError(f"tolerance {shown(tolerance)}: it must be positive")
+    if not isinstance(method, str) or method not in ("hermite", "schoenberg"):
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
-    if knots is not None and (method != "schoenberg" or knots < 0):
-        raise InputError(f"knots={knots}: a number of knots to insert, for method='schoenberg'")
+    if knots is not None:
+        try:
+            door.whole("knots", knots, 0, MOST if method == "schoenberg" else -1)
+        except InputError as error:
+            raise InputError(
+                f"knots={shown(knots)}: a number of knots to insert, {MOST} at most, for method='schoenberg'"
+            ) from error
+    return wanted
 
 
 def _reach(field: Curve, length: float | Curve) -> float:
@@ -151,7 +163,10 @@ def _reach(field: Curve, length: float | Curve) -> float:
         low, high = length.bounds()
         reach = float(max(-low[0], high[0]))
     else:
-        reach = abs(float(length))
+        try:
+            reach = abs(door.number("length", length))
+        except InputError:
+            reach = nan
     if not isfinite(reach) or reach == 0:
         raise InputError(f"length {shown(length)}: it must be finite, and not zero everywhere")
     return reach

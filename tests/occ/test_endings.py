@@ -86,10 +86,10 @@ def test_a_piece_of_a_tangent_chain(radius):
     assert len(warned) == 2
     for warning, end, (x, y, z) in zip(warned, result.certificate.ends, points, strict=True):
         text = str(warning.message)
-        assert f"vertex {end.vertex} at ({x:g}, {y:g}, {z:g}), beside face" in text
+        assert f"vertex {end.vertex} at ({x:g}, {y:g}, {z:g}), beside face " in text
         assert end.cause == "the joint goes on there: another edge leaves in the same direction"
         assert end.cause in text
-        assert "smaller size" in text
+        assert "blend before the edges there are rounded" in text
         assert warning.filename == __file__
     assert "has a flat end at vertex" in str(result.certificate)
 

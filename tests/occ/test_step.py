@@ -2,6 +2,7 @@
 
 import math
 import os
+import random
 import re
 from pathlib import Path
 
@@ -29,7 +30,7 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 
-from cqblend.errors import StepError
+from cqblend.errors import DamagedFileWarning, StepError
 from cqblend.occ import bulk
 from cqblend.occ.step import read_step, write_step
 
@@ -225,7 +226,7 @@ def test_truncated_files_are_refused(part, box_text, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "entity", ["ADVANCED_FACE", "CLOSED_SHELL", "EDGE_CURVE", "EDGE_LOOP", "VERTEX_POINT", "LINE", "PLANE", "DIRECTION"]
+    "entity", ["ADVANCED_FACE", "CLOSED_SHELL", "EDGE_CURVE", "EDGE_LOOP", "VERTEX_POINT", "LINE", "PLANE"]
 )
 def test_a_lost_entity_is_an_error_and_never_a_lost_face(entity, box_text, tmp_path):
     path = tmp_path / "lost.step"
@@ -242,6 +243,35 @@ def test_a_pcurve_that_is_no_curve_is_an_error_and_no_crash(box_text, tmp_path):
     path.write_text(crossed)
     with pytest.raises(StepError, match="damaged: a pcurve has no curve"):
         read_step(path)
+
+
+def shuffled(text: str) -> str:
+    """Return a STEP file with its entities in another order, so that their names are not their places."""
+    head, body, foot = re.split(r"(?<=DATA;\n)|(?=ENDSEC;\nEND-ISO)", text)
+    entities = re.findall(r"#.*?;\n", body, flags=re.DOTALL)
+    return head + "".join(random.Random(5).sample(entities, len(entities))) + foot
+
+
+@pytest.mark.parametrize("entity", ["DIRECTION", "PCURVE"])
+def test_what_is_whole_all_the_same_is_read_with_a_warning_that_names_the_bad_entities(entity, box_text, tmp_path):
+    """CadQuery reads these as the valid box that they were; who refers to what is lost, is named as in the file."""
+    path = tmp_path / "odd.step"
+    lost = re.search(rf"(#\d+) = {entity}\([^;]*;\n", box_text)
+    path.write_text(shuffled(box_text.replace(lost[0], "")))
+    holder = re.search(rf"(#\d+) = (\w+)\([^;]*{lost[1]}\b[^;]*;", box_text.replace(lost[0], ""))
+    with pytest.warns(DamagedFileWarning, match=rf"odd\.step: damaged: 1 .*\({holder[1]} \w+\)"):
+        shape = read_step(path)
+    assert volume(shape) == pytest.approx(volume(box()), rel=1e-12)
+    assert len(faces(shape)) == 6
+
+
+def test_a_real_file_with_seams_of_one_pcurve_is_read_with_a_warning():
+    path = CASES / "occt__ec_exhaust-A.stp"
+    if not path.exists():
+        pytest.skip("the shared cases are not here")
+    with pytest.warns(DamagedFileWarning, match=r"12 entities .*Seam Curve with twice the same geom.*#2679 SeamCurve"):
+        shape = read_step(path)
+    assert len(faces(shape)) == path.read_text().count("ADVANCED_FACE")
 
 
 def test_lost_units_are_an_error(box_text, tmp_path):
