@@ -186,12 +186,19 @@ def _without(
     unify.Build()
     solids = list(explore(unify.Shape(), TopAbs_SOLID))
     faces, edges = (_changed(unify.History(), solid, what) for what in (TopAbs_FACE, TopAbs_EDGE))
-    sound = len(solids) == 1 and all(
-        BRepCheck_Analyzer(new, True, False, True).IsValid()
-        and abs(_area(new) - sum(map(_area, old))) <= SAME_AREA * _area(new)
-        for new, old in faces
-    )
+    sound = len(solids) == 1 and all(_sound(new, old) for new, old in faces)
     return Unified(solids[0], faces, edges) if sound and any(len(old) > 1 for _, old in faces) else None
+
+
+def _sound(new: TopoDS_Face, old: list[TopoDS_Face]) -> bool:
+    """Whether a face is as large as those in whose place it is, and valid in both of OCCT's modes, if they were."""
+    if abs(_area(new) - sum(map(_area, old))) > SAME_AREA * _area(new):
+        return False
+    return all(
+        BRepCheck_Analyzer(new, True, False, exact).IsValid()
+        or not all(BRepCheck_Analyzer(one, True, False, exact).IsValid() for one in old)
+        for exact in (False, True)
+    )
 
 
 def _area(face: TopoDS_Face) -> float:
