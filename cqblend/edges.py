@@ -271,7 +271,8 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         domain, turn = ribbons[0].c.domain, joint.spine.turn()
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
-            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
+            arc = _largest_arc(joint)
+            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t, arc)[0])
         curves, closed = swept, joint.spine.closed
         return loosened(lambda inside: Skin.over(curves, closed, inside).blend(ribbons, *form), _inside(request))
     if request.order is None:
@@ -403,13 +404,18 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
             return rails
     turn = joint.spine.turn()
     if turn is not None:
-        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent)
+        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent, _largest_arc(joint))
         if rails is not None:
             return rails
     if closed:
         start = joint.clear_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
     return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+
+
+def _largest_arc(joint: Joint) -> float:
+    """Return the largest angle of a piece of a circular rail."""
+    return fitting.QUARTER if joint.spine.closed else fitting.THIRD
 
 
 def _wanted(request: BlendRequest) -> Wanted:

@@ -21,7 +21,8 @@ EXACT = 1e-13  # of a parameter: as near as that, a line is reached
 class Crossed(NamedTuple):
     """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``.
 
-    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0.
+    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0, and a ``bend``
+    if only its parameters have that kink, its shape not.
     """
 
     t: float
@@ -29,10 +30,11 @@ class Crossed(NamedTuple):
     axis: int
     value: float
     sharp: bool
+    bend: bool = False
 
 
-def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, float]) -> list[Crossed]:
-    """Return where contacts cross knot lines of a spline at which it is less than C3."""
+def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, float], bent: int) -> list[Crossed]:
+    """Return where contacts cross knot lines of a spline that is less than C3 there; bends are of order ``bent``."""
     if not isinstance(primary, Tensor) or primary.knots is None:
         return []
     rough: list[list[tuple[float, int]]] = [
@@ -84,7 +86,15 @@ def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, flo
         first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
         if np.abs(values).max() <= EXACT:
             break
-    return [one._replace(t=at) for (one, *_), at in zip(found, middle.tolist(), strict=True)]
+    ascending = np.argsort(middle, kind="stable")
+    reached = solve(middle[ascending]).uv[side]
+    crossings = []
+    for i, at in zip(ascending.tolist(), reached, strict=True):
+        one = found[i][0]
+        at[one.axis] -= past(at[one.axis : one.axis + 1], one.value, primary.periods[one.axis])[0]
+        (smooth,), (shape,), _ = primary.smoothness(at[None], one.axis)
+        crossings.append(one._replace(t=float(middle[i]), bend=smooth <= bent and smooth < shape))
+    return crossings
 
 
 def past(values: Array, line: float, period: float | None) -> Array:

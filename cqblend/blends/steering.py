@@ -3,7 +3,9 @@
 A ribbon's jet of order k contains the surface's derivatives of order k. Where those of order k + 1 jump across a knot
 line u = u0, by D, the jet's derivative along the rail jumps by r^k u' D, and the blend has a crease along the whole
 section through the crossing. It vanishes if r = 0 there: if the direction is parallel to the knot line. Where the
-surface is one order less smooth still, the second direction must be parallel as well.
+surface is one order less smooth still, the second direction must be parallel as well. All of that is about the shape of
+the surface: where only its parameters have a kink, directions get the kink that makes up for it
+(:mod:`cqblend.blends.bends`).
 
 Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and fades between
 them: nothing changes about how the blend meets its surface.
@@ -76,10 +78,12 @@ class Steering:
         angle = self.angle(t)[:, None]
         return np.cos(angle) * vectors + np.sin(angle) * cross(normals, vectors)
 
-    def pinned(self, rs: Array, t: Array) -> Array:
-        """Make the component r or s of first directions (n, 2) that vanishes at a pin exactly zero there."""
+    def pinned(self, rs: Array, t: Array, *, deep: bool = False) -> Array:
+        """Make the component r or s of directions (n, 2) that vanishes at a pin, or a deep one, exactly zero there."""
         out = rs.copy()
         for pin in self.pins:
+            if deep and not pin.deep:
+                continue
             out[self._apart(t, pin) == 0, pin.axis] = 0.0
         return out
 
@@ -117,15 +121,15 @@ def _fade(x: Array) -> Array:
 def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
     """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
     order = ribbon.order
-    crossings = ribbon.primary.crossings(ribbon.c, order) if order else []
+    crossings = [one for one in ribbon.primary.crossings(ribbon.c, order) if one.shape <= order] if order else []
     if not crossings:
         return []
     if order == 3:
-        rough = min(crossings, key=lambda one: one.continuity)
-        if rough.continuity < 3:
+        rough = min(crossings, key=lambda one: one.shape)
+        if rough.shape < 3:
             raise GeometryError(
                 f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
-                f"{rough.value:.6g}, where one is only C{rough.continuity}, at t = {rough.t:.6g}; use G2"
+                f"{rough.value:.6g}, where one is only C{rough.shape}, at t = {rough.t:.6g}; use G2"
             )
     t = np.array([one.t for one in crossings])
     axis = np.array([one.axis for one in crossings])
@@ -143,5 +147,5 @@ def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
     for one, turn in sorted(zip(crossings, angle.tolist(), strict=True), key=lambda pair: abs(pair[1])):
         clear = all(abs(one.t - other.t) > close for other in found)
         if abs(turn) <= limit and clear:
-            found.append(Pin(one.t, one.axis, one.value, turn, deep=one.continuity < order))
+            found.append(Pin(one.t, one.axis, one.value, turn, deep=one.shape < order))
     return sorted(found, key=lambda pin: pin.t)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -128,40 +129,58 @@ class EdgeSpine:
         values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
         return np.array([(value.X(), value.Y()) for value in values])
 
-    def turn(self) -> float | None:
-        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+    @cached_property
+    def circle(self) -> tuple[Array, float] | None:
+        """Centre (3,) and radius of the circle that the spine runs along, None if there is none."""
         points = self.points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
-        centred = points - points.mean(axis=0)
-        normal = np.linalg.svd(centred)[2][-1]
-        size = np.abs(centred).max()
-        if np.abs(centred @ normal).max() > ROUND * size:
+        middle = points.mean(axis=0)
+        axes = np.linalg.svd(points - middle)[2]
+        size = np.abs(points - middle).max()
+        if np.abs((points - middle) @ axes[2]).max() > ROUND * size:
             return None
-        flat = centred @ np.linalg.svd(centred)[2][:2].T
+        flat = (points - middle) @ axes[:2].T
         system = np.column_stack([2 * flat, np.ones(len(flat))])
         solution, _, rank, _ = np.linalg.lstsq(system, (flat**2).sum(1))
         if rank < 3:
             return None
-        radius = np.sqrt(solution[2] + solution[:2] @ solution[:2])
+        radius = float(np.sqrt(solution[2] + solution[:2] @ solution[:2]))
         if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > ROUND * radius:
             return None
-        turn = self.length / radius
+        return middle + solution[:2] @ axes[:2], radius
+
+    def turn(self) -> float | None:
+        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+        if self.circle is None:
+            return None
+        turn = self.length / self.circle[1]
         if self.closed:
             return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
         return float(turn) if turn < 2 * np.pi else None
 
+    def _past(self, point: Array, direction: Array, past: Array) -> tuple[Array, Array]:
+        """Go on past the ends by arc lengths ``past`` (n,): along the spine's circle if it is one, else straight."""
+        if self.circle is None:
+            return point + direction * past[:, None], direction
+        centre, radius = self.circle
+        arm, angle = point - centre, (past / radius)[:, None]
+        cos, sin = np.cos(angle), np.sin(angle)
+        moved = np.where(angle == 0, point, centre + cos * arm + radius * sin * direction)
+        return moved, cos * direction - sin * arm / radius
+
     def stations(self, t: Array, sides: tuple[FaceSide, FaceSide]) -> Stations:
-        """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
+        """Return stations at t; those past the ends of an open edge go on from it, not yet on the surfaces."""
         number, parameter = self.locate(t)
         point, direction = self._curve(number, parameter)
         past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length
+        moved, ahead = self._past(point, direction, past)
         uv = []
         for side in sides:
             found = side.working(self._on_face(number, parameter, side.face))
             if past.any():
                 jet = side.primary.jet(found)
-                found = found + tangent_coordinates(jet, direction * past[:, None])
+                found = found + tangent_coordinates(jet, moved - point)
             uv.append(found)
-        return Stations(t, point + direction * past[:, None], direction, (uv[0], uv[1]))
+        return Stations(t, moved, ahead, (uv[0], uv[1]))
 
 
 def _measure(edge: TopoDS_Edge) -> _Piece:
