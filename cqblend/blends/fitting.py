@@ -118,25 +118,28 @@ def _build(
     wanted: Wanted,
     steering: Steering,
     turn: Maker | None = None,
-    bent: Array = NONE,
+    bent: tuple[Array, Array] = (NONE, NONE),
 ) -> tuple[Ribbon, Errors]:
     """Fit one ribbon to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
     them. ``turn`` does so for directions, if these take another way. ``bent`` are the nodes, every third of the
-    parameters, at which the rail bends. The samples may reach past the domain of the steering, on which the ribbon is
-    wanted and errors are measured.
+    parameters, at which the rail has kinks, and at which directions have. The samples may reach past the domain of the
+    steering, on which the ribbon is wanted and errors are measured.
     """
     primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
     values, bends = primary.scale(primary.lift(uv), weight), None
-    if len(bent):
-        before, nodes = values[3 * bent], np.stack([bent, bent])
-        c = make(values, Kinks(bent, bent, before, np.zeros((2, *before.shape))))
-        bends = Bends.of(primary, c, uv, t, nodes)
+    own, turning = bent
+    if len(own):
+        before = values[3 * own]
+        plain = make(values, Kinks(own, own, before, np.zeros((2, *before.shape))))
+        bends = Bends.of(primary, plain, uv, t, np.stack([own, own]))
         c = bends.fitted(primary, values, before, make, lambda c: c, lambda c: primary.jets(c, ()))
     else:
         c = make(values, None)
+    if len(turning) > len(own):
+        bends = Bends.of(primary, c, uv, t, np.stack([turning, turning]))
     point, rate = in_space(primary.position(c).jet(t, 1))
     if wanted.tied:
         assert solved.vectors is not None
@@ -372,33 +375,38 @@ class _Cubic:
             here, found = self._kinks(t, np.array([one.t])), solved.uv[one.side]
             found[here, one.axis] -= past(found[here, one.axis], one.value, self.primaries[one.side].periods[one.axis])
         corners = self._kinks(nodes, self.corners)
-        mine = [[one for one in self.crossed if one.side == side] for side in (0, 1)]
-        sharp = [self._nodes(nodes, [one for one in some if one.sharp and not one.bend]) for some in mine]
-        bent = [self._nodes(nodes, [one for one in some if one.bend]) for some in mine]
-        pieces = np.unique([0, *corners, len(nodes) - 1])
+        level, kinked = (
+            self._kinks(nodes, np.array([one.t for one in self.crossed if one.bend and one.smooth == smooth]))
+            for smooth in (True, False)
+        )
+        level = np.setdiff1d(level, kinked)
+        ones = np.ones(len(t))
 
-        def make(values: Array, kinks: Kinks | None, sharp: Array = NONE) -> Curve:
+        def make(values: Array, kinks: Kinks | None, corners: Array, sharp: Array) -> Curve:
             if not len(corners):
                 return fit.interpolate(nodes, values[::3])
+            pieces = np.unique([0, *corners, len(nodes) - 1])
             return through(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
 
-        ones = np.ones(len(t))
-        first, second = (
-            _build(
+        def built(side: int) -> tuple[Ribbon, Errors]:
+            mine = [one for one in self.crossed if one.side == side]
+            sharp = self._nodes(nodes, [one for one in mine if one.sharp and not one.bend])
+            bent = self._nodes(nodes, [one for one in mine if one.bend])
+            return _build(
                 self.primaries,
                 t,
                 solved,
                 side,
                 ones,
-                make,
+                partial(make, corners=np.setdiff1d(corners, level), sharp=NONE),
                 self.wanted,
                 steering[side],
-                partial(make, sharp=sharp[side]),
-                bent[side],
+                partial(make, corners=corners, sharp=sharp),
+                (np.setdiff1d(bent, level), bent),
             )
-            for side in (0, 1)
-        )
-        return (first[0], second[0]), [first[1], second[1]]
+
+        (first, missed), (second, lost) = built(0), built(1)
+        return (first, second), [missed, lost]
 
     def _nodes(self, nodes: Array, some: list[Crossed]) -> Array:
         """Return which nodes, but the first and the last, are at crossings."""
