@@ -15,9 +15,10 @@ import numpy as np
 
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.edge_sweep import EdgeSweep, from_edge
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import CREASE, Blend, folded, hermite
+from cqblend.blends.hermite import Blend, folded, hermite
 from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.relations import Conic
@@ -90,7 +91,7 @@ def blend_shape(
         except CqblendError as error:
             raise type(error)(f"edge {joint.edge}: {error}") from error
         certificate = certify(joint, proposal, blend)
-        _check_promise(certificate, request, joint)
+        _check_promise(certificate, request, joint, _allowed(request).along(blend.ribbons))
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
         certificates.append(certificate)
@@ -245,6 +246,8 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     for _ in range(4):
         blend = _section(_rails(joint, request, domain), joint, request)
         _check_sections(blend, request)
+        first, second = joint.faces
+        check_creases(blend, _allowed(request), (f"face {first}", f"face {second}"), steers=request.relation is None)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
@@ -318,13 +321,18 @@ def _check_sections(blend: Blend, request: BlendRequest) -> None:
         )
 
 
-def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint) -> None:
+def _allowed(request: BlendRequest) -> Allowed:
+    """Return how sharp creases inside a blend may be."""
+    return Allowed(request.angular_tolerance, request.crease)
+
+
+def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint, crease: float) -> None:
     """Raise VerificationError if the finished faces do not measure up to what the form promises."""
     exact = certificate.form == "exact"
     angle = EXACT_ANGLE if exact else request.angular_tolerance
     bend = (EXACT_BEND if exact else COMPACT_BEND) / _size(request)
     gap = max(GAP, request.tolerance, 2 * joint.tolerance)
-    promises = [("inner crease", certificate.inner_crease, CREASE, "rad")]
+    promises = [("inner crease", certificate.inner_crease, 1.05 * crease, "rad")]
     for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
         promises.append(("gap", rail.gap, gap, "mm"))
         if continuity != "G0":

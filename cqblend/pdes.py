@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends import hermite
 from cqblend.blends.boundaries import Boundary, DataRibbon
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
 from cqblend.blends.primaries import Array
@@ -24,7 +24,7 @@ from cqblend.blends.ribbons import returns
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails
-from cqblend.request import FORM, MOST_MODES, MOST_TERMS, STEER, choice, count, orders, positive
+from cqblend.request import FORM, MOST_MODES, MOST_TERMS, STEER, choice, count, orders, positive, turn
 from cqblend.splines import Curve, Surface
 
 CORNER = 1e-6  # of the size: as near as that, an end section meets a side
@@ -100,6 +100,7 @@ def pde_blend(
     tolerance: float = 1e-7,
     angular_tolerance: float = 1e-5,
     steer: float = STEER,
+    crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
 
@@ -148,6 +149,8 @@ def pde_blend(
         are the solution within `tolerance`.
     tolerance, angular_tolerance : float
         mm and rad.
+    crease : float, optional
+        How sharp a crease inside may be, as in `cqblend.hermite_blend`, rad.
 
     Raises
     ------
@@ -186,6 +189,7 @@ def pde_blend(
     highest = max(wanted.halves) - 1
     form = choice("form", form, FORM)
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
     make = partial(wanted.blend, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
         closed = _check_match(side1, side2, wanted)
@@ -204,7 +208,7 @@ def pde_blend(
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
         made, solution = make(ribbons, closed=rails[0].closed and all(map(returns, ribbons)))
         known = (2, 2)
-    hermite.check_creases(made.surface)
+    check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
 
 

@@ -64,6 +64,8 @@ class BlendRequest:
         Factors on the length of the cross derivatives.
     steer : float
         Largest angle by which directions are turned so that the blend has no crease inside, rad.
+    crease : float or None
+        How sharp creases inside may be, rad; None for the angular tolerance, or what the faces themselves have.
     section : {"hermite", "pde", "potential"}
         How the interior is filled.
     relation : Conic or None
@@ -88,6 +90,7 @@ class BlendRequest:
     tangents: tuple[Tangents, Tangents]
     bulge: tuple[float, float]
     steer: float
+    crease: float | None
     section: Section
     relation: Conic | None
     order: tuple[int, int, int] | None
@@ -108,6 +111,7 @@ class BlendRequest:
         tangents: object = "perpendicular",
         bulge: object = 1.0,
         steer: object = STEER,
+        crease: object = None,
         section: object = "hermite",
         a: object = None,
         b: object = None,
@@ -160,6 +164,7 @@ class BlendRequest:
             tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
             bulge=pair("bulge", bulge, positive),
             steer=turn("steer", steer),
+            crease=None if crease is None else turn("crease", crease),
             section=section,
             relation=relation,
             order=orders,

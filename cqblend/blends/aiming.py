@@ -131,7 +131,7 @@ def further(
                 ends,
                 make,
                 lambda _: c,
-                lambda d: primary.jets(c, [*directions, d]),  # noqa: B023
+                lambda d: primary.jets(c, [*directions, d]),
             )
         )
     return tuple(directions)

@@ -268,7 +268,7 @@ def cubic(
         If what remains in position is more than ten times what is wanted.
     """
     lines = [
-        one
+        one._replace(smooth=one.smooth and not wanted.tied)
         for i, (primary, order) in enumerate(zip(primaries, wanted.orders, strict=True))
         for one in crossed(solve, primary, i, domain, max(1, order))
         if wanted.tied or one.bend

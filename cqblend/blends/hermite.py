@@ -29,7 +29,6 @@ Form = Literal["exact", "compact"]
 Fill = Callable[[tuple[Jets, Jets]], Surface]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
-CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
 PLACES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])  # in a piece, where folds are looked for
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
@@ -142,19 +141,3 @@ def folded(surface: Surface) -> float | None:
         if len(over):
             return float(t[over[0][0]])
     return None
-
-
-def check_creases(surface: Surface) -> None:
-    """Raise GeometryError where the normal of a blend jumps by more than half a radian from one piece to the next."""
-    kinks = surface.breaks[0][1:-1][surface.continuity[0] < 1]
-    t, v = np.meshgrid(kinks, (np.arange(33) + 0.5) / 33, indexing="ij")
-    sides: list[Literal["left", "right"]] = ["left", "right"]
-    before, after = (
-        cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side)).reshape(-1, 3) for side in sides
-    )
-    angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(axis=1))
-    if len(angle) and angle.max() > CREASE:
-        raise GeometryError(
-            f"the blend has a crease of {angle.max():.2g} rad inside, at t = {t.flat[angle.argmax()]:.6g}, where the "
-            "directions into it have a kink; take a smaller length, less continuity, or a larger steer"
-        )

@@ -715,6 +715,8 @@ class Tensor(Primary):
 
         Points may be smoother than coefficients tell, and the shape smoother than the parameters.
         """
+        uv, breaks = self.wrap(uv), self.breaks[axis]
+        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
         continuity = self._continuity(uv, axis)
         before, after = (self._series(uv, axis, step) for step in (-1, 0))
         shape, crease = shape_order(before, after, axis, EVEN * float(np.abs(self.patches).max()))
@@ -722,17 +724,16 @@ class Tensor(Primary):
 
     def _series(self, uv: Array, axis: int, step: int) -> Array:
         """Expand the patches beside knot lines at points (n, 2) of them: those before (-1) or after (0) in the axis."""
-        at, index, pairs, rates = self.wrap(uv), [], [], []
+        index, pairs, rates = [], [], []
         for k in (0, 1):
-            value, breaks, ones = at[:, k], self.breaks[k], np.ones(len(at))
+            value, breaks, ones = uv[:, k], self.breaks[k], np.ones(len(uv))
             if self.angular[k]:
-                index.append(np.zeros(len(at), int))
+                index.append(np.zeros(len(uv), int))
                 pairs.append(half_angle(value).T)
                 rates.append(half_angle_rate(pairs[k].T, ones).T)
                 continue
             if k == axis:
-                line = np.abs(value[:, None] - breaks).argmin(axis=1)
-                index.append((line + step) % (len(breaks) - 1))
+                index.append((np.searchsorted(breaks, value) + step) % (len(breaks) - 1))
                 x = -float(step) * ones
             else:
                 index.append(np.clip(np.searchsorted(breaks, value, "right") - 1, 0, len(breaks) - 2))
@@ -743,8 +744,7 @@ class Tensor(Primary):
 
     def _continuity(self, uv: Array, axis: int) -> Array:
         """Return the continuity of the parametrisation at points (n, 2) of knot lines."""
-        after = self.wrap(uv)
-        before = after.copy()
+        before, after = uv.copy(), uv.copy()
         start, end = self.breaks[axis][[0, -1]]
         if self.periods[axis] is not None:
             seam = np.minimum(after[:, axis] - start, end - after[:, axis]) < 1e-12 * (end - start)
