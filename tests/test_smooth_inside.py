@@ -99,12 +99,12 @@ def test_a_cut_ellipsoid_is_blended_without_steering(continuity, bound):
 def test_the_ridge_of_two_ellipsoids_has_curvature_without_steering():
     """The edge is cut by the splines' own seams and poles; G2 was refused, and G1 had a crease of 7.6e-4 rad."""
     first, second = (
-        scaled(ball(), *axes).moved(cq.Location(cq.Vector(*at)))
-        for axes, at in (((16, 9, 7), (0, 0, 0)), ((12, 10, 8), (10.5, 1.2, 0.8)))
+        ball().transformGeometry(cq.Matrix([[a, 0, 0, x], [0, b, 0, y], [0, 0, c, z], [0, 0, 0, 1]]))
+        for (a, b, c), (x, y, z) in (((16, 9, 7), (0, 0, 0)), ((12, 10, 8), (10.5, 1.2, 0.8)))
     )
-    body = first.intersect(second)
-    solid = body.Solids()[0] if isinstance(body, cq.Compound) else body
-    edges = [e for e in solid.Edges() if len({f.hashCode() for f in e.ancestors(solid, "Face").Faces()}) == 2]
+    solid = cq.Workplane(first).intersect(cq.Workplane(second)).val().Solids()[0]
+    edges = [edge for edge in solid.Edges() if edge.Length() > 1 and len(edge.ancestors(solid, "Face").Faces()) == 2]
+    edges = [edge for edge in edges if cqblend.continuity(solid, edge).angle > 0.1]
     result = cqblend.blend_edges(solid, edges, 0.8, continuity="G2", steer=0)
     assert result.shape.isValid()
     assert max(map(inner_angle, result.faces)) <= 1e-9
@@ -258,10 +258,9 @@ def test_a_rail_whose_speed_jumps_is_told():
     net = np.stack([x, y, 0.02 * y**2], -1)
     surface = Surface.from_bspline((3, 3), ([0] * 4 + [1] * 3 + [2] * 4, [0] * 4 + [1] * 4), net)
     assert Tensor.of(surface).smoothness(np.array([[1, 0.4]]), 0)[:2] == ([0], [4])
-    rails = [
-        Rail(surface, Curve.bezier([[0.2, 0.3], [1.8, 0.3]])),
-        Rail(wall("cylinder"), Curve.bezier([[1, 1], [1, 9]])),
-    ]
+    corners = [[[0, 0, 9], [0, 9, 4]], [[12, 0, 8], [12, 9, 5]]]
+    plate = Surface.from_bspline((1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), corners)
+    rails = [Rail(surface, Curve.bezier([[0.2, 0.3], [1.8, 0.3]])), Rail(plate, Curve.bezier([[0.1, 0.8], [0.9, 0.9]]))]
     with pytest.raises(GeometryError, match="the speed of the rail on surface 1 jumps"):
         hermite_blend(*rails)
 
@@ -319,7 +318,7 @@ def test_the_side_is_told_by_the_whole_rail():
         one = Rail(sheet(), Curve.bezier(np.stack([along, 0.5 + waves[0]], -1)))
         two = Rail(sheet(), Curve.bezier(np.stack([along, 0.5 + waves[1]], -1)))
         t = np.linspace(0, 1, 200)
-        way = np.array([0, 2.2 if side == "left" else -2.2, rng.uniform(-3, 3)])
+        way = np.array([0, 1.0 if side == "left" else -1.0, rng.uniform(-3, 3)])
         two = Rail(two.surface + ((one.curve3d()(t) - two.curve3d()(t)).mean(axis=0) + way), two.curve)
         product = (np.cross(one.curve3d()(t, 1), one.normal()(t)) * (two.curve3d()(t) - one.curve3d()(t))).sum(axis=1)
         changing += bool(product.min() * product.max() < 0)

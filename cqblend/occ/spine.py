@@ -157,30 +157,42 @@ class EdgeSpine:
             return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
         return float(turn) if turn < 2 * np.pi else None
 
-    def _past(self, point: Array, direction: Array, past: Array) -> tuple[Array, Array]:
-        """Go on past the ends by arc lengths ``past`` (n,): along the spine's circle if it is one, else straight."""
-        if self.circle is None:
-            return point + direction * past[:, None], direction
-        centre, radius = self.circle
-        arm, angle = point - centre, (past / radius)[:, None]
-        cos, sin = np.cos(angle), np.sin(angle)
-        moved = np.where(angle == 0, point, centre + cos * arm + radius * sin * direction)
-        return moved, cos * direction - sin * arm / radius
-
     def stations(self, t: Array, sides: tuple[FaceSide, FaceSide]) -> Stations:
-        """Return stations at t; those past the ends of an open edge go on from it, not yet on the surfaces."""
+        """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
         number, parameter = self.locate(t)
         point, direction = self._curve(number, parameter)
-        past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length
-        moved, ahead = self._past(point, direction, past)
+        past = self._past(t)
         uv = []
         for side in sides:
             found = side.working(self._on_face(number, parameter, side.face))
             if past.any():
                 jet = side.primary.jet(found)
-                found = found + tangent_coordinates(jet, moved - point)
+                found = found + tangent_coordinates(jet, direction * past[:, None])
             uv.append(found)
-        return Stations(t, moved, ahead, (uv[0], uv[1]))
+        return Stations(t, point + direction * past[:, None], direction, (uv[0], uv[1]))
+
+    def onward(self, stations: Stations, sides: tuple[FaceSide, FaceSide]) -> Stations:
+        """Move those of :meth:`stations` that are past the ends of an arc of a circle onto that circle.
+
+        So an arc goes on as an arc, and what is rolled along it stays one of revolution.
+        """
+        past = self._past(stations.t)
+        if self.circle is None or not past.any():
+            return stations
+        centre, radius = self.circle
+        angle, direction = (past / radius)[:, None], stations.direction
+        arm = stations.point - direction * past[:, None] - centre
+        cos, sin = np.cos(angle), np.sin(angle)
+        point = np.where(angle == 0, stations.point, centre + cos * arm + radius * sin * direction)
+        uv = [
+            found + tangent_coordinates(side.primary.jet(found), point - stations.point)
+            for side, found in zip(sides, stations.uv, strict=True)
+        ]
+        return Stations(stations.t, point, cos * direction - sin * arm / radius, (uv[0], uv[1]))
+
+    def _past(self, t: Array) -> Array:
+        """Return how far (mm, signed) parameters are past the ends."""
+        return np.asarray(np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length)
 
 
 def _measure(edge: TopoDS_Edge) -> _Piece:
