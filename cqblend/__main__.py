@@ -89,6 +89,8 @@ def _parser() -> argparse.ArgumentParser:
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
     blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
+    blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
+    blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
     continuity.add_argument("input", type=Path, metavar="FILE.step")
@@ -211,6 +213,8 @@ def _blend(options: argparse.Namespace) -> None:
         form=options.form,
         section="potential" if options.potential else "hermite" if options.order is None else "pde",
         order=options.order,
+        crease=options.crease,
+        **({} if options.steer is None else {"steer": options.steer}),
         **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
     )
     with _step(f"reading {options.input}"):
