@@ -27,6 +27,7 @@ THIN = 1e-6  # of the largest |H_t x H_v|: where a section shrinks to a point, i
 CLOSED = 1e-9  # of the size of a blend: ends that are nearer meet
 SMOOTH = 1e-6  # rad: the kink of a closed rail where it meets itself, up to which it has none
 BESIDE = 0.05  # rad: directions so near to their rail span no tangent plane to speak of with it
+FAR, MOST = 0.8, 1.57  # rad, of a turn: what seldom goes well, and what can be asked for
 SPARE = 0.01  # rad, on top of a turn that would do: it depends a little on what is turned
 
 
@@ -121,7 +122,8 @@ def check_creases(
             if _jumps(ribbon, t[worst : worst + 1])
         ]
         where += jumps[0] if jumps else "the directions into it have a kink"
-    ways = [_way([one for some in lines for _, one in some] if all(lines) else [])] if steers else []
+    places = [[one for owner, one in some if owner == name] for some in lines for name in {name for name, _ in some}]
+    ways = [way_out(places if all(lines) else [])] if steers else []
     ways.append(f"crease={_above(float(angle.max())):.2g}, which allows it")
     raise GeometryError(
         f"the blend has a crease of {angle[worst]:.2g} rad inside, over {allowed.anywhere:.2g}, {where}: "
@@ -136,12 +138,17 @@ def _jumps(ribbon: Ribbon, t: Array) -> bool:
     return bool(np.abs(after - before).max() > SMOOTH * np.abs(before).max())
 
 
-def _way(needed: Sequence[Turn]) -> str:
-    """Return what helps where directions would have to turn: a larger ``steer``, if one would do."""
-    steer = max((abs(one.angle) for one in needed), default=np.inf) + SPARE
-    if steer > np.pi / 2 or any(one.clear < BESIDE for one in needed):
-        return "other tangents, or less continuity"
-    return f"steer={_above(steer):.2g}, which turns the directions along the line"
+def way_out(needed: Sequence[Sequence[Turn]]) -> str:
+    """Return what helps at places on rails where directions would have to turn: a larger ``steer``, if one would do.
+
+    Of each place, the turns that the lines of a surface ask for: there is none where they are not one.
+    """
+    single = all(len(place) == 1 for place in needed)
+    steer = max((abs(one.angle) for place in needed for one in place), default=np.inf) + SPARE
+    if not single or steer > MOST or any(one.clear < BESIDE for place in needed for one in place):
+        return "other tangents, or less continuity: no steer= would do"
+    doubt = ", so far that the blend may fold" if steer > FAR else ""
+    return f"steer={min(_above(steer), MOST):.3g}, which turns the directions along the line{doubt}"
 
 
 def _above(value: float) -> float:
