@@ -265,8 +265,8 @@ class Rail:
         InputError
             If the target is neither, or runs over another domain.
         GeometryError
-            If the two sides are too even: give a side instead. The message says how even, and at which t the sign
-            changes first, or is none.
+            If the two sides are too even, or the target lies on the rail: give a side instead. The message says how
+            even, and at which t the sign changes first, or is none.
         """
         t = regularity.stations(self._position.breaks)
         if isinstance(target, Rail):
@@ -286,8 +286,10 @@ class Rail:
         weight = np.gradient(t) * np.linalg.norm(rate, axis=-1)
         right, left = float(weight @ np.maximum(cosine, 0)), float(weight @ np.maximum(-cosine, 0))
         share = right / (right + left) if right + left > 0 else 0.5
-        if not max(share, 1 - share) >= _CLEAR:
-            at = _change(t, cosine, np.zeros_like(cosine))
+        lengths = np.linalg.norm(chord, axis=-1)
+        meeting = lengths <= _UNDECIDED * lengths.max()
+        if meeting.any() or not max(share, 1 - share) >= _CLEAR:
+            at = float(t[meeting.argmax()]) if meeting.any() else _change(t, cosine, np.zeros_like(cosine))
             raise GeometryError(
                 f"the side of the rail cannot be told: at t = {at:.9g}, what it should point to is neither to its left "
                 f"nor to its right, and along the whole rail {1 - share:.0%} speak for the left, {share:.0%} for the "
