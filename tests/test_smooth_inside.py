@@ -157,6 +157,17 @@ def test_analytic_faces_as_splines_need_no_steering(kind, continuity):
     assert blend.certificate.curvature_jump <= 1e-7 or continuity == "G1"
 
 
+def test_directions_that_are_taken_as_they_are_get_the_kink_too():
+    """T1 in its own length is no fit, as long as parameters have no kink."""
+    rails = [
+        Rail(wall(kind), across(wall(kind), (0.08, 0.4), (0.4, 0.6), (0.9, 0.45)), side)
+        for kind, side in (("sphere", "left"), ("torus", "right"))
+    ]
+    blend = hermite_blend(*rails, tangents="parametric", length="field", bulge=0.1, form="exact", steer=0)
+    assert inner_angle(blend.face()) <= 1e-8
+    assert blend.certificate.angle <= 1e-9
+
+
 def polynomial(f, p, q):
     """Bernstein coefficients (p+1, q+1, 3) of a polynomial map of the unit square."""
     u, v = ((1 - np.cos(np.pi * np.arange(n + 1) / n)) / 2 for n in (p, q))

@@ -180,7 +180,7 @@ class Aim:
     def corners(self) -> Array:
         """The parameters at which the wanted directions are no more than C1."""
         if self.exact is not None and self.order < 2:
-            return self.c.breaks
+            return merged(self.c.breaks, self.bends)
         return merged(self.c.breaks, np.array([one.t for one in self.primary.crossings(self.c, max(2, self.order))]))
 
     @cached_property
