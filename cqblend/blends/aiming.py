@@ -189,6 +189,20 @@ class Aim:
         crossings = self.primary.crossings(self.c, self.order) if self.order else []
         return np.array([one.t for one in crossings if one.bends(self.order)])
 
+    @cached_property
+    def joint(self) -> bool:
+        """Whether a closed rail meets itself in a seam of the surface, at which parameters or derivatives jump."""
+        uv = self.rail.curve(np.array(self.rail.domain))
+        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SAME * np.ptp(self.rail.surface.domain):
+            return False
+        jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], self.order + 1)
+        return bool(np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SAME * np.abs(jet).max()))
+
+    @property
+    def bent(self) -> bool:
+        """Whether the rail bends anywhere."""
+        return self.joint or len(self.bends) > 0
+
     def ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
         t = thirds(nodes)
@@ -215,11 +229,12 @@ class Aim:
         return Ribbon(self.primary, self.c, made, ends, self.order), bad[1::3] | bad[2::3]
 
     def _bends(self, nodes: Array, uv: Array, t: Array) -> Bends | None:
-        """Return the bends at nodes of a fit; a closed rail that has some meets itself in one, too."""
-        if not len(self.bends):
+        """Return the bends at nodes of a fit."""
+        if not self.bent:
             return None
-        (at,) = np.nonzero(np.abs(nodes[:, None] - self.bends).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
-        joint = [0] if self.closed else []
+        apart = np.abs(nodes[:, None] - self.bends).min(axis=1, initial=np.inf)
+        (at,) = np.nonzero(apart <= SAME * (nodes[-1] - nodes[0]))
+        joint = [0] if self.joint else []
         pairs = np.array([[*at, *(len(nodes) - 1 for _ in joint)], [*at, *joint]])
         return Bends.of(self.primary, self.c, uv, t, pairs)
 
@@ -258,7 +273,7 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
         if all(map(_alike, lighter, ribbons)):
             ribbons = lighter
     first, second = (
-        ribbon if aim.exact is not None and not one.pins and not len(aim.bends) else aim.measured(ribbon)
+        ribbon if aim.exact is not None and not one.pins and not aim.bent else aim.measured(ribbon)
         for aim, ribbon, one in zip(aims, ribbons, steering, strict=True)
     )
     return first, second
