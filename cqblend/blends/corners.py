@@ -72,8 +72,8 @@ def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, flo
     low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
     high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
     axes = np.array([one.axis for one, *_ in found])
-    middle = low
-    for _ in range(SECANTS):  # regula falsi, the Illinois way
+    middle, moved = low, np.zeros(len(low), dtype=int)
+    for _ in range(SECANTS):  # regula falsi, the Illinois way: an end that stays twice counts half
         middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
         ascending = np.argsort(middle, kind="stable")
         reached = np.empty_like(middle)
@@ -86,7 +86,11 @@ def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, flo
         )
         ahead = values * first > 0
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-        first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
+        first, last = (
+            np.where(ahead, values, np.where(moved == -1, first / 2, first)),
+            np.where(ahead, np.where(moved == 1, last / 2, last), values),
+        )
+        moved = np.where(ahead, 1, -1)
         if np.abs(values).max() <= EXACT:
             break
     ascending = np.argsort(middle, kind="stable")

@@ -90,21 +90,24 @@ def _check_smooth(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> N
             jump = jumps[k - 1]
             if not jump.any():
                 continue
-            at = f"t = {t[jump.argmax()]:.6g}"
+            where = f"t = {t[jump.argmax()]:.6g}"
             if k == 1:
                 raise GeometryError(
-                    f"a face has a crease across the blend at {at}: the directions into it jump by {jump.max():.2g}; "
-                    "blend the smooth parts one by one"
+                    f"a face has a crease across the blend at {where}: the directions into it jump by "
+                    f"{jump.max():.2g}; blend the smooth parts one by one"
                 )
             places = [
-                [one for one in turns(ribbon, ribbon.order) if abs(one.crossing.t - place) <= SLIVER * np.ptp(ends)]
-                for ribbon, t, jumps in torn
-                for ends in (ribbon.c.domain,)
-                for place in t[jumps[1:].any(axis=0)].tolist()
+                [
+                    one
+                    for one in turns(rough, rough.order)
+                    if abs(one.crossing.t - at) <= SLIVER * np.ptp(rough.c.domain)
+                ]
+                for rough, t, jumps in torn
+                for at in t[jumps[1:].any(axis=0)].tolist()
             ]
             raise GeometryError(
                 f"the surface's derivatives of order {k} jump by {jump.max():.2g} where the rail crosses a knot line "
-                f"at {at}, at an angle to the direction of the blend that steering may not turn: take "
+                f"at {where}, at an angle to the direction of the blend that steering may not turn: take "
                 f"{way_out(places)}; or take G{k - 1}"
             )
 
