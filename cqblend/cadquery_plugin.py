@@ -59,7 +59,7 @@ def blend(
     Raises
     ------
     SelectionError
-        No edge is selected, or one does not belong to the solid, is a seam, degenerate or smooth already.
+        No edge is selected, one does not belong to the solid, or all of them are seams, degenerate or smooth already.
     CqblendError
         Whatever else `cqblend.blend_edges` raises.
 

@@ -26,7 +26,7 @@ def largest_size(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: Ble
         As :func:`cqblend.edges.blend_shape`, where none succeeds.
     """
     promising, extent = cheap_trial(shape, edges, request)
-    refusals: list[CqblendError] = []
+    refusals: list[tuple[float, CqblendError]] = []
 
     def works(factor: float) -> bool:
         try:
@@ -34,12 +34,17 @@ def largest_size(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: Ble
                 warnings.simplefilter("ignore")
                 blend_shape(shape, edges, request.scaled(factor), hints=False)
         except CqblendError as error:
-            refusals.append(error)
+            refusals.append((factor, error))
             return False
         return True
 
-    whole = extent / max(request.lengths)
-    end = sizes.end_of_working(works, promising, whole, tolerance)
-    if end or works(SMALL * whole):
-        return end or SMALL * whole
-    raise type(refusals[-1])(f"no size was found that works; at {SMALL:.0%} of the solid's: {refusals[-1]}")
+    size = max(request.lengths)
+    end = sizes.end_of_working(works, promising, extent / size, tolerance)
+    if not end and not refusals and works(SMALL * extent / size):
+        return SMALL * extent / size
+    if not end:
+        factor, error = min(refusals, key=lambda refusal: refusal[0])
+        raise type(error)(
+            f"no size was found that works; with the smallest that was tried, {factor * size:.3g}: {error}"
+        )
+    return end

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -113,8 +114,9 @@ def end_of_working(
     small steps to where it ends; from well below, trials proper go up in larger ones, then halve between the last that
     works and the first that does not. The result less the tolerance has worked, too.
     """
-    end = _first_end(promising, high)
-    low = next((end * BELOW**k for k in range(1, DOWN + 1) if promising(end * BELOW**k) and works(end * BELOW**k)), 0.0)
+    start, end = _first_interval(promising, high)
+    trials = dict.fromkeys(max(start, end * BELOW**k) for k in range(1, DOWN + 1))
+    low = next((size for size in trials if size and works(size)), 0.0)
     if not low:
         return 0.0
     high = end
@@ -132,17 +134,19 @@ def end_of_working(
     return low
 
 
-def _first_end(promising: Callable[[float], bool], high: float) -> float:
-    """Return where the first interval of sizes ends that promise to work; 0 if there is none."""
-    ladder = high * CHEAP_STEP ** -np.arange(CHEAP_STEPS, -1.0, -1.0)
-    started = False
-    last = 0.0
-    for size in ladder.tolist():
+def _first_interval(promising: Callable[[float], bool], high: float) -> tuple[float, float]:
+    """Return where the first interval of sizes that promise to work starts and ends; zeros if there is none."""
+    first = last = 0.0
+    for size in (high * CHEAP_STEP ** -np.arange(CHEAP_STEPS, -1.0, -1.0)).tolist():
         if promising(size):
-            started, last = True, size
-        elif started:
-            return last + _last(lambda more, last=last: promising(last + more), size - last)  # type: ignore[misc]
-    return last
+            first, last = first or size, size
+        elif first:
+            return first, last + _last(partial(_beyond, promising, last), size - last)
+    return first, last
+
+
+def _beyond(promising: Callable[[float], bool], size: float, more: float) -> bool:
+    return promising(size + more)
 
 
 def _rounded_down(value: float) -> float:

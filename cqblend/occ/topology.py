@@ -64,6 +64,9 @@ class Index:
     def __len__(self) -> int:
         return int(self._map.Extent())
 
+    def __iter__(self) -> Iterator[TopoDS_Shape]:
+        return (self[number] for number in range(1, len(self) + 1))
+
     def __getitem__(self, number: int) -> TopoDS_Shape:
         return _CAST[self._kind](self._map.FindKey(number))
 

@@ -28,7 +28,7 @@ from OCP.TopTools import TopTools_MapOfShape
 from cqblend.occ.joint import SMOOTH, Joint
 from cqblend.occ.kinds import downcast
 from cqblend.occ.measure import continuity_between
-from cqblend.occ.topology import CONFUSION, Ancestors, distinct, ends, explore, seams
+from cqblend.occ.topology import CONFUSION, Ancestors, Index, distinct, ends, explore, seams
 
 BESIDE = 1.1  # how much further than its rails a blend may touch something
 SAME_AREA = 1e-4  # relative: OCCT integrates spline faces at few points
@@ -166,32 +166,39 @@ def _without(
     Edges that are near and go on at what was the end of a split become one, too, but not the joint's.
     """
     kept, loose = TopTools_MapOfShape(), False
-    faces_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE)
+    faces_at, edges_at = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE), Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE)
     along = [seam for split in splits for face in faces_at(split) for seam in seams(face)]
-    for edge in explore(solid, TopAbs_EDGE):
-        if not _among(edge, splits) and not _among(edge, along):
-            kept.Add(edge)
-    edges_at = Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE)
-    for vertex in distinct(explore(solid, TopAbs_VERTEX)):
+    for part in (*Index(solid, TopAbs_EDGE), *Index(solid, TopAbs_VERTEX)):
+        kept.Add(part)
+    for edge in (*splits, *along):
+        kept.Remove(edge)
+    for vertex in distinct(vertex for split in splits for vertex in ends(split)):
         left = [edge for edge in edges_at(vertex) if not _among(edge, splits)]
-        ended = len(left) < len(edges_at(vertex)) and len(left) == 2
         beside = near(vertex) or all(_among(edge, along) for edge in left)
-        if ended and beside and not any(_among(edge, spine) for edge in left):
+        if len(left) == 2 and beside and not any(_among(edge, spine) for edge in left):
+            kept.Remove(vertex)
             loose = True
-        else:
-            kept.Add(vertex)
     unify = ShapeUpgrade_UnifySameDomain(solid, loose, True, False)
     unify.SetAngularTolerance(PARALLEL)
     unify.KeepShapes(kept)
     unify.Build()
     solids = list(explore(unify.Shape(), TopAbs_SOLID))
-    faces, edges = (_changed(unify.History(), solid, what) for what in (TopAbs_FACE, TopAbs_EDGE))
-    sound = len(solids) == 1 and all(
-        BRepCheck_Analyzer(new, True, False, True).IsValid()
-        and abs(_area(new) - sum(map(_area, old))) <= SAME_AREA * _area(new)
-        for new, old in faces
-    )
+    if len(solids) != 1:
+        return None
+    faces, edges = (_changed(unify.History(), solid, solids[0], what) for what in (TopAbs_FACE, TopAbs_EDGE))
+    sound = all(_sound(new, old) for new, old in faces)
     return Unified(solids[0], faces, edges) if sound and any(len(old) > 1 for _, old in faces) else None
+
+
+def _sound(new: TopoDS_Face, old: list[TopoDS_Face]) -> bool:
+    """Whether a face is as large as those in whose place it is, and valid in both of OCCT's modes, if they were."""
+    if abs(_area(new) - sum(map(_area, old))) > SAME_AREA * _area(new):
+        return False
+    return all(
+        BRepCheck_Analyzer(new, True, False, exact).IsValid()
+        or not all(BRepCheck_Analyzer(one, True, False, exact).IsValid() for one in old)
+        for exact in (False, True)
+    )
 
 
 def _area(face: TopoDS_Face) -> float:
@@ -200,9 +207,12 @@ def _area(face: TopoDS_Face) -> float:
     return float(properties.Mass())
 
 
-def _changed(history: BRepTools_History, solid: TopoDS_Shape, what: TopAbs_ShapeEnum) -> Groups:
+def _changed(history: BRepTools_History, before: TopoDS_Shape, after: TopoDS_Shape, what: TopAbs_ShapeEnum) -> Groups:
     groups: Groups = []
-    for old in distinct(explore(solid, what)):
+    remaining = Index(after, what)
+    for old in Index(before, what):
+        if remaining.of(old):
+            continue
         for new in map(downcast, history.Modified(old)):
             group = next((group for known, group in groups if known.IsSame(new)), None)
             if group is None:
