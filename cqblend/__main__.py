@@ -218,6 +218,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     blend.add_argument("--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT}")
     blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
+    blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
+    blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
     continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
     continuity.add_argument("input", type=Path, metavar="FILE.step")
@@ -341,6 +343,8 @@ def _blend(options: argparse.Namespace) -> None:
         form=options.form,
         section="potential" if options.potential else "hermite" if options.order is None else "pde",
         order=options.order,
+        crease=options.crease,
+        **({} if options.steer is None else {"steer": options.steer}),
         **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
     )
     _check_step(options.output)

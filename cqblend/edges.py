@@ -16,9 +16,10 @@ import numpy as np
 from cqblend import sizes
 from cqblend.blends import fields, fitting
 from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.edge_sweep import EdgeSweep, from_edge
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import CREASE, Blend, folded, hermite
+from cqblend.blends.hermite import Blend, folded, hermite
 from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.ribbons import Ribbon, in_space
@@ -96,7 +97,7 @@ def blend_shape(
         certificate = certify(joint, proposal, blend)
         if plan is not None:
             certificate = replace(certificate, coverage=plan.coverage, ends=ends)
-        _check_promise(certificate, request, joint)
+        _check_promise(certificate, request, joint, _allowed(request).along(blend.ribbons))
         shape = replaced_solid(shape, joint.solid, proposal.solid)
         faces.append(proposal.blend)
         certificates.append(replace(certificate, method=certificate.method + picks.taken_as_one()))
@@ -328,6 +329,8 @@ def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[flo
     for _ in range(4):
         blend = _section(_rails(joint, request, domain), joint, request)
         _check_sections(blend, request)
+        first, second = joint.faces
+        check_creases(blend, _allowed(request), (f"face {first}", f"face {second}"), steers=request.relation is None)
         surgery = Surgery(joint.solid, joint.spine, joint.sides, blend, joint.named)
         try:
             proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
@@ -354,7 +357,8 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         domain, turn = ribbons[0].c.domain, joint.spine.turn()
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
-            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t)[0])
+            arc = _largest_arc(joint)
+            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t, arc)[0])
         curves, closed = swept, joint.spine.closed
         return loosened(lambda inside: Skin.over(curves, closed, inside).blend(ribbons, *form), _inside(request))
     if request.order is None:
@@ -400,13 +404,18 @@ def _check_sections(blend: Blend, request: BlendRequest) -> None:
         )
 
 
-def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint) -> None:
+def _allowed(request: BlendRequest) -> Allowed:
+    """Return how sharp creases inside a blend may be."""
+    return Allowed(request.angular_tolerance, request.crease)
+
+
+def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint, crease: float) -> None:
     """Raise VerificationError if the finished faces do not measure up to what the form promises."""
     exact = certificate.form == "exact"
     angle = EXACT_ANGLE if exact else request.angular_tolerance
     bend = (EXACT_BEND if exact else COMPACT_BEND) / _size(request)
     gap = max(GAP, request.tolerance, 2 * joint.tolerance)
-    promises = [("inner crease", certificate.inner_crease, CREASE, "rad")]
+    promises = [("inner crease", certificate.inner_crease, 1.05 * crease, "rad")]
     for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
         promises.append(("gap", rail.gap, gap, "mm"))
         if continuity != "G0":
@@ -436,13 +445,18 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
             return rails
     turn = joint.spine.turn()
     if turn is not None:
-        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent)
+        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent, _largest_arc(joint))
         if rails is not None:
             return rails
     if closed:
         start = joint.clear_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
     return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+
+
+def _largest_arc(joint: Joint) -> float:
+    """Return the largest angle of a piece of a circular rail."""
+    return fitting.QUARTER if joint.spine.closed else fitting.THIRD
 
 
 def _wanted(request: BlendRequest) -> Wanted:

@@ -16,6 +16,7 @@ import numpy as np
 from cqblend.blends import hermite
 from cqblend.blends.aiming import Aim, on_rails
 from cqblend.blends.checks import ask
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.primaries import Array
 from cqblend.blends.rails import FIELDS, FieldName, Rail
 from cqblend.blends.regularity import stations
@@ -139,6 +140,7 @@ def hermite_blend(
     tolerance: float = TOLERANCE,
     angular_tolerance: float = ANGLE,
     steer: float = STEER,
+    crease: float | None = None,
 ) -> Blend:
     r"""Blend two surfaces along given rails.
 
@@ -170,14 +172,17 @@ def hermite_blend(
     steer
         Largest angle by which directions are turned next to a knot line that the rail crosses, so that the blend has no
         crease inside, rad.
+    crease
+        How sharp a crease inside may be that steering leaves, rad. None for no sharper than `angular_tolerance`, or
+        than what the surface itself has there.
 
     Raises
     ------
     InputError
         An argument is of the wrong type, out of range or unknown.
     GeometryError
-        A cross direction vanishes or runs along its rail, G3 is asked of a surface that is not C3 or G2 of one whose
-        curvature jumps, or the blend has a sharp crease inside; messages name the parameter t.
+        A cross direction vanishes or runs along its rail, G3 is asked of a surface that is not G3 or G2 of one whose
+        curvature jumps, or the blend has a crease inside; messages name the parameter t.
     DegreeError
         The exact form would need a degree above 25.
 
@@ -202,10 +207,11 @@ def hermite_blend(
     rails, ribbons = along_rails((rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer)
     form = choice("form", form, FORM)
     if form == "exact":
-        leave_out(EXACT, tolerance=(tolerance, TOLERANCE), angular_tolerance=(angular_tolerance, ANGLE))
+        leave_out(EXACT, tolerance=(tolerance, TOLERANCE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
     made = hermite.hermite(ribbons, form, tolerance, angular_tolerance)
-    hermite.check_creases(made.surface)
+    check_creases(made, allowed)
     return Blend(made.surface, made.ribbons, made.form, rails)
 
 

@@ -59,6 +59,7 @@ def blend_edges(
     tangents: str | tuple[str, str] = "perpendicular",
     bulge: float | tuple[float, float] = 1.0,
     steer: float = STEER,
+    crease: float | None = None,
     section: str = "hermite",
     a: float | None = None,
     b: float | None = None,
@@ -99,6 +100,9 @@ def blend_edges(
     steer : float
         Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
         the blend has no crease inside, rad. 0 turns nothing.
+    crease : float, optional
+        How sharp a crease inside the blend may be that steering leaves, rad. By default no sharper than
+        `angular_tolerance`, or than what the face itself has there.
     section : {"hermite", "pde", "potential"}
         How the interior is filled: ``"hermite"``, cubic across for G1, quintic for G2; ``"pde"``, by partial
         differential equations (You and Zhang); ``"potential"``, by the curves in which both faces meet while they are
@@ -172,6 +176,7 @@ def blend_edges(
         tangents=tangents,
         bulge=bulge,
         steer=steer,
+        crease=crease,
         section=section,
         a=a,
         b=b,

@@ -15,6 +15,7 @@ from cqblend.developables import assembly, cutting, files, sheets
 from cqblend.developables.assembly import Unrolled
 from cqblend.developables.checks import millimetres
 from cqblend.developables.division import Direction, Method
+from cqblend.developables.drawing import LABELS
 from cqblend.developables.flattening import Layout
 from cqblend.developables.layings import Wishes
 from cqblend.developables.natural import natural
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
 FINER = 10.0
 """By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
 
-TAPER, LABELS, PAGE, SECONDS = np.pi / 4, 4.0, "a4", 30.0
-"""Of tabs, rad; of labels, mm; of the PDF; for packing, s: unless told otherwise."""
+TAPER, PAGE, SECONDS = np.pi / 4, "a4", 30.0
+"""Of tabs, rad; of the PDF; for packing, s: unless told otherwise."""
 
 STRAIN = 0.01
 """What paper, leather and thin metal take."""

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends import hermite
 from cqblend.blends.boundaries import Boundary, DataRibbon
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
 from cqblend.blends.primaries import Array
@@ -26,7 +26,6 @@ from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails, check_untied
 from cqblend.request import (
     ANGLE,
-    EXACT,
     FORM,
     MOST_MODES,
     MOST_POINTS,
@@ -36,9 +35,9 @@ from cqblend.request import (
     choice,
     count,
     count_or_auto,
-    leave_out,
     orders,
     positive,
+    turn,
 )
 from cqblend.splines import Curve, Surface
 
@@ -115,6 +114,7 @@ def pde_blend(
     tolerance: float = TOLERANCE,
     angular_tolerance: float = ANGLE,
     steer: float = STEER,
+    crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
 
@@ -163,6 +163,8 @@ def pde_blend(
         are the solution within `tolerance`.
     tolerance, angular_tolerance : float
         mm and rad.
+    crease : float, optional
+        How sharp a crease inside may be, as in `cqblend.hermite_blend`, rad.
 
     Raises
     ------
@@ -200,9 +202,8 @@ def pde_blend(
     )
     highest = max(wanted.halves) - 1
     form = choice("form", form, FORM)
-    if form == "exact":
-        leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
+    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
     make = partial(wanted.blend, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
         check_untied("between boundary data, which have derivatives of their own", tangents, bulge, length, steer)
@@ -222,7 +223,7 @@ def pde_blend(
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
         made, solution = make(ribbons, closed=rails[0].closed and all(map(returns, ribbons)))
         known = (2, 2)
-    hermite.check_creases(made.surface)
+    check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from cqblend.blends import hermite
 from cqblend.blends.branches import Branch, branches, nearest_approach
 from cqblend.blends.checks import as_point
+from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
 from cqblend.blends.primaries import Array
@@ -27,7 +28,7 @@ from cqblend.blends.skin import Skin, loosened
 from cqblend.blends.sweep import Sweep, sweep
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
-from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive
+from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import finite, number
 
@@ -260,6 +261,7 @@ def potential_blend(
     tolerance: float = TOLERANCE,
     angular_tolerance: float = ANGLE,
     skin: float | None = None,
+    crease: float | None = None,
 ) -> PotentialBlend:
     r"""Blend two surfaces by the curves in which they meet while they are reshaped.
 
@@ -286,6 +288,9 @@ def potential_blend(
         How far the blend may be from the intersection curves in between, and the rails from those at x = 0 and 1, mm.
         By default 1e-5 of the distance between the rails, but not below `tolerance`; ten or a hundred times that where
         surfaces of low continuity would take too many spans. ``blend.skin`` says what it is.
+    crease : float, optional
+        How sharp a crease inside may be, rad, such as those where the reshaped surfaces have kinks. By default no
+        sharper than `angular_tolerance`, or than what the surface itself has there.
 
     Raises
     ------
@@ -323,17 +328,16 @@ def potential_blend(
     """
     pair = relation_of(relation)
     form = choice("form", form, FORM)
-    if form == "exact":
-        leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
-        if skin is not None:
-            leave_out(EXACT + " if the skin is given", tolerance=(tolerance, TOLERANCE))
+    if form == "exact" and skin is not None:
+        leave_out(EXACT + " if the skin is given", tolerance=(tolerance, TOLERANCE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     skin = None if skin is None else positive("skin", skin)
+    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
     families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
     meeting = Meeting.of((families[0], families[1]), pair)
     swept = sweep(meeting, _branch(meeting, near), START)
     made, fill = _made(swept, form, tolerance, angular_tolerance, skin)
-    hermite.check_creases(made.surface)
+    check_creases(made, allowed, steers=False)
     missed = fill.missed(made.surface)
     if not missed <= 2 * fill.tolerance:
         raise GeometryError(

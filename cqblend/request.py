@@ -75,6 +75,8 @@ class BlendRequest:
         Factors on the length of the cross derivatives.
     steer : float
         Largest angle by which directions are turned so that the blend has no crease inside, rad.
+    crease : float or None
+        How sharp creases inside may be, rad; None for the angular tolerance, or what the faces themselves have.
     section : {"hermite", "pde", "potential"}
         How the interior is filled.
     relation : Conic or None
@@ -101,6 +103,7 @@ class BlendRequest:
     tangents: tuple[Tangents, Tangents]
     bulge: tuple[float, float]
     steer: float
+    crease: float | None
     section: Section
     relation: "Conic | None"
     order: tuple[int, int, int] | None
@@ -122,6 +125,7 @@ class BlendRequest:
         tangents: object = "perpendicular",
         bulge: object = 1.0,
         steer: object = STEER,
+        crease: object = None,
         section: object = "hermite",
         a: object = None,
         b: object = None,
@@ -175,8 +179,6 @@ class BlendRequest:
         continuity, orders = _smoothness(continuity, section, order, parameters, terms)
         if continuity == ("G0", "G0"):
             leave_out(UNTIED, tangents=(tangents, "perpendicular"), bulge=(bulge, 1.0), steer=(steer, STEER))
-        if is_default(form, "exact"):
-            leave_out(EXACT, angular_tolerance=(angular_tolerance, ANGLE))
         return cls(
             radius=None if radius is None else _size("radius", radius),
             width=None if width is None else pair("width", width, _size),
@@ -184,6 +186,7 @@ class BlendRequest:
             tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
             bulge=pair("bulge", bulge, positive),
             steer=turn("steer", steer),
+            crease=None if crease is None else turn("crease", crease),
             section=section,
             relation=relation,
             order=orders,

@@ -177,7 +177,7 @@ def steering() -> None:
     pot = demo.sharp()
     body = cq.Face(cqblend.to_face(teapot.surface(teapot.BODY).clip(u=(1.5, 2.5))))
     sides = []
-    for options in ({"steer": 0}, {}):
+    for options in ({"steer": 0, "crease": 0.02}, {}):
         result = cqblend.blend_edges(pot, demo.joint(pot), width=demo.WIDTH, form="exact", **options)
         blend = cqblend.to_surface(result.faces[0])
         t = np.linspace(*blend.domain[0], 2001)

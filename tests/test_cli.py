@@ -12,6 +12,7 @@ import cadquery as cq
 import pytest
 
 import cqblend
+from cqblend import demo
 from cqblend.__main__ import main
 
 BOX = (30.0, 20.0, 10.0)
@@ -273,6 +274,27 @@ def test_output_that_cannot_be_written(capsys, box, tmp_path):
     code, _, err = run(capsys, "blend", box, tmp_path / "no" / "such" / "out.step", "--near", CORNER, "--radius", "2")
     assert code == 2
     assert "out.step" in one_line(err)
+
+
+@pytest.mark.parametrize("option", ["--steer=-1", "--steer=2", "--crease=nan", "--crease=3"])
+def test_angles_that_are_none(capsys, box, tmp_path, option):
+    output = tmp_path / "out.step"
+    code, _, err = run(capsys, "blend", box, output, "--near", CORNER, "--radius=2", option)
+    assert code == 2
+    assert option[2:7] in one_line(err)
+
+
+def test_a_crease_is_refused_unless_it_is_allowed(capsys, tmp_path):
+    source, output, pot = tmp_path / "pot.step", tmp_path / "out.step", demo.sharp()
+    cq.exporters.export(cq.Workplane(pot), str(source))
+    near = ",".join(map(str, demo.joint(pot).positionAt(0.3).toTuple()))
+    arguments = ["blend", source, output, f"--near={near}", f"--width={demo.WIDTH}", "--steer=0"]
+    code, _, err = run(capsys, *arguments)
+    assert code == 1
+    assert "steer=0.34" in err
+    code, out, _ = run(capsys, *arguments, "--crease=0.02")
+    assert code == 0
+    assert "inner crease 1.1e-02 rad" in out
 
 
 @pytest.mark.parametrize("radius", ["0", "-1", "nan", "inf", "1e300"])

@@ -181,7 +181,7 @@ def test_exact_forms_of_all_five_types_meet_their_surfaces(tangents, name, ratio
 @pytest.mark.parametrize("name", RAILS)
 def test_exact_forms_on_all_kinds_of_rails(name, continuity, rational):
     surfaces, curves = pair(rational=rational), RAILS[name]
-    blend = hermite_blend(*rails(surfaces, curves), continuity=continuity, bulge=0.6, form="exact")
+    blend = hermite_blend(*rails(surfaces, curves), continuity=continuity, bulge=0.6, form="exact", crease=0.1)
     assert blend.surface.rational == (rational or name == "rational")
     examine(blend, surfaces, curves, (int(continuity[1]),) * 2)
 
@@ -198,7 +198,7 @@ def test_light_rails_keep_all_digits(tangents, length):
 def test_the_wavy_pair(continuity):
     surfaces, curves = wavy()
     made = rails(surfaces, curves, ("left", "right"))
-    blend = hermite_blend(*made, tangents="parametric", continuity=continuity, form="exact", length=0.1)
+    blend = hermite_blend(*made, tangents="parametric", continuity=continuity, form="exact", length=0.1, crease=0.1)
     for kind in ("occt", "long"):
         examine(blend, surfaces, curves, (int(continuity[1]),) * 2, size=1.0, kind=kind)
 
@@ -362,7 +362,7 @@ def test_steered_blends_have_no_crease(multiplicity, continuity, rational):
         with pytest.raises(GeometryError, match="order 2 jump"):
             hermite_blend(*made, continuity=continuity, form="exact", steer=0)
         return
-    straight = hermite_blend(*made, continuity=continuity, form="exact", steer=0)
+    straight = hermite_blend(*made, continuity=continuity, form="exact", steer=0, crease=0.5)
     found = creases(straight)[0].max()
     assert found > 1e-5
     assert straight.certificate.inner_crease == pytest.approx(found, rel=0.1)
@@ -372,7 +372,7 @@ def test_steered_blends_have_no_crease(multiplicity, continuity, rational):
 def test_steering_goes_as_far_as_it_may_and_what_is_left_is_reported(steer):
     """Section by section: no crease where the turn is allowed, and it is not the turn that makes one elsewhere."""
     surfaces, curves = pair(inner=tuple(np.repeat(lines, 2) for lines in INNER)), RAILS["rational"]
-    blend = hermite_blend(*rails(surfaces, curves), form="exact", steer=steer)
+    blend = hermite_blend(*rails(surfaces, curves), form="exact", steer=steer, crease=0.5)
     found, knots = creases(blend)
     turns = [one for s, c in zip(surfaces, curves, strict=True) for one in crossings(s, c)]
     beyond = [t for t, turn in turns if turn > steer]
@@ -410,7 +410,8 @@ def leaving(blend, v):
 @pytest.mark.parametrize("continuity", ["G1", "G2"])
 def test_deviations_of_direction_and_length_are_as_certified(name, continuity):
     surfaces, curves = pair(), RAILS[name]
-    blend = hermite_blend(*rails(surfaces, curves), continuity=continuity, form="exact", bulge=(0.8, lambda t: 1 + t))
+    options = {"bulge": (0.8, lambda t: 1 + t), "crease": 0.1}
+    blend = hermite_blend(*rails(surfaces, curves), continuity=continuity, form="exact", **options)
     points = []
     for surface, curve in zip(surfaces, curves, strict=True):
         t = np.linspace(0, 1, 1501)

@@ -174,6 +174,7 @@ def bad_option(draw: random.Random) -> Call:
                 InputError,
             ),
             ("steer", draw.choice([-0.1, math.nan, math.inf, "20", None, (0.1, 0.1)]), InputError),
+            ("crease", draw.choice([-0.1, math.nan, math.inf, "20", 1.6, (0.1, 0.1)]), InputError),
             ("tangents", draw.choice(["T2", "", None, 2, (), object()]), InputError),
             ("tangents", draw.choice(["guide", "combination", ("guide", "chord")]), UnsupportedError),
             ("section", draw.choice(["cubic", None, 3, ["spline"]]), InputError),

@@ -75,12 +75,10 @@ CASES: list[tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = [
     *((along_rails, {"order": 2}, {name: value}) for name, value in (
         ("bulge", 2.0), ("steer", 0.0)
     )),
-    (pde, {"form": "exact"}, {"angular_tolerance": 1e-3}),
     *((hermite, {"continuity": "G0"}, {name: value}) for name, value in (
         ("tangents", "chord"), ("bulge", 2.0), ("bulge", (1.0, 2.0)), ("length", 1.0), ("steer", 0.0)
     )),
     (hermite, {"form": "exact"}, {"tolerance": 1e-3}),
-    (hermite, {"form": "exact"}, {"angular_tolerance": 1e-3}),
     *((cqblend.reshape, {"surface": sheet(), "reference": reference}, {"tuning": (1, 2, 3)}) for reference in (
         (2.0, 2.0, -2.0), lambda s: np.array([2.0, 2.0, -2.0]),
     )),
@@ -88,7 +86,6 @@ CASES: list[tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = [
     (cqblend.reshape, {"surface": sheet(), "by": "normal"}, {"tuning": (1, 2, 3)}),
     (cqblend.reshape, {"surface": sheet(), "by": "normal"}, {"reference": (0.0, 0.0, 1.0)}),
     (cqblend.reshape, {"surface": sheet(), "by": "normal"}, {"reference": "extents"}),
-    (potential, {"form": "exact"}, {"angular_tolerance": 1e-3}),
     (potential, {"form": "exact", "skin": 1e-2}, {"tolerance": 1e-3}),
     *((unroll, {"method": "elber"}, {name: value}) for name, value in (
         ("even", True), ("developable", True), ("strain", 0.5)
@@ -100,7 +97,6 @@ CASES: list[tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = [
         ("tangents", "chord"), ("bulge", 2.0), ("steer", 0.0)
     )),
     (blend, {"radius": 0.2, "section": "pde", "order": 2}, {"bulge": 2.0}),
-    (blend, {"radius": 0.2, "form": "exact"}, {"angular_tolerance": 1e-3}),
     *((blend, {"radius": 0.2}, {name: value}) for name, value in (
         ("a", 1.0), ("b", 1.0), ("lam", 0), ("order", 4), ("parameters", 1.0), ("terms", 3)
     )),

@@ -49,7 +49,7 @@ def angle(a, b):
 def test_exact_blends_keep_their_rails_and_planes(name, order, rational):
     """Gap 1e-13 of the size, angle 1e-10 and jump 1e-7 of 1/size by OCCT, whatever the equations are."""
     rails = sheets.rails(sheets.pair(rational=rational), sheets.RAILS[name])
-    blend = cqblend.pde_blend(*rails, order=order, form="exact")
+    blend = cqblend.pde_blend(*rails, order=order, form="exact", crease=0.1)
     certificate = blend.certificate
     assert certificate.gap <= 1e-13 * sheets.SIZE
     if lowest(order) >= 4:
@@ -68,7 +68,8 @@ def test_exact_blends_keep_their_rails_and_planes(name, order, rational):
 @pytest.mark.parametrize(("order", "limits"), [(4, (1e-7, 1e-5)), (4, (1e-5, 1e-3)), (6, (1e-7, 1e-5))])
 def test_compact_blends_keep_the_tolerances(order, limits):
     rails = sheets.rails(sheets.pair(), sheets.RAILS["cubic"])
-    blend = cqblend.pde_blend(*rails, order=order, form="compact", tolerance=limits[0], angular_tolerance=limits[1])
+    options = {"form": "compact", "tolerance": limits[0], "angular_tolerance": limits[1], "crease": 0.1}
+    blend = cqblend.pde_blend(*rails, order=order, **options)
     assert blend.surface.degree[0] == 5
     assert blend.certificate.gap <= limits[0]
     assert blend.certificate.angle <= limits[1]
@@ -88,8 +89,8 @@ def test_rails_keep_their_planes_by_another_measurement(order, orders, kind):
 def test_the_interior_is_the_solution_but_for_what_the_rails_missed(name, order):
     """And no nearer to it than to the Hermite blend: the equations do change the interior."""
     rails = sheets.rails(sheets.pair(), sheets.RAILS[name])
-    blend = cqblend.pde_blend(*rails, order=order, form="exact")
-    hermite = cqblend.hermite_blend(*rails, continuity=FOLLOWS[order], form="exact")
+    blend = cqblend.pde_blend(*rails, order=order, form="exact", crease=0.1)
+    hermite = cqblend.hermite_blend(*rails, continuity=FOLLOWS[order], form="exact", crease=0.1)
     t, v = np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 21), indexing="ij")
     missed = np.abs(blend.surface(t, v) - blend.solution(t, v)).max()
     changed = np.abs(blend.surface(t, v) - hermite.surface(t, v)).max()

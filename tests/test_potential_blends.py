@@ -360,7 +360,9 @@ def rough(seed=5):
 
 def test_rough_surfaces_get_a_looser_skin_and_say_so():
     quadratic, wall = rough()
-    blend = cqblend.potential_blend(normal(wall), normal(quadratic), cqblend.Conic(0.5, 0.4), form="exact")
+    with pytest.raises(GeometryError, match=r"crease of 0\.001\d rad inside, .* v = 1 of surface 2, which is only G1"):
+        cqblend.potential_blend(normal(wall), normal(quadratic), cqblend.Conic(0.5, 0.4), form="exact")
+    blend = cqblend.potential_blend(normal(wall), normal(quadratic), cqblend.Conic(0.5, 0.4), form="exact", crease=0.01)
     assert blend.certificate.angle < 1e-10
     assert blend.certificate.gap < 1e-12
     assert blend.skin <= 2e-3 * blend.sweep.width

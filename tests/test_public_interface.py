@@ -228,6 +228,7 @@ EDGE_OPTIONS = {
     "tangents": "perpendicular",
     "bulge": 1.0,
     "steer": 0.1,
+    "crease": None,
     "section": "hermite",
     "a": None,
     "b": None,
@@ -388,6 +389,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "tolerance": 1e-7,
         "angular_tolerance": 1e-5,
         "steer": 0.3,
+        "crease": None,
     },
     "insert_blend": lambda: {
         "shape": can(),
@@ -415,6 +417,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "tolerance": 1e-5,
         "angular_tolerance": 1e-5,
         "steer": STEER,
+        "crease": None,
     },
     "potential_blend": lambda: {
         "surface1": walls()[0],
@@ -425,6 +428,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "tolerance": 1e-7,
         "angular_tolerance": 1e-5,
         "skin": None,
+        "crease": None,
     },
     "projected": lambda: {"surface": sheet(), "curve": line(), "tolerance": 1e-4},
     "reparameterise": lambda: {"curve": line(), "change": scalar()},

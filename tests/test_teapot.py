@@ -197,7 +197,7 @@ def test_steering_leaves_no_crease_where_the_bodys_curvature_jumps():
 
 def test_without_steering_there_is_a_crease_and_it_is_reported():
     sharp = pot()
-    straight = cqblend.blend_edges(sharp, demo.joint(sharp), width=demo.WIDTH, form="exact", steer=0)
+    straight = cqblend.blend_edges(sharp, demo.joint(sharp), width=demo.WIDTH, form="exact", steer=0, crease=0.1)
     worst, height = crease(straight.faces[0])
     assert straight.certificate.inner_crease == pytest.approx(worst, rel=0.05)
     assert math.radians(0.01) < worst < math.radians(2)

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.bends import Bends, Kinks, Maker
 from cqblend.blends.breaks import SAME, merged
 from cqblend.blends.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
 from cqblend.blends.rails import Rail
@@ -29,8 +30,7 @@ The rounding of a blend's poles shows in its derivatives of order k divided by s
 DIRECTION, LENGTH = 1e-5, 1e-3  # rad, and relative: what a direction may miss
 FADED = 1e-3  # of the largest vector along a rail: what is shorter has faded
 ALIKE = 1e-6  # relative: fits that differ by less are the same
-
-Maker = Callable[[Array], Curve]
+EVEN = 1e-14  # relative: values on both sides of a bend that differ by less are one
 
 
 def thirds(nodes: Array) -> Array:
@@ -41,7 +41,15 @@ def thirds(nodes: Array) -> Array:
 
 
 def aim(
-    primary: Primary, c: Curve, uv: Array, t: Array, vectors: Array, order: int, make: Maker, steering: Steering
+    primary: Primary,
+    c: Curve,
+    uv: Array,
+    t: Array,
+    vectors: Array,
+    order: int,
+    make: Maker,
+    steering: Steering,
+    bends: Bends | None = None,
 ) -> tuple[tuple[Curve, ...], Array, Array]:
     """Fit the directions of a ribbon on a rail to wanted first ones, tangent vectors (n, 3) at t.
 
@@ -56,10 +64,14 @@ def aim(
     """
     jet = primary.jet(uv)
     vectors = steering.turned(vectors, unit(cross(jet[1], jet[2])), t)
-    lifted = c(t)
-    rs = steering.pinned(tangent_coordinates(jet, vectors), t)
-    first = make(primary.push(uv, lifted, rs))
-    directions = further(primary, c, [first], uv, t, order, make, steering)
+    values = primary.push(uv, c(t), steering.pinned(tangent_coordinates(jet, vectors), t))
+    if bends is None:
+        first = make(values, None)
+    else:
+        rs = steering.pinned(bends.coordinates(vectors[bends.at[1]]), bends.t[0])
+        before = primary.push(bends.uv[0], c(bends.t[0], side="left"), rs)
+        first = bends.fitted(primary, values, before, make, lambda _: c, lambda d: primary.jets(c, [d]))
+    directions = further(primary, c, [first], uv, t, order, make, steering, bends)
     return directions, *_deviations(primary.jets(c, [first]), t, vectors)
 
 
@@ -77,20 +89,51 @@ def _deviations(jets: Sequence[Curve], t: Array, vectors: Array) -> tuple[Array,
 
 
 def further(
-    primary: Primary, c: Curve, first: Sequence[Curve], uv: Array, t: Array, order: int, make: Maker, steering: Steering
+    primary: Primary,
+    c: Curve,
+    first: Sequence[Curve],
+    uv: Array,
+    t: Array,
+    order: int,
+    make: Maker,
+    steering: Steering,
+    bends: Bends | None = None,
 ) -> tuple[Curve, ...]:
     """Add second and third directions, up to an order: see :func:`aim`."""
     directions = list(first)
     jet, lifted = primary.jet(uv), c(t)
+
+    def pushed(uv: Array, lifted: Array, rs: Array, jets: Array) -> Array:
+        gauge = -jets[-1, :, 3:] / jets[0, :, 3:]
+        return np.asarray(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers)
+
     for k in range(2, order + 1):
-        jets = np.stack([curve(t) for curve in primary.jets(c, directions, k)])
+        known = primary.jets(c, directions, k)
+        jets = np.stack([curve(t) for curve in known])
         space = in_space(jets)
         target = np.zeros_like(space[1])
         if k == 3:
             target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
-        rs = steering.faded(tangent_coordinates(jet, target - space[k]), t)
-        gauge = -jets[k, :, 3:] / jets[0, :, 3:]
-        directions.append(make(primary.push(uv, lifted, rs) + gauge * lifted * primary.powers))
+        plain = tangent_coordinates(jet, target - space[k])
+        rs = steering.faded(plain, t)
+        values = pushed(uv, lifted, rs, jets)
+        if bends is None:
+            directions.append(make(values, None))
+            continue
+        limits, (before, after) = bends.limits(known), bends.at
+        rs = bends.coordinates(target[after] - in_space(limits)[k]) + (rs - plain)[before]
+        rs = steering.pinned(rs, bends.t[0], deep=True)
+        ends = pushed(bends.uv[0], c(bends.t[0], side="left"), rs, limits)
+        directions.append(
+            bends.fitted(
+                primary,
+                values,
+                ends,
+                make,
+                lambda _: c,
+                lambda d: primary.jets(c, [*directions, d]),
+            )
+        )
     return tuple(directions)
 
 
@@ -137,8 +180,28 @@ class Aim:
     def corners(self) -> Array:
         """The parameters at which the wanted directions are no more than C1."""
         if self.exact is not None and self.order < 2:
-            return self.c.breaks
-        return merged(self.c.breaks, np.array([one.t for one in self.primary.crossings(self.c, 2)]))
+            return merged(self.c.breaks, self.bends)
+        return merged(self.c.breaks, np.array([one.t for one in self.primary.crossings(self.c, max(2, self.order))]))
+
+    @cached_property
+    def bends(self) -> Array:
+        """The parameters at which the surface's own have a kink that its shape has not."""
+        crossings = self.primary.crossings(self.c, self.order) if self.order else []
+        return np.array([one.t for one in crossings if one.bends(self.order)])
+
+    @cached_property
+    def joint(self) -> bool:
+        """Whether a closed rail meets itself in a seam of the surface, at which parameters or derivatives jump."""
+        uv = self.rail.curve(np.array(self.rail.domain))
+        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SAME * np.ptp(self.rail.surface.domain):
+            return False
+        jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], self.order + 1)
+        return bool(np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SAME * np.abs(jet).max()))
+
+    @property
+    def bent(self) -> bool:
+        """Whether the rail bends anywhere."""
+        return self.joint or len(self.bends) > 0
 
     def ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
@@ -147,20 +210,33 @@ class Aim:
         corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
         weight = self.c[0] + self.c[1]  # of a rational rail: it may have kinks, which directions per weight have not
 
-        def make(values: Array) -> Curve:
+        def make(values: Array, kinks: Kinks | None) -> Curve:
             if not self.rail.curve.rational:
-                return through(nodes, values, corners, closed=self.closed)
-            return through(nodes, values / weight(t), corners, closed=self.closed) * weight
+                return through(nodes, values, corners, closed=self.closed, kinks=kinks)
+            if kinks is not None:
+                kinks = kinks.scaled(1 / weight(nodes[kinks.last])[:, 0])
+            return through(nodes, values / weight(t), corners, closed=self.closed, kinks=kinks) * weight
 
         uv, ends = self.rail.curve(t), self.rail.curve(self.c.breaks)
-        if self.exact is not None and not steering.pins:
+        bends = self._bends(nodes, uv, t)
+        if self.exact is not None and not steering.pins and bends is None:
             r, s = self.exact.coefs[:, 0], self.exact.coefs[:, 1]
             first = Curve(self.exact.breaks, np.stack([-r, r, -s, s], axis=1), continuity=self.exact.continuity)
             made = further(self.primary, self.c, [first], uv, t, self.order, make, steering)
             return Ribbon(self.primary, self.c, made, ends, self.order), np.zeros(len(nodes) - 1, bool)
-        made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering)
+        made, turned, ratio = aim(self.primary, self.c, uv, t, self.vectors(t), self.order, make, steering, bends)
         bad = (turned > DIRECTION + steering.slack(t)) | (ratio > LENGTH + steering.slack(t))
         return Ribbon(self.primary, self.c, made, ends, self.order), bad[1::3] | bad[2::3]
+
+    def _bends(self, nodes: Array, uv: Array, t: Array) -> Bends | None:
+        """Return the bends at nodes of a fit."""
+        if not self.bent:
+            return None
+        apart = np.abs(nodes[:, None] - self.bends).min(axis=1, initial=np.inf)
+        (at,) = np.nonzero(apart <= SAME * (nodes[-1] - nodes[0]))
+        joint = [0] if self.joint else []
+        pairs = np.array([[*at, *(len(nodes) - 1 for _ in joint)], [*at, *joint]])
+        return Bends.of(self.primary, self.c, uv, t, pairs)
 
     def measured(self, ribbon: Ribbon) -> Ribbon:
         """Return a ribbon that says how far its direction is from the wanted one, at eight points of every span."""
@@ -197,7 +273,7 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
         if all(map(_alike, lighter, ribbons)):
             ribbons = lighter
     first, second = (
-        ribbon if aim.exact is not None and not one.pins else aim.measured(ribbon)
+        ribbon if aim.exact is not None and not one.pins and not aim.bent else aim.measured(ribbon)
         for aim, ribbon, one in zip(aims, ribbons, steering, strict=True)
     )
     return first, second
@@ -210,15 +286,26 @@ def _alike(one: Ribbon, other: Ribbon) -> bool:
     return all(np.abs(a(t) - b(t)).max() <= ALIKE * np.abs(b(t)).max() for a, b in pairs)
 
 
-def through(nodes: Array, values: Array, corners: Array, *, closed: bool, sharp: Sequence[int] | Array = ()) -> Curve:
+def through(
+    nodes: Array,
+    values: Array,
+    corners: Array,
+    *,
+    closed: bool,
+    sharp: Sequence[int] | Array = (),
+    kinks: Kinks | None = None,
+) -> Curve:
     """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
 
     There are two more values between neighbouring nodes, at equal distances. From them come the slopes at the corners,
-    of third order, and the same on both sides; at ``sharp`` corners each side has its own.
+    of third order, and the same on both sides; at ``sharp`` corners each side has its own, and at ``kinks``, which must
+    be corners too, its own value besides.
     """
     steps = np.diff(nodes)
     weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
     spans = np.stack([values[i::3][: len(steps)] for i in range(4)])
+    if kinks is not None:
+        spans[3, kinks.last - 1] = kinks.before
     right, left = (
         np.einsum("w,wnd->nd", weights, spans) / steps[:, None],
         np.einsum("w,wnd->nd", -weights[::-1], spans) / steps[:, None],
@@ -226,13 +313,21 @@ def through(nodes: Array, values: Array, corners: Array, *, closed: bool, sharp:
     before, after = (np.concatenate(pair) for pair in ((right[:1], left), (right, left[-1:])))
     even = np.ones(len(nodes), dtype=bool)
     even[np.asarray(sharp, dtype=int)] = False
+    if kinks is not None:
+        even[np.concatenate([kinks.last, kinks.first])] = False
+        before[kinks.last] += kinks.turns[0]
+        after[kinks.first] += kinks.turns[1]
     before[even] = after[even] = (before[even] + after[even]) / 2
-    if closed:
+    if closed and even[0] and even[-1]:
         before[-1] = after[0] = (right[0] + left[-1]) / 2
     whole: Curve | None = None
+    order = np.where(even, 1, 0)
+    size = np.abs(values).max()
     for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
-        slopes = np.stack([after[i], before[j]])
-        piece = fit.interpolate(nodes[i : j + 1], values[3 * i : 3 * j + 1 : 3], derivatives=slopes)
-        whole = piece if whole is None else whole.join(piece, continuity=int(even[i]))
+        ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
+        piece = fit.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
+        if np.abs(ends[-1] - values[3 * j]).max() > EVEN * size:
+            order[j] = -1
+        whole = piece if whole is None else whole.join(piece, continuity=int(order[i]))
     assert whole is not None
     return whole.reduce(tolerance=1e-13)

@@ -26,9 +26,10 @@ import numpy as np
 
 from cqblend.blends.breaks import aligned
 from cqblend.blends.primaries import Array, cross
+from cqblend.blends.ribbons import along
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
-from cqblend.splines.evaluation import Side, quotient
+from cqblend.splines.evaluation import Side
 from cqblend.splines.knots import extract
 
 DEGREE = 5  # single knots of a higher one do not survive re-assembly, which keeps amplification of rounding below 50
@@ -103,11 +104,11 @@ class _Exact:
 
     def derivatives(self, t: Array, order: int, side: Side) -> Array:
         """Return the Euclidean rows with their derivatives by t, (rows, order + 1, n, 3)."""
-        return np.concatenate([_derivatives(jets, t, order, side) for jets in self.sides])
+        return np.concatenate([along(jets, t, order, side) for jets in self.sides])
 
     def values(self, t: Array) -> list[Array]:
         """Return for each side its Euclidean jets with the derivatives that count, (orders, 2 or 3, n, 3)."""
-        return [_derivatives(jets, t, _counted(jets), "right") for jets in self.sides]
+        return [along(jets, t, _counted(jets), "right") for jets in self.sides]
 
     def errors(self, fitted: list[Array], exact: list[Array]) -> Array:
         """Compare what :meth:`values` returns: (n,), the largest error of any sort as a share of its tolerance."""
@@ -242,12 +243,6 @@ def _exact(sides: tuple[Jets, Jets], tolerance: float, angular: float) -> _Exact
         points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
         sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
     return _Exact((first, second), tolerance, angular, (sizes[0], sizes[1]))
-
-
-def _derivatives(jets: Jets, t: Array, order: int, side: Side) -> Array:
-    """Return the Euclidean jets with their derivatives by t, (orders, order + 1, n, 3)."""
-    homogeneous = np.stack([jet.jet(t, order, side=side) for jet in jets])  # (orders, order + 1, n, 4)
-    return quotient(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)
 
 
 def _counted(jets: Jets) -> int:

@@ -15,13 +15,16 @@ from cqblend.blends.primaries import Array, Primary, Tensor, near_period
 
 ROUGH = 3  # continuity, below which a knot line makes corners
 DENSE, SECANTS = 129, 30  # contacts between which crossings are looked for, and steps to find them
+BESIDE = 1e-3  # of a rail: as near to a line, kinks are looked for
 EXACT = 1e-13  # of a parameter: as near as that, a line is reached
 
 
 class Crossed(NamedTuple):
     """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``.
 
-    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0.
+    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0, and a ``bend``
+    if only its parameters have that kink, its shape not. Then ``smooth`` says that the contacts have none in these
+    parameters: they have it in space.
     """
 
     t: float
@@ -29,10 +32,12 @@ class Crossed(NamedTuple):
     axis: int
     value: float
     sharp: bool
+    bend: bool = False
+    smooth: bool = False
 
 
-def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, float]) -> list[Crossed]:
-    """Return where contacts cross knot lines of a spline at which it is less than C3."""
+def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, float], bent: int) -> list[Crossed]:
+    """Return where contacts cross knot lines of a spline that is less than C3 there; bends are of order ``bent``."""
     if not isinstance(primary, Tensor) or primary.knots is None:
         return []
     rough: list[list[tuple[float, int]]] = [
@@ -67,8 +72,8 @@ def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, flo
     low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
     high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
     axes = np.array([one.axis for one, *_ in found])
-    middle = low
-    for _ in range(SECANTS):  # regula falsi, the Illinois way
+    middle, moved = low, np.zeros(len(low), dtype=int)
+    for _ in range(SECANTS):  # regula falsi, the Illinois way: an end that stays twice counts half
         middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
         ascending = np.argsort(middle, kind="stable")
         reached = np.empty_like(middle)
@@ -81,10 +86,37 @@ def crossed(solve: Solver, primary: Primary, side: int, domain: tuple[float, flo
         )
         ahead = values * first > 0
         low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-        first, last = np.where(ahead, values, first / 2), np.where(ahead, last / 2, values)
+        first, last = (
+            np.where(ahead, values, np.where(moved == -1, first / 2, first)),
+            np.where(ahead, np.where(moved == 1, last / 2, last), values),
+        )
+        moved = np.where(ahead, 1, -1)
         if np.abs(values).max() <= EXACT:
             break
-    return [one._replace(t=at) for (one, *_), at in zip(found, middle.tolist(), strict=True)]
+    ascending = np.argsort(middle, kind="stable")
+    reached = solve(middle[ascending]).uv[side]
+    crossings = []
+    for i, at in zip(ascending.tolist(), reached, strict=True):
+        one = found[i][0]._replace(t=float(middle[i]))
+        at[one.axis] -= past(at[one.axis : one.axis + 1], one.value, primary.periods[one.axis])[0]
+        (continuity,), (shape,), _ = primary.smoothness(at[None], one.axis)
+        bend = continuity <= bent and continuity < shape
+        smooth = bend and continuity > 0 and _smooth(solve, primary, one, domain)
+        crossings.append(one._replace(bend=bend, smooth=smooth))
+    return crossings
+
+
+def _smooth(solve: Solver, primary: Tensor, one: Crossed, domain: tuple[float, float]) -> bool:
+    """Whether second derivatives of contacts jump less in the parameters of their surface than in space."""
+    step = min(BESIDE * (domain[1] - domain[0]), (one.t - domain[0]) / 4, (domain[1] - one.t) / 4)
+    uv = solve(one.t + step * np.arange(-3, 4)).uv[one.side]
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            uv[:, axis] = near_period(uv[:, axis], uv[3:4, axis], period)
+    jet = primary.jet(uv)
+    weights = np.array([1, -4, 5, 0, -5, 4, -1])  # one-sided second differences, the one after less that before
+    native, space = weights @ uv, weights @ jet[0]
+    return bool(np.linalg.norm(native[0] * jet[1, 3] + native[1] * jet[2, 3]) < np.linalg.norm(space))
 
 
 def past(values: Array, line: float, period: float | None) -> Array:

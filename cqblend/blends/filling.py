@@ -82,7 +82,7 @@ class Filling(ABC):
         """Return what is added as splines, None if it is within the tolerance."""
         for points in (self.points, FINER * self.points):
             v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
-            values = self._values(sides, v)
+            values, plain = self._values(sides, v), self.added(sides, v)
             jets = aligned([*sides[0], *sides[1]])
             breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
             found = values(np.union1d(np.linspace(breaks[0], breaks[-1], 257), (breaks[:-1] + breaks[1:]) / 2))
@@ -104,7 +104,11 @@ class Filling(ABC):
 
         curve = _simple(sample, breaks, degree, max(SAME * size, EASILY * self.tolerance))
         if curve is None:
-            curve = self._along(sample, breaks, None if _even(sides) else jets)
+            weight, fitted = _common_weight(sides), across.fitted
+            if weight is None:
+                curve = self._along(sample, breaks, None if _even(sides) else jets)
+            else:  # whose kinks would be approximated: multiplied by it, what is smooth in space stays so
+                curve = self._along(lambda t: fitted(plain(t)), breaks, None) * weight
         return Interior(curve, across.tables, across.breaks, across.continuity)
 
     def _values(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
@@ -222,6 +226,18 @@ def _even(sides: tuple[Jets, Jets]) -> bool:
     if sides[0][0].dim == 3:
         return True
     return all(bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= SAME) for jets in sides for k, jet in enumerate(jets))
+
+
+def _common_weight(sides: tuple[Jets, Jets]) -> Curve | None:
+    """Return the weight of a section if it is the same at all v, and not one."""
+    if _even(sides):
+        return None
+    first, *others = (jet[3] for jets in sides for jet in jets[:1])
+    higher = [jet.coefs[:, 3] for jets in sides for jet in jets[1:]]
+    same = all(np.array_equal(one.breaks, first.breaks) and one.degree == first.degree for one in others)
+    if not same or any(np.abs(one.coefs - first.coefs).max() > SAME for one in others):
+        return None
+    return first if all(np.abs(one).max() <= SAME for one in higher) else None
 
 
 def _simple(sample: Callable[[Array], Array], breaks: Array, degree: int, tolerance: float) -> Curve | None:

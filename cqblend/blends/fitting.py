@@ -4,8 +4,8 @@ Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.blends.p
 approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
 Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
-common axis (degree 2, at most a quarter turn each), else C2 cubic splines through the contacts, on as many stations as
-the tolerances need.
+common axis (degree 2, quarters of a circle, thirds at most of an open arc), else C2 cubic splines through the contacts,
+on as many stations as the tolerances need.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, Maker, aim, thirds, through
+from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, aim, thirds, through
+from cqblend.blends.bends import Bends, Kinks, Maker
 from cqblend.blends.checks import TooFine
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.corners import Crossed, crossed, past
@@ -28,6 +29,7 @@ from cqblend.splines import Curve, fit
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve
+QUARTER, THIRD = np.pi / 2, 2 * np.pi / 3  # rad: the largest pieces of closed and of open circular rails
 FINE, FINEST = 1 / 128, 1 / 4096  # its shortest spans, as shares of it, for the sake of directions and of position
 
 NONE = np.empty(0)
@@ -116,16 +118,28 @@ def _build(
     wanted: Wanted,
     steering: Steering,
     turn: Maker | None = None,
+    bent: tuple[Array, Array] = (NONE, NONE),
 ) -> tuple[Ribbon, Errors]:
     """Fit one ribbon to the contacts at the rail's parameters t; also return its errors there.
 
     ``make`` turns lifted values at t, scaled to the given homogeneous weight, into a curve; it need not use all of
-    them. ``turn`` does so for directions, if these take another way. The samples may reach past the domain of the
+    them. ``turn`` does so for directions, if these take another way. ``bent`` are the nodes, every third of the
+    parameters, at which the rail has kinks, and at which directions have. The samples may reach past the domain of the
     steering, on which the ribbon is wanted and errors are measured.
     """
     primary, uv = primaries[side], solved.uv[side]
     jet = primary.jet(uv)
-    c = make(primary.scale(primary.lift(uv), weight))
+    values, bends = primary.scale(primary.lift(uv), weight), None
+    own, turning = bent
+    if len(own):
+        before = values[3 * own]
+        plain = make(values, Kinks(own, own, before, np.zeros((2, *before.shape))))
+        bends = Bends.of(primary, plain, uv, t, np.stack([own, own]))
+        c = bends.fitted(primary, values, before, make, lambda c: c, lambda c: primary.jets(c, ()))
+    else:
+        c = make(values, None)
+    if len(turning) > len(own):
+        bends = Bends.of(primary, c, uv, t, np.stack([turning, turning]))
     point, rate = in_space(primary.position(c).jet(t, 1))
     if wanted.tied:
         assert solved.vectors is not None
@@ -134,7 +148,7 @@ def _build(
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = directions(wanted.fields[side], Along(t, jet, rate, solved.point - jet[0], other - jet[0]))
         asked = asked * (wanted.bulges[side](t) * solved.reach[side])[:, None]
-    made, turned, ratio = aim(primary, c, uv, t, asked, wanted.orders[side], turn or make, steering)
+    made, turned, ratio = aim(primary, c, uv, t, asked, wanted.orders[side], turn or make, steering, bends)
     domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
@@ -167,7 +181,8 @@ def _exact_pair(
         ribbon, errors = _build(primaries, t, solved, side, weight, make, wanted, Steering((), (t[0], t[-1]), False))
         if errors.position.max() > EXACT * size or ribbon.direction > 1e-11 or ribbon.length > 1e-11:
             return None
-        if pins(ribbon, wanted.steer):
+        order = wanted.orders[side]
+        if pins(ribbon, wanted.steer) or any(one.bends(order) for one in primaries[side].crossings(ribbon.c, order)):
             return None
         ribbons.append(replace(ribbon, light=True))
     return ribbons[0], ribbons[1]
@@ -179,28 +194,34 @@ def straight(
     """Return the ribbons as one span of degree 1, or None if that is not what they are."""
     t = np.linspace(*domain, 7)
 
-    def make(values: Array) -> Curve:
+    def make(values: Array, _: Kinks | None) -> Curve:
         return Curve(np.array(domain), values[[0, -1], :, None])
 
     return _exact_pair(primaries, solve(t), t, np.ones(7), make, wanted, size)
 
 
 def circular(
-    primaries: tuple[Primary, Primary], solve: Solver, domain: Domain, turn: float, wanted: Wanted, size: float
+    primaries: tuple[Primary, Primary],
+    solve: Solver,
+    domain: Domain,
+    turn: float,
+    wanted: Wanted,
+    size: float,
+    largest: float = QUARTER,
 ) -> tuple[Ribbon, Ribbon] | None:
     """Return the ribbons as rational arcs of degree 2, or None if the joint is not one of revolution.
 
-    The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``. On each piece the
-    half-angle pair about the axis is linear in the rail's parameter, so that everything carried round the axis is
-    quadratic.
+    The edge is an arc of angle ``turn`` over t in [0, 1]; the rails are made over ``domain``, in pieces that turn by
+    ``largest`` at most. On each the half-angle pair about the axis is linear in the parameter, so that everything
+    carried round the axis is quadratic.
     """
-    count = _arcs(domain, turn)
+    count = _arcs(domain, turn, largest)
     breaks = np.linspace(*domain, count + 1)
     t = np.interp(np.arange(4 * count + 1) / 4, np.arange(count + 1), breaks)
-    at, weight = arc_clock(domain, turn, t)
+    at, weight = arc_clock(domain, turn, t, largest)
     solved = solve(at)
 
-    def make(values: Array) -> Curve:
+    def make(values: Array, _: Kinks | None) -> Curve:
         start, middle, end = values[:-4:4], values[2::4], values[4::4]
         coefs = np.stack([start, 2 * middle - (start + end) / 2, end])
         return Curve(breaks, coefs.transpose(0, 2, 1), continuity=np.zeros(count - 1, int))
@@ -208,14 +229,14 @@ def circular(
     return _exact_pair(primaries, solved, t, weight, make, wanted, size)
 
 
-def _arcs(domain: Domain, turn: float) -> int:
-    """Return into how many arcs of a quarter turn at most a rail is divided."""
-    return max(1, int(np.ceil(turn * (domain[1] - domain[0]) / (np.pi / 2) - 1e-9)))
+def _arcs(domain: Domain, turn: float, largest: float) -> int:
+    """Return into how many arcs a rail is divided."""
+    return max(1, int(np.ceil(turn * (domain[1] - domain[0]) / largest - 1e-9)))
 
 
-def arc_clock(domain: Domain, turn: float, t: Array) -> tuple[Array, Array]:
+def arc_clock(domain: Domain, turn: float, t: Array, largest: float = QUARTER) -> tuple[Array, Array]:
     """Return, at parameters t (n,) of :func:`circular` rails, the edge's own, and the weight."""
-    count = _arcs(domain, turn)
+    count = _arcs(domain, turn, largest)
     step = turn * (domain[1] - domain[0]) / count
     x = (t - domain[0]) / (domain[1] - domain[0]) * count
     piece = np.clip(x.astype(int), 0, count - 1)
@@ -234,8 +255,8 @@ def cubic(
 ) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
 
-    At ``corners``, where contacts are known to be no more than C1, the ribbons are C1 too; and, if derivatives are
-    given, where they cross knot lines at which their surface is less than C3.
+    At ``corners``, where contacts are known to be no more than C1, the ribbons are C1 too; and where they bend; and, if
+    derivatives are given, where they cross knot lines at which their surface is less than C3.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/128
     of the rail for the sake of the directions, to 1/4096 for that of the position. What remains in direction and length
@@ -246,9 +267,13 @@ def cubic(
     GeometryError
         If what remains in position is more than ten times what is wanted.
     """
-    lines: list[Crossed] = []
-    if wanted.tied:
-        lines = [one for i, primary in enumerate(primaries) for one in crossed(solve, primary, i, domain)]
+    lines = [
+        one._replace(smooth=one.smooth and not wanted.tied)
+        for i, (primary, order) in enumerate(zip(primaries, wanted.orders, strict=True))
+        for one in crossed(solve, primary, i, domain, max(1, order))
+        if wanted.tied or one.bend
+    ]
+    if lines:
         at = np.array([one.t for one in lines])
         corners = _apart(np.concatenate([corners, at]), SLIVER * (domain[1] - domain[0]))
         lines = [one._replace(t=float(corners[np.abs(corners - one.t).argmin()])) for one in lines]
@@ -350,30 +375,43 @@ class _Cubic:
             here, found = self._kinks(t, np.array([one.t])), solved.uv[one.side]
             found[here, one.axis] -= past(found[here, one.axis], one.value, self.primaries[one.side].periods[one.axis])
         corners = self._kinks(nodes, self.corners)
-        sharp = [np.array([one.t for one in self.crossed if one.side == side and one.sharp]) for side in (0, 1)]
-        pieces = np.unique([0, *corners, len(nodes) - 1])
+        level, kinked = (
+            self._kinks(nodes, np.array([one.t for one in self.crossed if one.bend and one.smooth == smooth]))
+            for smooth in (True, False)
+        )
+        level = np.setdiff1d(level, kinked)
+        ones = np.ones(len(t))
 
-        def make(values: Array, sharp: Array = NONE) -> Curve:
+        def make(values: Array, kinks: Kinks | None, corners: Array, sharp: Array) -> Curve:
             if not len(corners):
                 return fit.interpolate(nodes, values[::3])
-            return through(nodes, values, pieces, closed=False, sharp=sharp)
+            pieces = np.unique([0, *corners, len(nodes) - 1])
+            return through(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
 
-        ones = np.ones(len(t))
-        first, second = (
-            _build(
+        def built(side: int) -> tuple[Ribbon, Errors]:
+            mine = [one for one in self.crossed if one.side == side]
+            sharp = self._nodes(nodes, [one for one in mine if one.sharp and not one.bend])
+            bent = self._nodes(nodes, [one for one in mine if one.bend])
+            return _build(
                 self.primaries,
                 t,
                 solved,
                 side,
                 ones,
-                make,
+                partial(make, corners=np.setdiff1d(corners, level), sharp=NONE),
                 self.wanted,
                 steering[side],
-                partial(make, sharp=self._kinks(nodes, sharp[side])),
+                partial(make, corners=corners, sharp=sharp),
+                (np.setdiff1d(bent, level), bent),
             )
-            for side in (0, 1)
-        )
-        return (first[0], second[0]), [first[1], second[1]]
+
+        (first, missed), (second, lost) = built(0), built(1)
+        return (first, second), [missed, lost]
+
+    def _nodes(self, nodes: Array, some: list[Crossed]) -> Array:
+        """Return which nodes, but the first and the last, are at crossings."""
+        found = self._kinks(nodes, np.array([one.t for one in some]))
+        return found[(found > 0) & (found < len(nodes) - 1)]
 
     def _kinks(self, nodes: Array, corners: Array) -> Array:
         """Return which nodes, overlapping ones among them, are corners."""

@@ -19,19 +19,22 @@ from typing import Literal
 import numpy as np
 
 from cqblend.blends.compact import compact
-from cqblend.blends.primaries import cross, unit
+from cqblend.blends.creases import way_out
+from cqblend.blends.primaries import Array, cross, unit
 from cqblend.blends.ribbons import Ribbon, faded, in_space
 from cqblend.blends.sections import Jets, section
+from cqblend.blends.steering import SLIVER, turns
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.evaluation import Side
 
 Form = Literal["exact", "compact"]
 Fill = Callable[[tuple[Jets, Jets]], Surface]
 LARGEST_DEGREE = 25  # of OCCT's B-splines
 LIGHT_DEGREE = 7  # up to which ``auto`` keeps the exact form
-CREASE = 0.5  # rad: more than that inside a blend is no crease of its surfaces, but a fold
 GRAZING = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
 PLACES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])  # in a piece, where folds are looked for
+SIDES: tuple[Side, Side] = ("left", "right")
 JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
 
 
@@ -55,14 +58,15 @@ class Blend:
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
     """Return the homogeneous jets of both ribbons; those of light ones of the lowest degree that they really have."""
-    sides = []
-    for ribbon in ribbons:
-        jets = [jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.jets()[: ribbon.order + 1]]
-        _check_smooth(jets)
+    first, second = (
+        [jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.jets()[: ribbon.order + 1]]
+        for ribbon in ribbons
+    )
+    _check_smooth(ribbons, (first, second))
+    for ribbon, jets in zip(ribbons, (first, second), strict=True):
         if ribbon.order:
             _check_plane(ribbon, jets[0], jets[1])
-        sides.append(jets)
-    return sides[0], sides[1]
+    return first, second
 
 
 def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
@@ -79,31 +83,46 @@ def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
         )
 
 
-def _check_smooth(jets: list[Curve]) -> None:
-    """Raise GeometryError where a jet jumps along the rail: a blend with that jet would be torn.
+def _check_smooth(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> None:
+    """Raise GeometryError where a jet jumps along its rail: a blend with that jet would be torn.
 
     The first one jumps at a crease of the surface, the second one where its curvature jumps, unless the first direction
     is parallel to the knot line there.
     """
-    t = jets[0].breaks[1:-1]
-    if not len(t):
-        return
-    before, after = (in_space(np.stack([jet(t, side=side) for jet in jets])) for side in ("left", "right"))
-    scale = np.abs(after[1:]).max(initial=0.0)
-    for k, (left, right) in enumerate(zip(before[1:], after[1:], strict=True), 1):
-        jump = np.linalg.norm(right - left, axis=1)
-        if jump.max() > JUMP * scale:
-            at = f"t = {t[jump.argmax()]:.6g}"
+    torn = [(ribbon, *_torn(jets)) for ribbon, jets in zip(ribbons, sides, strict=True)]
+    for _, t, jumps in torn:
+        for k in range(1, len(jumps) + 1):
+            jump = jumps[k - 1]
+            if not jump.any():
+                continue
+            where = f"t = {t[jump.argmax()]:.6g}"
             if k == 1:
                 raise GeometryError(
-                    f"a face has a crease across the blend at {at}: the directions into it jump by {jump.max():.2g}; "
-                    "blend the smooth parts one by one"
+                    f"a face has a crease across the blend at {where}: the directions into it jump by "
+                    f"{jump.max():.2g}; blend the smooth parts one by one"
                 )
+            places = [
+                [
+                    one
+                    for one in turns(rough, rough.order)
+                    if abs(one.crossing.t - at) <= SLIVER * np.ptp(rough.c.domain)
+                ]
+                for rough, t, jumps in torn
+                for at in t[jumps[1:].any(axis=0)].tolist()
+            ]
             raise GeometryError(
                 f"the surface's derivatives of order {k} jump by {jump.max():.2g} where the rail crosses a knot line "
-                f"at {at} (circles as NURBS have such knots too), at an angle to the direction of the blend that "
-                f"steering may not turn: take other tangents, allow more with steer=, or take G{k - 1}"
+                f"at {where}, at an angle to the direction of the blend that steering may not turn: take "
+                f"{way_out(places)}; or take G{k - 1}"
             )
+
+
+def _torn(jets: Jets) -> tuple[Array, Array]:
+    """Return the breaks (n,) of jets, and by how much those of order 1 and more jump there; 0 if that is rounding."""
+    t = jets[0].breaks[1:-1]
+    before, after = (in_space(np.stack([jet(t, side=side) for jet in jets]))[1:] for side in SIDES)
+    jumps = np.linalg.norm(after - before, axis=2)
+    return t, np.where(jumps > JUMP * np.abs(after).max(initial=0.0), jumps, 0.0)
 
 
 def hermite(
@@ -147,19 +166,3 @@ def folded(surface: Surface) -> float | None:
         if len(over):
             return float(t[over[0][0]])
     return None
-
-
-def check_creases(surface: Surface) -> None:
-    """Raise GeometryError where the normal of a blend jumps by more than half a radian from one piece to the next."""
-    kinks = surface.breaks[0][1:-1][surface.continuity[0] < 1]
-    t, v = np.meshgrid(kinks, (np.arange(33) + 0.5) / 33, indexing="ij")
-    sides: list[Literal["left", "right"]] = ["left", "right"]
-    before, after = (
-        cross(surface(t, v, 1, 0, side=side), surface(t, v, 0, 1, side=side)).reshape(-1, 3) for side in sides
-    )
-    angle = np.arctan2(np.linalg.norm(cross(before, after), axis=1), (before * after).sum(axis=1))
-    if len(angle) and angle.max() > CREASE:
-        raise GeometryError(
-            f"the blend has a crease of {angle.max():.2g} rad inside, at t = {t.flat[angle.argmax()]:.6g}, where the "
-            "directions into it have a kink; take a smaller length, less continuity, or a larger steer"
-        )

@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.blends.breaks import aligned
+from cqblend.blends.kinks import shape_order, taylor
 from cqblend.errors import GeometryError
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
 from cqblend.splines.composition import follow
@@ -54,13 +55,20 @@ JET = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 class Crossing(NamedTuple):
     """Where a rail crosses a knot line: at t, the line native parameter ``axis`` = ``value``.
 
-    ``continuity`` is that of the surface at this very point, counted up to 4.
+    ``continuity`` is that of the surface at this very point, ``shape`` that of its shape, which may be smooth where
+    parameters have a kink; both counted up to 4. ``crease`` is the angle by which its normal turns there, rad.
     """
 
     t: float
     axis: int
     value: float
     continuity: int
+    shape: int
+    crease: float
+
+    def bends(self, order: int) -> bool:
+        """Whether jets of an order have a kink here that is one of the parameters alone, at least in part."""
+        return self.continuity <= order and self.continuity < self.shape
 
 
 class Primary(ABC):
@@ -695,14 +703,48 @@ class Tensor(Primary):
             t, value = cut.breaks[piece + 1], lines[line]
             uv = self.unlift(c(t), np.zeros((len(t), 2)))
             uv[:, axis] = value
-            smooth = self._smoothness(uv, axis)
-            found += [Crossing(*one) for one in zip(t.tolist(), [axis] * len(t), value.tolist(), smooth, strict=True)]
+            smooth, shape, crease = self.smoothness(uv, axis)
+            axes = [axis] * len(t)
+            found += [
+                Crossing(*one) for one in zip(t.tolist(), axes, value.tolist(), smooth, shape, crease, strict=True)
+            ]
         return sorted(one for one in found if one.continuity <= most)
 
-    def _smoothness(self, uv: Array, axis: int) -> list[int]:
-        """Return the continuity at points (n, 2) of knot lines: points may be smoother than coefficients tell."""
-        after = self.wrap(uv)
-        before = after.copy()
+    def smoothness(self, uv: Array, axis: int) -> tuple[list[int], list[int], list[float]]:
+        """Return the continuity at points (n, 2) of knot lines, that of the shape, and the crease (rad).
+
+        Points may be smoother than coefficients tell, and the shape smoother than the parameters.
+        """
+        uv, breaks = self.wrap(uv), self.breaks[axis]
+        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
+        continuity = self._continuity(uv, axis)
+        before, after = (self._series(uv, axis, step) for step in (-1, 0))
+        shape, crease = shape_order(before, after, axis, EVEN * float(np.abs(self.patches).max()))
+        return continuity.tolist(), np.maximum(shape, continuity).tolist(), crease.tolist()
+
+    def _series(self, uv: Array, axis: int, step: int) -> Array:
+        """Expand the patches beside knot lines at points (n, 2) of them: those before (-1) or after (0) in the axis."""
+        index, pairs, rates = [], [], []
+        for k in (0, 1):
+            value, breaks, ones = uv[:, k], self.breaks[k], np.ones(len(uv))
+            if self.angular[k]:
+                index.append(np.zeros(len(uv), int))
+                pairs.append(half_angle(value).T)
+                rates.append(half_angle_rate(pairs[k].T, ones).T)
+                continue
+            if k == axis:
+                index.append((np.searchsorted(breaks, value) + step) % (len(breaks) - 1))
+                x = -float(step) * ones
+            else:
+                index.append(np.clip(np.searchsorted(breaks, value, "right") - 1, 0, len(breaks) - 2))
+                x = (value - breaks[index[k]]) / np.diff(breaks)[index[k]]
+            pairs.append(np.stack([1 - x, x]))
+            rates.append(np.stack([-ones, ones]))
+        return taylor(self.patches[..., index[0], index[1]], (pairs[0], pairs[1]), (rates[0], rates[1]))
+
+    def _continuity(self, uv: Array, axis: int) -> Array:
+        """Return the continuity of the parametrisation at points (n, 2) of knot lines."""
+        before, after = uv.copy(), uv.copy()
         start, end = self.breaks[axis][[0, -1]]
         if self.periods[axis] is not None:
             seam = np.minimum(after[:, axis] - start, end - after[:, axis]) < 1e-12 * (end - start)
@@ -712,7 +754,7 @@ class Tensor(Primary):
         for k in range(4, 0, -1):
             jump = self._one_sided(after, axis, k, "right") - self._one_sided(before, axis, k, "left")
             smooth[np.abs(jump).max(axis=1) * span**k > EVEN * size] = k - 1
-        return smooth.tolist()
+        return smooth
 
     def _one_sided(self, uv: Array, axis: int, k: int, side: Side) -> Array:
         """Return the k-th derivative along a native parameter on one side of a knot line."""

@@ -33,6 +33,8 @@ PARALLEL = 1e-6
 
 _UNDECIDED = 1e-9  # cosine between the rail's normal and what it should point to, up to which that has no side
 
+_CLEAR = 2 / 3  # share of a rail, by length and cosine, that tells on which side something lies
+
 
 @dataclass(frozen=True)
 class Rail:
@@ -256,14 +258,16 @@ class Rail:
     def towards(self, target: Rail | ArrayLike) -> Rail:
         """Return the rail with the side on which another one, or a point (3,), lies.
 
-        The side is that of the sign of <C' x n, K>, K from this rail to the other at the same t, or to the point.
+        That is told by the whole rail: with a = C' x n, which points to its right, and K from it to the other rail at
+        the same t, or to the point, by the cosine <a, K> / (|a| |K|) along its length. Two thirds of it must agree.
 
         Raises
         ------
         InputError
             If the target is neither, or runs over another domain.
         GeometryError
-            If the sign changes along the rail, or is none somewhere: give a side instead. The message names t.
+            If the two sides are too even, or the target lies on the rail: give a side instead. The message says how
+            even, and at which t the sign changes first, or is none.
         """
         t = regularity.stations(self._position.breaks)
         if isinstance(target, Rail):
@@ -277,15 +281,22 @@ class Rail:
             there = found
         jet, rate = self._jet(t)
         across, chord = cross(rate, cross(jet[1], jet[2])), there - jet[0]
-        product = (across * chord).sum(axis=-1)
         size = np.linalg.norm(across, axis=-1) * np.linalg.norm(chord, axis=-1)
-        at = _change(t, product, _UNDECIDED * size)
-        if at is not None:
+        cosine = (across * chord).sum(axis=-1) / np.maximum(size, np.finfo(float).tiny)
+        cosine[np.abs(cosine) <= _UNDECIDED] = 0
+        weight = np.gradient(t) * np.linalg.norm(rate, axis=-1)
+        right, left = float(weight @ np.maximum(cosine, 0)), float(weight @ np.maximum(-cosine, 0))
+        share = right / (right + left) if right + left > 0 else 0.5
+        lengths = np.linalg.norm(chord, axis=-1)
+        meeting = lengths <= _UNDECIDED * lengths.max()
+        if meeting.any() or not max(share, 1 - share) >= _CLEAR:
+            at = float(t[meeting.argmax()]) if meeting.any() else _change(t, cosine, np.zeros_like(cosine))
             raise GeometryError(
                 f"the side of the rail cannot be told: at t = {at:.9g}, what it should point to is neither to its left "
-                f'nor to its right; give side="left" or "right", or clip it there'
+                f"nor to its right, and along the whole rail {1 - share:.0%} speak for the left, {share:.0%} for the "
+                'right; give side="left" or "right"'
             )
-        return self._sided("right" if product[0] > 0 else "left")
+        return self._sided("right" if share > 0.5 else "left")
 
     def _sided(self, side: RailSide) -> Rail:
         """Return the same rail, which needs no second check, with a side."""

@@ -7,13 +7,14 @@ S(phi) meets S with as many orders of continuity. Whatever approximates does so 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cqblend.blends.primaries import Array, Primary
 from cqblend.splines import Curve
-from cqblend.splines.evaluation import quotient
+from cqblend.splines.evaluation import Side, quotient
 
 FADED = 1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
 RETURNS = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
@@ -70,3 +71,9 @@ def returns(ribbon: Ribbon) -> bool:
 def in_space(jets: Array) -> Array:
     """Return derivatives in space, (k, n, 3), of homogeneous ones by any one parameter, (k, n, 4)."""
     return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
+
+
+def along(jets: Sequence[Curve], t: Array, order: int, side: Side = "right") -> Array:
+    """Return jets in space with their derivatives by t, (jets, order + 1, n, 3), of homogeneous ones."""
+    homogeneous = np.stack([jet.jet(t, order, side=side) for jet in jets])  # (jets, order + 1, n, 4)
+    return quotient(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)

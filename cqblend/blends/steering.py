@@ -3,7 +3,9 @@
 A ribbon's jet of order k contains the surface's derivatives of order k. Where those of order k + 1 jump across a knot
 line u = u0, by D, the jet's derivative along the rail jumps by r^k u' D, and the blend has a crease along the whole
 section through the crossing. It vanishes if r = 0 there: if the direction is parallel to the knot line. Where the
-surface is one order less smooth still, the second direction must be parallel as well.
+surface is one order less smooth still, the second direction must be parallel as well. All of that is about the shape of
+the surface: where only its parameters have a kink, directions get the kink that makes up for it
+(:mod:`cqblend.blends.bends`).
 
 Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and fades between
 them: nothing changes about how the blend meets its surface.
@@ -12,10 +14,11 @@ them: nothing changes about how the blend meets its surface.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, cross, unit
+from cqblend.blends.primaries import Array, Crossing, cross, unit
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError
 
@@ -76,10 +79,12 @@ class Steering:
         angle = self.angle(t)[:, None]
         return np.cos(angle) * vectors + np.sin(angle) * cross(normals, vectors)
 
-    def pinned(self, rs: Array, t: Array) -> Array:
-        """Make the component r or s of first directions (n, 2) that vanishes at a pin exactly zero there."""
+    def pinned(self, rs: Array, t: Array, *, deep: bool = False) -> Array:
+        """Make the component r or s of directions (n, 2) that vanishes at a pin, or a deep one, exactly zero there."""
         out = rs.copy()
         for pin in self.pins:
+            if deep and not pin.deep:
+                continue
             out[self._apart(t, pin) == 0, pin.axis] = 0.0
         return out
 
@@ -114,34 +119,56 @@ def _fade(x: Array) -> Array:
     return 1 - x**3 * (10 - 15 * x + 6 * x**2)
 
 
-def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
-    """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
-    order = ribbon.order
-    crossings = ribbon.primary.crossings(ribbon.c, order) if order else []
+class Turn(NamedTuple):
+    """A crossing of a knot line whose shape asks for a direction along it: how far the ribbon's is from that.
+
+    ``angle`` (rad, signed) turns the direction onto the line, in either sense; ``clear`` (rad) is how far the line is
+    from the rail.
+    """
+
+    crossing: Crossing
+    angle: float
+    clear: float
+
+
+def turns(ribbon: Ribbon, order: int) -> list[Turn]:
+    """Return where and how far the first direction of a ribbon would have to turn for its jets up to an order."""
+    crossings = [one for one in ribbon.primary.crossings(ribbon.c, order) if one.shape <= order]
     if not crossings:
         return []
-    if order == 3:
-        rough = min(crossings, key=lambda one: one.continuity)
-        if rough.continuity < 3:
-            raise GeometryError(
-                f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
-                f"{rough.value:.6g}, where one is only C{rough.continuity}, at t = {rough.t:.6g}; use G2"
-            )
     t = np.array([one.t for one in crossings])
     axis = np.array([one.axis for one in crossings])
     uv = ribbon.native(t)
     uv[np.arange(len(t)), axis] = [one.value for one in crossings]
     jet = ribbon.primary.jet(uv)
-    field = in_space(np.stack([curve(t) for curve in ribbon.jets()[:2]]))[1]
+    rail, field = ribbon.jets()[:2]
     normal = unit(cross(jet[1], jet[2]))
     line = np.where((axis == 0)[:, None], jet[2], jet[1])
-    sine, cosine = (cross(field, line) * normal).sum(1), (field * line).sum(1)
-    angle = np.arctan(sine / np.where(cosine == 0, np.finfo(float).tiny, cosine))  # to the line, in either sense
-    ends = ribbon.c.domain
+
+    def onto_line(vectors: Array) -> Array:
+        sine, cosine = (cross(vectors, line) * normal).sum(1), (vectors * line).sum(1)
+        return np.asarray(np.arctan(sine / np.where(cosine == 0, np.finfo(float).tiny, cosine)))
+
+    angle = onto_line(in_space(np.stack([rail(t), field(t)]))[1])
+    clear = np.abs(onto_line(in_space(rail.jet(t, 1))[1]))
+    return [Turn(*one) for one in zip(crossings, angle.tolist(), clear.tolist(), strict=True)]
+
+
+def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
+    """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
+    order, ends = ribbon.order, ribbon.c.domain
+    needed = turns(ribbon, order) if order else []
+    if order == 3 and needed:
+        rough = min((one.crossing for one in needed), key=lambda one: one.shape)
+        if rough.shape < 3:
+            raise GeometryError(
+                f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
+                f"{rough.value:.6g}, where one is only C{rough.shape}, at t = {rough.t:.6g}; use G2"
+            )
     close = SLIVER * (ends[1] - ends[0])
     found: list[Pin] = []
-    for one, turn in sorted(zip(crossings, angle.tolist(), strict=True), key=lambda pair: abs(pair[1])):
+    for one, angle, _ in sorted(needed, key=lambda turn: abs(turn.angle)):
         clear = all(abs(one.t - other.t) > close for other in found)
-        if abs(turn) <= limit and clear:
-            found.append(Pin(one.t, one.axis, one.value, turn, deep=one.continuity < order))
+        if abs(angle) <= limit and clear:
+            found.append(Pin(one.t, one.axis, one.value, angle, deep=one.shape < order))
     return sorted(found, key=lambda pin: pin.t)

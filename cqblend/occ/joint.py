@@ -93,8 +93,8 @@ class Joint:
         return float(np.sqrt(box.SquareExtent()))
 
     def stations(self, t: Array) -> Stations:
-        """Return the edge's stations at t."""
-        return self.spine.stations(t, self.sides)
+        """Return the edge's stations at t; past its ends, an arc of a circle goes on, anything else straight."""
+        return self.spine.onward(self.spine.stations(t, self.sides), self.sides)
 
     def native(self, contacts: Contacts) -> list[Array]:
         """Return contacts in the two faces' own parameters, in their windows."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -128,23 +129,30 @@ class EdgeSpine:
         values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
         return np.array([(value.X(), value.Y()) for value in values])
 
-    def turn(self) -> float | None:
-        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+    @cached_property
+    def circle(self) -> tuple[Array, float] | None:
+        """Centre (3,) and radius of the circle that the spine runs along, None if there is none."""
         points = self.points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
-        centred = points - points.mean(axis=0)
-        normal = np.linalg.svd(centred)[2][-1]
-        size = np.abs(centred).max()
-        if np.abs(centred @ normal).max() > ROUND * size:
+        middle = points.mean(axis=0)
+        axes = np.linalg.svd(points - middle)[2]
+        size = np.abs(points - middle).max()
+        if np.abs((points - middle) @ axes[2]).max() > ROUND * size:
             return None
-        flat = centred @ np.linalg.svd(centred)[2][:2].T
+        flat = (points - middle) @ axes[:2].T
         system = np.column_stack([2 * flat, np.ones(len(flat))])
         solution, _, rank, _ = np.linalg.lstsq(system, (flat**2).sum(1))
         if rank < 3:
             return None
-        radius = np.sqrt(solution[2] + solution[:2] @ solution[:2])
+        radius = float(np.sqrt(solution[2] + solution[:2] @ solution[:2]))
         if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > ROUND * radius:
             return None
-        turn = self.length / radius
+        return middle + solution[:2] @ axes[:2], radius
+
+    def turn(self) -> float | None:
+        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+        if self.circle is None:
+            return None
+        turn = self.length / self.circle[1]
         if self.closed:
             return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
         return float(turn) if turn < 2 * np.pi else None
@@ -153,7 +161,7 @@ class EdgeSpine:
         """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
         number, parameter = self.locate(t)
         point, direction = self._curve(number, parameter)
-        past = np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length
+        past = self._past(t)
         uv = []
         for side in sides:
             found = side.working(self._on_face(number, parameter, side.face))
@@ -162,6 +170,29 @@ class EdgeSpine:
                 found = found + tangent_coordinates(jet, direction * past[:, None])
             uv.append(found)
         return Stations(t, point + direction * past[:, None], direction, (uv[0], uv[1]))
+
+    def onward(self, stations: Stations, sides: tuple[FaceSide, FaceSide]) -> Stations:
+        """Move those of :meth:`stations` that are past the ends of an arc of a circle onto that circle.
+
+        So an arc goes on as an arc, and what is rolled along it stays one of revolution.
+        """
+        past = self._past(stations.t)
+        if self.circle is None or not past.any():
+            return stations
+        centre, radius = self.circle
+        angle, direction = (past / radius)[:, None], stations.direction
+        arm = stations.point - direction * past[:, None] - centre
+        cos, sin = np.cos(angle), np.sin(angle)
+        point = np.where(angle == 0, stations.point, centre + cos * arm + radius * sin * direction)
+        uv = [
+            found + tangent_coordinates(side.primary.jet(found), point - stations.point)
+            for side, found in zip(sides, stations.uv, strict=True)
+        ]
+        return Stations(stations.t, point, cos * direction - sin * arm / radius, (uv[0], uv[1]))
+
+    def _past(self, t: Array) -> Array:
+        """Return how far (mm, signed) parameters are past the ends."""
+        return np.asarray(np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length)
 
 
 def _measure(edge: TopoDS_Edge) -> _Piece:

@@ -24,6 +24,9 @@ _MERGE = 1e-9
 """Crossings of C1 lines closer than this (relative to the domain) are one break: continuing the wrong patch over such a
 distance errs by its square, while a piece so short would have derivatives of rounding noise."""
 
+_MET = 1e-12
+"""The same of lines with a kink: nearer than that, a break was meant to be on the line."""
+
 
 def _coordinates(curve: Spline) -> tuple[Array, Array]:
     """Numerator (m+1, k, n) and weight (m+1, n) of a curve; the weight of a polynomial one is (1, n), all ones."""
@@ -55,7 +58,8 @@ def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array]) 
     column, x = sign_changes(f.reshape(len(f), -1), np.repeat(tolerances, n))
     line_of, piece = np.divmod(column, n)
     size = max(abs(breaks[0]), abs(breaks[-1]))
-    slack = np.where(np.concatenate(loose)[line_of], _MERGE * (breaks[-1] - breaks[0]), 4 * _EPS * size)
+    length = breaks[-1] - breaks[0]
+    slack = np.where(np.concatenate(loose)[line_of], _MERGE * length, max(_MET * length, 4 * _EPS * size))
     return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
 
