@@ -187,3 +187,15 @@ def test_where_nothing_is_left_the_selection_is_wrong():
 def test_nothing_is_listed_where_all_picks_are_sharp():
     box = cq.Solid.makeBox(3, 4, 5)
     assert cqblend.blend_edges(box, box.edges("|Z"), 0.5).skipped == ()
+
+
+def test_halves_are_left_alone_where_the_other_side_stays_halved():
+    """A drill tip of two half cones, which have an apex, under two half cylinders: one whole side would have a seam."""
+    profile = W("XZ").polyline([(0, -20), (8, -20), (8, -5), (0, 0)]).close()
+    half = profile.revolve(180, (0, 0, 0), (0, 1, 0)).val()
+    body = half.fuse(half.rotate(V(), V(0, 0, 1), 180))
+    rim = next(edge for edge in body.Edges() if edge.geomType() == "CIRCLE" and edge.Center().z > -6)
+    with pytest.warns(cqblend.errors.FlatEndWarning):
+        result = cqblend.blend_edges(body, rim, 1)
+    assert result.shape.isValid()
+    assert "taken" not in result.certificate.method

@@ -69,13 +69,22 @@ def unified(joint: Joint, reach: Callable[[], float]) -> Unified | None:
         done = _without(solid, splits, spine, near)
         if done is None:
             break
-        solid = done.solid
+        remade = [TopoDS.Edge_s(_descendant(done.edges, edge)) for edge in spine]
+        if _ends_on_seam(done, remade):
+            break
+        solid, spine = done.solid, remade
         faces = distinct(_descendant(done.faces, face) for face in faces)
-        spine = [TopoDS.Edge_s(_descendant(done.edges, edge)) for edge in spine]
         if made is not None:
             done = Unified(solid, _composed(made.faces, done.faces), _composed(made.edges, done.edges))
         made = done
     return made
+
+
+def _ends_on_seam(made: Unified, spine: Sequence[TopoDS_Edge]) -> bool:
+    """Whether a joint would end at the seam of a face made one, where other faces are, too: none ends there."""
+    faces_at = Ancestors(made.solid, TopAbs_VERTEX, TopAbs_FACE)
+    meeting = [vertex for face, _ in made.faces for seam in seams(face) for vertex in ends(seam)]
+    return any(_among(vertex, meeting) and len(faces_at(vertex)) > 2 for edge in spine for vertex in ends(edge))
 
 
 def _descendant(groups: Groups, shape: TopoDS_Shape) -> TopoDS_Shape:
