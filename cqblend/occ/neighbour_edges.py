@@ -141,7 +141,8 @@ def border_in_plane(
     """
     start = location_of(vertex)
     for edge in distinct(forward(use) for use in explore(face, TopAbs_EDGE)):
-        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in blended):
+        seam = BRep_Tool.IsClosed_s(edge, face)
+        if seam or BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in blended):
             continue
         own = ends(edge)
         if own[0].IsSame(own[1]) or not any(vertex.IsSame(end) for end in own):
