@@ -247,7 +247,8 @@ class Pattern:
     def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
         inner = sheets.usable(sheets.checked_size(sheet), margin + (self.tabs.width if self.tabs else 0.0))
-        bare = cutting.within(self._unrolled.pieces, inner)
+        sources = self._unrolled.sources
+        bare = cutting.within(self._unrolled.pieces, inner, lambda piece, points: sources[piece].on_face(points))
         return self._fit(bare).pieces if self._fit else bare
 
 

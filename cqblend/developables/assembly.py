@@ -121,6 +121,10 @@ class Source:
         assert self.patch.frame is not None
         return self.patch.frame.space(points)
 
+    def on_face(self, points: Array) -> Array:
+        """Return the points of the face, (n, 3), for which points (n, 2) of the flat piece stand."""
+        return self.fold(points) if self.laying is None else self.laying.on_surface(points)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unrolled:

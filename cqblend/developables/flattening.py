@@ -45,6 +45,9 @@ class Chart(Protocol):
     def space(self, points: Array) -> Array:
         """Return where points (m,) of the plane, complex, are in space, (m, 3)."""
 
+    def locate(self, points: Array) -> tuple[Array, Array]:
+        """Return the (t, w) that are nearest to points (m,) of the plane, complex."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flat:
@@ -105,6 +108,12 @@ class Flat:
         points = np.asarray(points, dtype=np.float64)
         flat = points.reshape(-1, 2)
         return self.chart.space(flat[:, 0] + 1j * flat[:, 1]).reshape(*points.shape[:-1], 3)
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Return the parameters t and the fractions w, within the strip, of points (n, 2) of the plane: (n,) each."""
+        x, y = np.asarray(points, dtype=np.float64).T
+        t, w = self.chart.locate(x + 1j * y)
+        return np.clip(t, self.nodes[0], self.nodes[-1]), np.clip(w, 0.0, 1.0)
 
     def rail(self, side: int) -> Path:
         """Return the first (0) or second (1) rail through its nodes: arcs of the rail's lengths, or straight chords."""
@@ -531,9 +540,18 @@ class _Triangles:
         return np.where(x >= w, p00 + x * (p10 - p00) + w * (p11 - p10), p00 + w * (p01 - p00) + x * (p11 - p01))
 
     def space(self, points: Array) -> Array:
-        flat, space = (_triangles(corners) for corners in (self.corners, self.in_space))
-        a, b, c = flat
-        out = np.empty((len(points), 3))
+        return self._interpolated(points, _triangles(self.in_space))
+
+    def locate(self, points: Array) -> tuple[Array, Array]:
+        along = np.tile(self.nodes, (2, 1))
+        parameters = np.stack([along, np.broadcast_to([[0.0], [1.0]], along.shape)], axis=-1)
+        t, w = self._interpolated(points, _triangles(parameters)).T
+        return t, w
+
+    def _interpolated(self, points: Array, values: tuple[Array, Array, Array]) -> Array:
+        """Return values (m, k), linear on each triangle, at points of the plane, given those at the corners."""
+        a, b, c = _triangles(self.corners)
+        out = np.empty((len(points), values[0].shape[1]))
         with np.errstate(divide="ignore", invalid="ignore"):
             for start in range(0, len(points), 512):
                 to = points[start : start + 512, None] - a
@@ -542,9 +560,8 @@ class _Triangles:
                 inside = np.nan_to_num(np.minimum(np.minimum(x, y), 1 - x - y), nan=-np.inf, neginf=-np.inf)
                 best = inside.argmax(axis=1)
                 x, y = (np.take_along_axis(f, best[:, None], axis=1) for f in (x, y))
-                out[start : start + 512] = (
-                    space[0][best] + x * (space[1] - space[0])[best] + y * (space[2] - space[0])[best]
-                )
+                first, second, third = (value[best] for value in values)
+                out[start : start + 512] = first + x * (second - first) + y * (third - first)
         return out
 
 

@@ -119,6 +119,10 @@ class Laying:
         """Return the strip as a surface (r, w)."""
         return replace(self.strip, rails=self.rails).ruled()
 
+    def on_surface(self, points: Array) -> Array:
+        """Return the points of the surface, (n, 3), for which points (n, 2) of the plane stand."""
+        return _on_surface(self.strip, self.parameters, *self.flat.locate(points))
+
     def locate(self, t: Array, across: Array) -> tuple[Array, Array]:
         """Return r and the fraction of the ruling of points given by the strip's own parameters.
 
@@ -224,10 +228,16 @@ def _deviation(strip: Strip, rails: tuple[Curve, Curve], parameters: tuple[Curve
     """Return the largest distance found between a strip paired anew and points of the surface at like places."""
     r, w = np.linspace(*rails[0].domain, 97)[:, None], np.linspace(0.0, 1.0, 17)[1:-1]
     points = rails[0](r) * (1 - w[:, None]) + rails[1](r) * w[:, None]
-    u = parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
+    return float(np.linalg.norm(_on_surface(strip, parameters, r, w) - points, axis=-1).max())
+
+
+def _on_surface(strip: Strip, parameters: tuple[Curve, Curve] | None, r: Array, w: Array) -> Array:
+    """Return the points of the surface that a strip has in the places (r, w), of the shape that these broadcast to."""
+    r, w = np.broadcast_arrays(r, w)
+    u = r if parameters is None else parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
     low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
-    for _ in range(40):
+    for _ in range(52):
         middle = (low + high) / 2
         below = strip.fraction(u, middle) < w
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return float(np.linalg.norm(strip.surface(u, high) - points, axis=-1).max())
+    return np.asarray(strip.surface(u, np.where(w > 0, high, low)))

@@ -36,7 +36,8 @@ def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str,
 
     where PATH is ``{"points": [[x, y], ..], "bulges": [..]}``, with one bulge less than points: the tangent of a
     quarter of each arc's angle, 0 for straight, positive to the left. The first loop is the outer one,
-    counterclockwise; runs have the material to their left. Numbers are exact: reading them gives the same doubles.
+    counterclockwise; runs have the material to their left. The places in space of vertices are on the strips, those of
+    vertices that are made by cutting to the sheet on the face. Numbers are exact: reading them gives the same doubles.
     """
     return {
         "schema": SCHEMA,
