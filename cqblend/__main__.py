@@ -120,6 +120,9 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
+    unroll.add_argument(
+        "--least-width", type=float, metavar="W", help="merge thinner pieces into their neighbours, mm; default: none"
+    )
     unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
     unroll.add_argument("--tab-width", type=float, metavar="W", default=6.0, help="mm; default: %(default)g")
     unroll.add_argument(
@@ -260,6 +263,7 @@ def _unroll(options: argparse.Namespace) -> None:
         method=options.method,
         direction=options.direction,
         developable=options.developable,
+        least_width=options.least_width,
         progress=_Progress(),
     )
     if options.tabs:

@@ -281,8 +281,9 @@ def unroll(
         How freeform faces are divided: longest strip first against a certified bound; by the paper's algorithm 1; or at
         the ridges of the normal curvature first (equations 5 to 7).
     direction : {"auto", "rings", "u", "v"}
-        Parameter that the rulings run along: the one with fewer strips, the one that makes rings of a closed face, or a
-        given one.
+        Parameter that the rulings run along: the one with fewer strips, or with less strain if both take as many; the
+        one that makes rings of a closed face; or a given one. Where the first way fails, ``"auto"`` tries the other
+        one, then narrower strips, then triangles; see ``report.detours``.
     layout : {"smooth", "triangles"}
         How strips are laid flat: so that rails and rulings keep their lengths, or as the paper's triangles along one
         diagonal. Triangles keep chords, so seams between different faces match to `flat_tolerance` only.
@@ -295,7 +296,9 @@ def unroll(
     even : bool
         Whether the strips of a face share its error evenly, instead of leaving the rest to the last one.
     least_width : float, optional
-        Mm; narrower strips are refused.
+        Mm; pieces that are thinner, measured by twice their area over the length of their outlines, are merged into a
+        neighbour of the same face where that keeps the tolerance; ``report.unmerged`` names those that could not be. A
+        face of which no piece can be that wide is refused.
     flat_tolerance : float, optional
         Largest distance between strips in space and flat pieces rolled, mm; by default a tenth of `tolerance`.
     progress : callable, optional

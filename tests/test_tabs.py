@@ -462,7 +462,9 @@ def test_wide_tabs_are_lowered_as_far_as_narrow_ones():
 
 
 @pytest.mark.parametrize("style", ["one", "alternating", "strips"])
-@pytest.mark.parametrize(("degrees", "fold"), [(0.9, None), (-0.9, None), (0.0, None), (1.1, "mountain"), (-1.1, "valley")])
+@pytest.mark.parametrize(
+    ("degrees", "fold"), [(0.9, None), (-0.9, None), (0.0, None), (1.1, "mountain"), (-1.1, "valley")]
+)
 def test_across_smooth_seams_nothing_is_folded(style, degrees, fold):
     whole = lattice(2, 1)
     pieces = replace(whole, seams=tuple(replace(seam, angle=math.radians(degrees)) for seam in whole.seams))

@@ -15,10 +15,11 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.developables import paths
 from cqblend.developables.arclength import ArcLength
-from cqblend.developables.developability import Kind, Rails, check_rails, classify, together
-from cqblend.developables.development import Development, Motion, develop
-from cqblend.developables.paths import Path, bulges
+from cqblend.developables.developability import Kind, Rails, check_rails, classify, together, turn_between
+from cqblend.developables.development import Development, Motion, develop, max_strain
+from cqblend.developables.paths import Path
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate
@@ -73,9 +74,11 @@ class Flat:
         ``"triangles"``, whose triangles are between the nodes, the same distance.
     ruling
         Largest error of a ruling's length at a node, relative.
+    turn
+        Bound of the angle between the normals at the two ends of a ruling, rad; zero for developables.
     strain
-        By how much a length inside the strip is too long in the plane, relative, at most: 1 - cos(phi / 2), where the
-        velocities of the two rails across a ruling make the angle phi. Zero for developables; nan for ``"triangles"``.
+        By how much a length inside the strip is too long in the plane, relative, at most: 1 / cos(turn / 2) - 1. Zero
+        for developables; nan for ``"triangles"``.
     area_space, area_flat
         Mm^2: of the ruled surface, and of the flat strip.
     chart
@@ -90,6 +93,7 @@ class Flat:
     lengths: Array
     error: float
     ruling: float
+    turn: float
     strain: float
     area_space: float
     area_flat: float
@@ -183,12 +187,13 @@ def flatten(
         raise InputError(f"nodes must lie in the rails' domain [{start:.9g}, {end:.9g}], not {shown(wanted)}")
     initial = _distinct(both.breaks, wanted, slack)
     known = classify(rails) if kind is None else kind
-    motion = Motion(rails)
+    turn = turn_between(rails) if known == "twisted" else 0.0
+    motion = Motion(rails, checked=layout == "smooth")
     areas = Integral(lambda t: np.dot([1.0, 1j], motion.area_rates(t)), both.breaks)  # flat, and in space
     space, plane = float(areas.values[-1].imag), float(areas.values[-1].real)
     mirror = -1.0 if flip else 1.0
     if layout == "triangles":
-        return _triangulated(both, initial, tolerance, known, mirror, space)
+        return _triangulated(both, initial, tolerance, known, mirror, space, turn)
     smooth = _Smooth(both, develop(rails, known), mirror)
     lengths = ArcLength(rails[0]), ArcLength(rails[1])
     at, error = _sampled(smooth, lengths, initial, tolerance)
@@ -205,7 +210,8 @@ def flatten(
         lengths=np.stack([_steps(length, at) for length in lengths]),
         error=error,
         ruling=_relative(np.abs(second - first), rulings),
-        strain=float(motion.strain(_within(areas.cells)).max()) if known == "twisted" else 0.0,
+        turn=turn,
+        strain=max_strain(turn),
         area_space=space,
         area_flat=plane if known == "twisted" else space,
         chart=smooth,
@@ -226,11 +232,6 @@ def _steps(length: ArcLength, nodes: Array) -> Array:
     return np.where(steps > 1e-14 * length.length, steps, 0.0)
 
 
-def _within(breaks: Array) -> Array:
-    """Return eight parameters between any two breaks."""
-    return np.asarray((breaks[:-1] + (np.arange(8)[:, None] + 0.5) / 8 * np.diff(breaks)).ravel())
-
-
 def _relative(found: Array, wanted: Array) -> float:
     """Largest relative error; of lengths that are zero to rounding, none."""
     real = wanted > 1e-12 * wanted.max()
@@ -249,7 +250,7 @@ def _bulges(points: Array, middle: Array, lengths: Array) -> Array:
     """Bulges of arcs of given lengths through points (n, 2), on the side of (n - 1, 2) points between."""
     chord, to_middle = np.diff(points, axis=0), middle - points[:-1]
     left = chord[:, 0] * to_middle[:, 1] - chord[:, 1] * to_middle[:, 0]
-    return np.where(lengths > 0, -np.sign(left) * bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
+    return np.where(lengths > 0, -np.sign(left) * paths.bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
 
 
 # -- lengths kept
@@ -402,24 +403,16 @@ def _split(nodes: Array, parts: Array, tolerance: float) -> Array:
 
 def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float) -> Array:
     """Distances of the flat rails from arcs of their lengths, (n - 1,); infinite where a long arc is no good."""
-    inner = np.arange(1, 4) / 4
-    t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.append(0.0, inner)
+    count = paths.PARTS
+    t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(count) / count
     t = np.append(t.ravel(), nodes[-1])
     worst = np.zeros(len(nodes) - 1)
     for length, points in zip(lengths, smooth.ends(t), strict=True):
-        s = length(t)
-        whole = _steps(length, t[::4])
-        part = np.divide(
-            (s[:-1] - np.repeat(s[:-1:4], 4)),
-            np.repeat(whole, 4),
-            out=np.zeros(len(t) - 1),
-            where=np.repeat(whole, 4) > 0,
-        )
+        whole = _steps(length, t[::count])
         flat = _pairs(points)
-        corners = flat[::4]
-        path = Path(corners, _bulges(corners, flat[2::4], whole))
-        on_arc = path.at(np.repeat(np.arange(len(worst)), 4), part)
-        off = np.linalg.norm(flat[:-1] - on_arc, axis=1).reshape(-1, 4).max(axis=1)
+        corners = flat[::count]
+        path = Path(corners, _bulges(corners, flat[count // 2 :: count], whole))
+        off = paths.off_arcs(path, flat[:-1].reshape(-1, count, 2)[:, 1:])
         worst = np.maximum(worst, np.where((path.chords < 0.9 * whole) & (whole > tolerance), np.inf, off))
     return worst
 
@@ -476,7 +469,9 @@ def _twists(both: Curve, nodes: Array) -> Array:
     return np.where((area == 0) | (convex & (height / 4 < bound)), height / 4, bound)
 
 
-def _triangulated(both: Curve, nodes: Array, tolerance: float, kind: Kind, mirror: float, area_space: float) -> Flat:
+def _triangulated(
+    both: Curve, nodes: Array, tolerance: float, kind: Kind, mirror: float, area_space: float, turn: float
+) -> Flat:
     """Refine uniformly until the triangles are close enough, and lay them out (figure 4)."""
     initial = nodes
     count = 1
@@ -503,6 +498,7 @@ def _triangulated(both: Curve, nodes: Array, tolerance: float, kind: Kind, mirro
         lengths=np.linalg.norm(np.diff(corners, axis=1), axis=2),
         error=float(error.max()),
         ruling=_relative(np.abs(flat[1] - flat[0]), rulings),
+        turn=turn,
         strain=np.nan,
         area_space=area_space,
         area_flat=float(np.abs(quads.sum()) / 2),

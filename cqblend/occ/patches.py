@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepGProp import BRepGProp
 from OCP.Geom import (
     Geom_ConicalSurface,
     Geom_CylindricalSurface,
@@ -24,6 +25,7 @@ from OCP.Geom import (
     Geom_SurfaceOfRevolution,
     Geom_ToroidalSurface,
 )
+from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -61,6 +63,9 @@ _WITNESSES = np.append(np.linspace(0.0, 1.0, 33), [0.4995, 0.5005])
 """Parts of an edge's range at which curves and pcurves are compared; the last two tell its direction in the middle."""
 
 _MIDDLE = 16
+
+_AREA = 1e-5
+"""Of a face's area, relative, that OCCT is asked for."""
 
 
 def read(
@@ -147,9 +152,10 @@ class _Reader:
                 loops.append(chart.loop(_chained(drawn, chart.extent)))
         if not loops:
             raise TopologyError("it has no boundary")
+        area = _area(chart.face)
         if chart.frame is not None:
-            return coplanar.planar_patch((number,), chart.frame, loops)
-        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops))
+            return coplanar.planar_patch((number,), chart.frame, loops, area, chart.off)
+        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops), area=area)
 
     def skin(self, patches: list[Patch], refused: dict[int, CqblendError]) -> Skin:
         """Return patches with all their edges, measured."""
@@ -232,6 +238,7 @@ class _Chart:
     window: Array
     periods: tuple[float, float] = (0.0, 0.0)
     frame: Frame | None = None
+    off: float = 0.0
 
     @classmethod
     def of(cls, face: TopoDS_Face) -> _Chart:
@@ -244,7 +251,8 @@ class _Chart:
         if frame is not None:
             if not outward:
                 frame = Frame(frame.origin, frame.y, frame.x)
-            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame)
+            off = _from_plane(surface, frame)
+            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame, off=off)
         basis = BRep_Tool.Surface_s(face, TopLoc_Location())
         while isinstance(basis, Geom_RectangularTrimmedSurface):
             basis = basis.BasisSurface()
@@ -393,6 +401,18 @@ def _plane(surface: Surface) -> Frame | None:
         return None
     x = jet[1, 0] / np.linalg.norm(jet[1, 0])
     return Frame(surface(u0, v0), x, np.cross(normal / length, x))
+
+
+def _from_plane(surface: Surface, frame: Frame) -> float:
+    """Bound the distance of a surface from a plane, rounding included."""
+    poles = _poles(surface)
+    return float(np.abs((poles - frame.origin) @ frame.normal).max() + 8 * np.finfo(float).eps * np.abs(poles).max())
+
+
+def _area(face: TopoDS_Face) -> float:
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, properties, _AREA)
+    return abs(properties.Mass())
 
 
 def _poles(surface: Surface) -> Array:
