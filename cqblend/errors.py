@@ -4,6 +4,8 @@ One root, :class:`CqblendError`. Each error also subclasses the builtin a caller
 keeps working. Messages name the thing (edge 14, face 3), the number and the way out.
 """
 
+import inspect
+import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -74,6 +76,22 @@ class FileError(CqblendError, OSError):
 
 class InstallationError(CqblendError, ImportError):
     """The installation is broken; the message names the repair."""
+
+
+class CqblendWarning(UserWarning):
+    """Root of all warnings that cqblend gives."""
+
+
+class PatternWarning(CqblendWarning):
+    """A pattern is sound, but not what its maker may expect: approximated, or without some of its seams."""
+
+
+def warn(warning: CqblendWarning) -> None:
+    """Give a warning, at the line of the caller's own code from which cqblend was called."""
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "cqblend":
+        level, frame = level + 1, frame.f_back
+    warnings.warn(warning, stacklevel=level)
 
 
 def shown(value: object) -> str:

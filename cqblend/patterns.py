@@ -274,7 +274,8 @@ def unroll(
     ----------
     shape : a shape, faces, a Workplane, or Surface
         A solid, shell, compound or face, several of them, a Workplane with those on its stack, or a symbolic surface.
-        Neighbouring faces of one plane become one piece.
+        Neighbouring faces of one plane become one piece. Faces that touch within `flat_tolerance` without sharing edges
+        are joined.
     tolerance : float
         Largest distance between the shape and the strips, both ways, mm.
     method : {"longest", "elber", "curvature"}
@@ -348,9 +349,9 @@ def unroll(
 
         model, parts, whole = skins_of(shape)
         try:
-            skin = read(parts, whole=whole)
+            skin = read(parts, whole=whole, join=wishes.flat)
         except SelectionError:  # the solid in the chain is another one
-            skin = read(parts)
+            skin = read(parts, join=wishes.flat)
     unrolled = assembly.unroll(skin, wishes, progress)
     pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), None, unrolled, model)
     if unrolled.failures:

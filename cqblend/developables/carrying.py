@@ -31,6 +31,9 @@ _STRAIGHT = 1e-13
 _JOINT = 1e-8
 """Mm: a tenth of the tolerance that OCCT's vertices have."""
 
+_STANDS = 1e-13
+"""A rail stands still where it moves by less than this part of its length."""
+
 _NEAR = 1e-9
 """Vertices closer together than this part of their run are one."""
 
@@ -339,6 +342,19 @@ class _Carrier:
             draft.drawn = self.face.patch.frame.drawn(edge.curve.clip(*edge.parameter(t[[0, -1]])))
         return draft if rising else draft.turned()
 
+    def _nodes(self, side: int, ends: Array) -> Array:
+        """Return the nodes along a rail from one parameter to another, one only where the rail stands still."""
+        assert self.laying is not None
+        nodes, near = self.laying.flat.nodes, _NEAR * (ends[1] - ends[0])
+        r = np.concatenate([ends[:1], nodes[(nodes > ends[0] + near) & (nodes < ends[1] - near)], ends[1:]])
+        s = self.reach[side](r)
+        moves = np.diff(s) > _STANDS * self.reach[side].length
+        # the last of those that stand at the end is the end
+        kept = np.append(True, moves)
+        kept[-1] = True
+        kept[1:-1] &= s[-1] - s[1:-1] > _STANDS * self.reach[side].length
+        return np.asarray(r[kept])
+
     def _flat(self, uv: Array) -> tuple[Array, Array]:
         """Return points of the parameter plane in the plane, and on the strip."""
         assert self.laying is not None
@@ -368,9 +384,7 @@ class _Carrier:
         if axis == self.face.across:
             side = 1 if index == self.row else 0
             ends, w = laying.locate(np.array([low, high]), np.full(2, laying.strip.span[side]))
-            near = _NEAR * (ends[1] - ends[0])
-            inner = flat.nodes[(flat.nodes > ends[0] + near) & (flat.nodes < ends[1] - near)]
-            r = np.concatenate([ends[:1], inner, ends[1:]])
+            r = self._nodes(side, ends)
             w = np.full(len(r), float(side))
             between, lengths = flat(_inner(r), w[:-1, None]), np.diff(self.reach[side](r))
             kind: RunKind = "rail"

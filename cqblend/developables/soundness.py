@@ -65,7 +65,7 @@ def unlike(face: DividedPatch, pieces: Sequence[tuple[Laid, Piece]], edges: Edge
             _, number, low, high = draft.key
             along[number] += edges.lengths[number][low:high].sum(), draft.extents.sum()
     # a face that meets itself is as short on one side of the seam as on the other
-    meets = {number for number in along if edges.edges[number].faces in (2 * (face,) for face in face.patch.faces)}
+    meets = {number for number in along if edges.edges[number].faces == 2 * edges.edges[number].faces[:1]}
     borders = {number: sums for number, sums in along.items() if number not in meets}
     for number, (edge, strips) in borders.items():
         if edge > (1 + _LONGER) * strips:

@@ -28,14 +28,15 @@ from OCP.Geom import (
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.developables import coplanar
 from cqblend.developables.patches import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
 from cqblend.errors import CqblendError, InputError, SelectionError, TopologyError, shown
 from cqblend.occ.convert import ParameterMap, with_parameters
 from cqblend.occ.kinds import is_topods
-from cqblend.occ.topology import BUILDER, Index, ends, explore, forward, location_of
+from cqblend.occ.loose import joined
+from cqblend.occ.topology import Index, compound_of, ends, explore, forward, location_of
 from cqblend.occ.tracks import Track, track
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
@@ -69,7 +70,11 @@ _AREA = 1e-5
 
 
 def read(
-    source: TopoDS_Shape | Sequence[TopoDS_Face], *, whole: TopoDS_Shape | None = None, merge: bool = True
+    source: TopoDS_Shape | Sequence[TopoDS_Face],
+    *,
+    whole: TopoDS_Shape | None = None,
+    merge: bool = True,
+    join: float | None = None,
 ) -> Skin:
     """Return the faces of a shape, or some faces of it, as patches with their edges.
 
@@ -84,6 +89,8 @@ def read(
         The shape whose numbers faces and edges get, if the source is a part of it.
     merge
         Whether neighbouring faces of one plane become one patch.
+    join
+        Distance within which borders of faces that share no edge are one, mm; None leaves them as they are.
 
     Returns
     -------
@@ -113,7 +120,7 @@ def read(
         if not is_topods(shape):
             what = "a null shape" if isinstance(shape, TopoDS_Shape) else shown(shape)
             raise InputError(f"cannot unroll {what}: give a shape, or faces of one")
-    part = shapes[0] if len(shapes) == 1 else _compound(shapes)
+    part = shapes[0] if len(shapes) == 1 else compound_of(shapes)
     whole = part if whole is None else whole
     numbers = Index(whole, TopAbs_FACE)
     faces = {numbers.of(face): face for face in reversed(list(explore(part, TopAbs_FACE)))}
@@ -122,7 +129,11 @@ def read(
     if 0 in faces:
         raise SelectionError("a face does not belong to the shape: select faces of the very shape that is unrolled")
     faces = {number: _bounded(faces[number]) for number in sorted(faces)}
-    reader = _Reader(_compound([whole, *faces.values()]))
+    reader = _Reader(compound_of([whole, *faces.values()]))
+    if join is not None:
+        sewn = joined(faces, join)
+        if any(not sewn[number].IsSame(face) for number, face in faces.items()):
+            faces, reader = sewn, _Reader(compound_of([*sewn.values()]))
     patches: list[Patch] = []
     refused: dict[int, CqblendError] = {}
     for number, face in faces.items():
@@ -440,11 +451,3 @@ def _bounded(face: TopoDS_Face) -> TopoDS_Face:
         return face
     maker = BRepBuilderAPI_MakeFace(surface, BRep_Tool.Tolerance_s(face))
     return TopoDS.Face_s(maker.Face().Oriented(face.Orientation())) if maker.IsDone() else face
-
-
-def _compound(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Compound:
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for shape in shapes:
-        BUILDER.Add(compound, shape)
-    return compound
