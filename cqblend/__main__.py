@@ -128,6 +128,7 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     unroll.add_argument(
         "--sheet", type=_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
     )
+    unroll.add_argument("--per-sheet", action="store_true", help="a file for every sheet: OUT-1.dxf, OUT-2.dxf, ..")
     unroll.add_argument("--kerf", type=float, metavar="K", default=0.0, help="of the cutter, mm; default: %(default)g")
     unroll.add_argument("--strips", type=Path, metavar="OUT.step", help="write the strips in space, too")
 
@@ -270,7 +271,7 @@ def _unroll(options: argparse.Namespace) -> None:
         with _step("adding tabs"):
             pattern = pattern.with_tabs(options.tab_width, style=options.tabs)
     with _step(f"placing the pieces and writing {options.output}"):
-        pattern.export(options.output, sheet=options.sheet, kerf=options.kerf)
+        pattern.export(options.output, sheet=options.sheet, kerf=options.kerf, per_sheet=options.per_sheet)
     if options.strips:
         with _step(f"writing {options.strips}"):
             write_step(pattern.strips_3d(), options.strips)

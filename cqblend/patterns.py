@@ -183,7 +183,8 @@ class Pattern:
         page: str | tuple[float, float] | None = "a4",
         packer: Literal["grid", "spyrrow"] = "grid",
         seconds: float = 30.0,
-    ) -> "File":
+        per_sheet: bool = False,
+    ) -> "File | tuple[File, ...]":
         """Write the pieces to a file for a cutter, in true size: DXF, SVG, PDF or JSON, by the suffix.
 
         Outlines are closed loops of lines and arcs, each once, on the layer CUT; fold lines are on SCORE_MOUNTAIN
@@ -213,11 +214,15 @@ class Pattern:
             How pieces are placed; spyrrow is an optional extra, ``pip install cqblend[nesting]``.
         seconds : float
             Time for spyrrow, for each sheet.
+        per_sheet : bool
+            Whether every sheet has a file of its own: ``p-1.dxf``, ``p-2.dxf`` and so on instead of ``p.dxf``. Nothing
+            is outside of the sheet there: labels without room on their pieces are written where the sheet is free, and
+            a PDF whose ``page`` is None has its legend there.
 
         Returns
         -------
-        pathlib.Path
-            The file, which replaces what was there only when it is whole.
+        pathlib.Path, or tuple of pathlib.Path
+            The file, which replaces what was there only when it is whole; the files, if each sheet has one.
 
         Raises
         ------
@@ -229,12 +234,14 @@ class Pattern:
         target = files.checked_path(path)
         paper(page)
         positive("seconds", seconds)
+        flag("per_sheet", per_sheet)
         kerf = millimetres("the kerf", kerf, zero=True)
         margin = millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
         gap = millimetres("the gap between pieces", gap, zero=True) + kerf
         pieces = self.pieces if sheet is None else self._within(sheet, margin)
         placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
-        return files.export(
+        write = files.export_each if per_sheet else files.export
+        return write(
             placed,
             target,
             kerf=kerf,

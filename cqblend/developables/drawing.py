@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import shapely
 
 from cqblend.developables.arcfit import fitted
 from cqblend.developables.checks import millimetres
@@ -17,12 +18,21 @@ from cqblend.developables.labels import labels, text_strokes, text_width
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Seam, closed
 from cqblend.developables.sheets import Sheets
+from cqblend.errors import PatternWarning, warn
+from cqblend.splines.bernstein import Array
 
 FIT = 2e-3
 """How far fitted arcs may be from the outline, mm: well below what cutters hold."""
 
 LABELS = 4.0
 """Height of the labels' capitals, mm."""
+
+
+_NOTES = (LABELS, 3.0, 2.0, 1.5, 1.0)
+"""Heights of letters that are tried for notes, mm."""
+
+_CLEAR = 2.0
+"""Distance of notes from pieces and borders, mm."""
 
 
 class Layer(StrEnum):
@@ -176,6 +186,50 @@ def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
     width = max(left - gap, *(text_width(line, LABELS) for line in lines), 0.0)
     height = top + (gap + len(lines) * 1.75 * LABELS if lines else 0.0)
     return Drawing((width, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
+
+
+def with_notes(drawing: Drawing) -> Drawing:
+    """Return a drawing with its notes written on GUIDE, inside the sheet, where no piece is.
+
+    Letters are lower where there is little room.
+
+    Warns
+    -----
+    PatternWarning
+        There is no room, not even for low letters; the message has the notes.
+    """
+    if not drawing.notes:
+        return drawing
+    for height in _NOTES:
+        width = max(text_width(line, height) for line in drawing.notes)
+        corner = free_room(drawing, (width, 1.75 * height * len(drawing.notes)))
+        if corner is not None:
+            strokes = [
+                Entity(Layer.GUIDE, stroke.moved(0.0, corner + np.array([0.0, 1.75 * height * k])))
+                for k, line in enumerate(reversed(drawing.notes))
+                for stroke in text_strokes(line, height)
+            ]
+            return replace(drawing, entities=(*drawing.entities, *strokes), notes=())
+    warn(PatternWarning(f"the sheet has no room to write labels that their pieces have none for: {drawing.notes}"))
+    return replace(drawing, notes=())
+
+
+def free_room(drawing: Drawing, size: tuple[float, float]) -> Array | None:
+    """Return the lower left corner of the lowest, then leftmost free room of a size on a sheet; None if there is none.
+
+    It keeps a distance of 2 mm from what is drawn and from the border.
+    """
+    room = np.array(drawing.size) - np.array(size) - 2 * _CLEAR
+    if (room < 0).any():
+        return None
+    places = np.stack(np.meshgrid(*(np.linspace(0.0, side, 41) for side in room), indexing="ij"), axis=-1)
+    corners = places.transpose(1, 0, 2).reshape(-1, 2) + _CLEAR
+    boxes = shapely.box(*(corners - _CLEAR).T, *(corners + size + _CLEAR).T)
+    outlines = [shapely.Polygon(path.sampled(0.1)) for path in drawing.on(Layer.CUT)]
+    taken = np.zeros(len(boxes), dtype=bool)
+    taken[shapely.STRtree(boxes).query(outlines, predicate="intersects")[1]] = True
+    free = np.flatnonzero(~taken)
+    return corners[free[0]] if len(free) else None
 
 
 def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
