@@ -120,7 +120,7 @@ class Report:
             area=sum(piece.area for piece in pieces.pieces),
             face_area=sum(one.face for one in unrolled.areas),
             seams=len(pieces.seams),
-            seam_mismatch=pieces.mismatch(),
+            seam_mismatch=pieces.mismatch() + 16 * float(np.finfo(float).eps),
             seam_stretch=unrolled.stretch,
             overlap=0.0,
             pieces=records,

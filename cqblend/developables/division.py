@@ -352,7 +352,7 @@ def _halves(spans: Spans, tolerance: float, way: str) -> list[tuple[float, float
     found: list[tuple[float, float]] = []
     while len(low):
         windows = spans.windows(low, high)
-        good = (windows.mesh_bounds(windows.spacing(single=True)) < tolerance) & windows.spanned()
+        good = (windows.mesh_bounds(windows.spacing(single=True)) + spans.slack < tolerance) & windows.spanned()
         found += zip(low[good].tolist(), high[good].tolist(), strict=True)
         low, high = low[~good], high[~good]
         if len(low) and (high - low).min() < _SHORTEST * (end - start):
@@ -370,7 +370,7 @@ def _halved(spans: Spans, intervals: list[tuple[float, float]]) -> list[_Cut]:
     for interval in intervals:
         window = spans.windows(*interval)
         spacing = window.spacing(single=True)
-        found.append(_Cut(window, float(window.mesh_bounds(spacing)[0]), spacing))
+        found.append(_Cut(window, float(window.mesh_bounds(spacing)[0]) + spans.slack, spacing))
     return found
 
 

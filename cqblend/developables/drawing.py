@@ -15,10 +15,11 @@ from cqblend.developables.arcfit import fitted
 from cqblend.developables.checks import millimetres
 from cqblend.developables.kerf import compensated
 from cqblend.developables.labels import labels, text_strokes, text_width
+from cqblend.developables.overlap import covered_wrongly
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Seam, closed
 from cqblend.developables.sheets import Sheets
-from cqblend.errors import PatternWarning, warn
+from cqblend.errors import PatternWarning, VerificationError, warn
 from cqblend.splines.bernstein import Array
 
 FIT = 2e-3
@@ -141,6 +142,8 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
         If a length is negative or not a number.
     SizeError
         If a hole or a slit is narrower than the kerf.
+    VerificationError
+        If what is to be cut crosses itself.
     """
     kerf = millimetres("the kerf", kerf, zero=True)
     fit = millimetres("the tolerance of fitted arcs", fit, zero=True)
@@ -153,10 +156,13 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
             entities.extend(_labels(piece, sheets.pieces.seams, height, notes))
             entities.extend(Entity(Layer(f"SCORE_{score.fold.upper()}"), score.path) for score in piece.scores)
             outlines, change = _outlines(piece, fit)
+            if fit and covered_wrongly(outlines):  # in narrow places
+                outlines, change = _outlines(piece, 0.0)
             stretch = max(stretch, change)
             if kerf:
                 entities.extend(Entity(Layer.GUIDE, path) for path in outlines)
                 outlines = compensated(piece.cuts, kerf, fit, name=piece.name)
+            _refuse_crossing(piece, outlines)
             entities.extend(Entity(Layer.CUT, path) for path in (*outlines[1:], outlines[0]))
         sheaf.append(Drawing(sheets.size, tuple(entities), tuple(notes), stretch))
     return tuple(sheaf)
@@ -244,6 +250,16 @@ def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: li
             missing.append(f"{label.text} (name)" if label.seam is None else label.text)
     if missing:
         notes.append(f"{piece.name}: {', '.join(missing)}")
+
+
+def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
+    crossing = covered_wrongly(outlines)
+    if crossing.place is not None:
+        x, y = crossing.place
+        raise VerificationError(
+            f"what is to be cut of piece {piece.name} crosses itself: {crossing.area:.2g} mm2 about ({x:.1f}, {y:.1f}) "
+            "on its sheet"
+        )
 
 
 def _outlines(piece: Piece, fit: float) -> tuple[tuple[Path, ...], float]:
