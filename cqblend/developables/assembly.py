@@ -237,8 +237,9 @@ class _Work:
                 self.replace(face, partial(cut_across, face, rows))
             elif any(one.face is face for one, _ in twice):
                 self.replace(face, partial(finer, face, self.wishes, _COVERS))
-            elif (error := unlike(face, pieces[id(face)], edges)) is not None:
-                self.replace(face, partial(finer, face, self.wishes, error))
+            elif (wrong := unlike(face, pieces[id(face)], edges)) is not None:
+                error, factor = wrong
+                self.replace(face, partial(finer, face, self.wishes, error, 1.1 * factor))
             else:
                 continue
             found = True

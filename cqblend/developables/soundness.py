@@ -19,7 +19,7 @@ from cqblend.developables.ways import FINEST
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
-_AREA, _THIN = 0.05, 4.0
+_AREA, _THIN = 0.02, 4.0
 """By how much pieces may differ from their face in area, relative, if that is thinner than so many tolerances."""
 
 _LONGER = 0.02
@@ -51,10 +51,13 @@ def is_edge(key: Hashable | None) -> bool:
     return isinstance(key, tuple) and key[0] == "edge"
 
 
-def unlike(face: DividedPatch, pieces: Sequence[tuple[Laid, Piece]], edges: Edges) -> GeometryError | None:
+def unlike(
+    face: DividedPatch, pieces: Sequence[tuple[Laid, Piece]], edges: Edges
+) -> tuple[GeometryError, float] | None:
     """Return how the strips of a face are not what they stand for: along an edge to another face, or in area.
 
-    Areas are compared of thin faces only; those of others follow from the tolerance.
+    With it comes by which factor they are. Areas are compared of thin faces only; those of others follow from the
+    tolerance.
     """
     if not face.strips or not pieces:
         return None
@@ -69,18 +72,21 @@ def unlike(face: DividedPatch, pieces: Sequence[tuple[Laid, Piece]], edges: Edge
     borders = {number: sums for number, sums in along.items() if number not in meets}
     for number, (edge, strips) in borders.items():
         if edge > (1 + _LONGER) * strips:
-            return GeometryError(
-                f"edge {number} is {edge / strips - 1:.1%} longer than the strips that end there: the face is too "
-                "narrow for the tolerance; choose a smaller one, or the other direction"
+            excess = edge / strips - 1 if strips > 0 else np.inf
+            error = GeometryError(
+                f"edge {number} is {excess:.1%} longer than the strips that end there: the face is too narrow for the "
+                "tolerance; choose a smaller one, or the other direction"
             )
+            return error, excess / _LONGER
     around = sum(edge for edge, _ in borders.values())
     area = sum(piece.area for _, piece in pieces)
     thin = 2 * face.patch.area < _THIN * edges.tolerance * around
     if thin and face.finer < FINEST and abs(area - face.patch.area) > _AREA * face.patch.area:
-        return GeometryError(
+        error = GeometryError(
             f"its pieces have {area:.6g} of {face.patch.area:.6g} mm2: the face is too narrow for the tolerance; "
             "choose a smaller one, or the other direction"
         )
+        return error, abs(area / face.patch.area - 1) / _AREA
     return None
 
 

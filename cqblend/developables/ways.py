@@ -87,8 +87,13 @@ def other_way(face: DividedPatch, wishes: Wishes, error: CqblendError) -> Divide
     return _next(face.patch, wishes, 1.0, face.ways, [*face.failed, (face.way, error)])
 
 
-def finer(face: DividedPatch, wishes: Wishes, error: CqblendError) -> DividedPatch:
+def finer(face: DividedPatch, wishes: Wishes, error: CqblendError, factor: float = FINER) -> DividedPatch:
     """Divide a patch again for the reason that an error tells: finer, at last another way.
+
+    Parameters
+    ----------
+    factor
+        By how much tolerances are to be finer than they were, at most four times.
 
     Raises
     ------
@@ -99,7 +104,11 @@ def finer(face: DividedPatch, wishes: Wishes, error: CqblendError) -> DividedPat
         raise error
     if face.finer < FINEST:
         try:
-            return replace(_along(face.patch, wishes, face.way, FINER * face.finer), ways=face.ways, failed=face.failed)
+            return replace(
+                _along(face.patch, wishes, face.way, min(factor, FINER) * face.finer),
+                ways=face.ways,
+                failed=face.failed,
+            )
         except GeometryError:
             return other_way(face, wishes, error)
     return other_way(face, wishes, error)

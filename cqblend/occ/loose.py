@@ -76,7 +76,9 @@ def _coinciding(faces: Sequence[TopoDS_Face], tolerance: float) -> int:
         near = ((low[i] <= high) & (low <= high[i])).all(axis=1)
         others = [j for j in np.flatnonzero(near).tolist() if not edges[i][1] & edges[j][1]]
         count += any(
-            _along(points[i], edges[j][0], tolerance) or _along(points[j], edges[i][0], tolerance) for j in others
+            _along(points[one], edges[other][0], (low[other], high[other]), tolerance)
+            for j in others
+            for one, other in ((i, j), (j, i))
         )
     return count
 
@@ -102,9 +104,12 @@ def _points(edge: TopoDS_Edge) -> Array:
     return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _PLACES])
 
 
-def _along(points: Array, edge: TopoDS_Edge, tolerance: float) -> bool:
-    """Whether two neighbouring points lie on an edge."""
-    near = [_distance(point, edge) <= tolerance for point in points]
+def _along(points: Array, edge: TopoDS_Edge, box: tuple[Array, Array], tolerance: float) -> bool:
+    """Whether two neighbouring points lie on an edge, which is within a box."""
+    inside: Array = np.all((points >= box[0]) & (points <= box[1]), axis=1)
+    if not (inside[:-1] & inside[1:]).any():
+        return False
+    near = [bool(here) and _distance(point, edge) <= tolerance for point, here in zip(points, inside, strict=True)]
     return any(one and other for one, other in pairwise(near))
 
 
