@@ -251,11 +251,15 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
+    unroll.add_argument(
+        "--least-width", type=float, metavar="W", help="merge thinner pieces into their neighbours, mm; default: none"
+    )
     unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
     unroll.add_argument("--tab-width", type=float, metavar="W", help=f"mm; default: {_TAB_WIDTH:g}")
     unroll.add_argument(
         "--sheet", type=_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
     )
+    unroll.add_argument("--per-sheet", action="store_true", help="a file for every sheet: OUT-1.dxf, OUT-2.dxf, ..")
     unroll.add_argument("--kerf", type=float, metavar="K", default=0.0, help="of the cutter, mm; default: %(default)g")
     unroll.add_argument("--strips", type=Path, metavar="OUT.step", help="write the strips in space, too")
 
@@ -399,6 +403,7 @@ def _unroll(options: argparse.Namespace) -> None:
         method=options.method,
         direction=options.direction,
         developable=options.developable,
+        least_width=options.least_width,
         progress=_Progress(),
     )
     if options.tabs:
@@ -407,7 +412,7 @@ def _unroll(options: argparse.Namespace) -> None:
             pattern = pattern.with_tabs(width, style=options.tabs)
     strips = pattern.strips_3d() if options.strips else None
     with _step(f"placing the pieces and writing {options.output}"):
-        pattern.export(options.output, sheet=options.sheet, kerf=options.kerf)
+        pattern.export(options.output, sheet=options.sheet, kerf=options.kerf, per_sheet=options.per_sheet)
     if options.strips:
         with _step(f"writing {options.strips}"):
             write_step(strips, options.strips)

@@ -94,6 +94,10 @@ class DamagedFileWarning(CqblendWarning):
     """Some entities of a file are unusable, although the solids in it are whole; the message names the entities."""
 
 
+class PatternWarning(CqblendWarning):
+    """A pattern is sound, but not what its maker may expect: approximated, or without some of its seams."""
+
+
 def warn(warning: CqblendWarning) -> None:
     """Give a warning, at the line of the caller's own code from which cqblend was called."""
     level, frame = 1, inspect.currentframe()

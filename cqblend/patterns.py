@@ -191,7 +191,8 @@ class Pattern:
         page: str | tuple[float, float] | None = PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
         seconds: float = SECONDS,
-    ) -> "File":
+        per_sheet: bool = False,
+    ) -> "File | tuple[File, ...]":
         """Write the pieces to a file for a cutter, in true size: DXF, SVG, PDF or JSON, by the suffix.
 
         Outlines are closed loops of lines and arcs, each once, on the layer CUT; fold lines are on SCORE_MOUNTAIN
@@ -221,11 +222,15 @@ class Pattern:
             How pieces are placed; spyrrow is an optional extra, ``pip install cqblend[nesting]``.
         seconds : float
             Time for spyrrow, for each sheet.
+        per_sheet : bool
+            Whether every sheet has a file of its own: ``p-1.dxf``, ``p-2.dxf`` and so on instead of ``p.dxf``. Nothing
+            is outside of the sheet there: labels without room on their pieces are written where the sheet is free, and
+            a PDF whose ``page`` is None has its legend there.
 
         Returns
         -------
-        pathlib.Path
-            The file, which replaces what was there only when it is whole.
+        pathlib.Path, or tuple of pathlib.Path
+            The file, which replaces what was there only when it is whole; the files, if each sheet has one.
 
         Raises
         ------
@@ -249,12 +254,14 @@ class Pattern:
             sheet = sheets.checked_size(sheet)
         labels = None if labels is None else millimetres("the height of labels", labels)
         fit = self.report.flat / 10 if fit is None else millimetres("the fit of arcs", fit, zero=True)
+        flag("per_sheet", per_sheet)
         kerf = millimetres("the kerf", kerf, zero=True)
         margin = millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
         gap = millimetres("the gap between pieces", gap, zero=True) + kerf
         pieces = self.pieces if sheet is None else self._within(sheet, margin)
         placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
-        return files.export(
+        write = files.export_each if per_sheet else files.export
+        return write(
             placed,
             target,
             kerf=kerf,
@@ -267,7 +274,8 @@ class Pattern:
     def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
         inner = sheets.usable(sheet, margin + (self.tabs.width if self.tabs else 0.0))
-        bare = cutting.within(self._unrolled.pieces, inner)
+        sources = self._unrolled.sources
+        bare = cutting.within(self._unrolled.pieces, inner, lambda piece, points: sources[piece].on_face(points))
         return self._fit(bare).pieces if self._fit else bare
 
 
@@ -303,15 +311,17 @@ def unroll(
     ----------
     shape : a shape, faces, a Workplane, or Surface
         A solid, shell, compound or face, several of them, a Workplane with those on its stack, or a symbolic surface.
-        Neighbouring faces of one plane become one piece.
+        Neighbouring faces of one plane become one piece. Faces that touch within `flat_tolerance` without sharing edges
+        are joined.
     tolerance : float
         Largest distance between the shape and the strips, both ways, mm.
     method : {"longest", "elber", "curvature"}
         How freeform faces are divided: longest strip first against a certified bound; by the paper's algorithm 1; or at
         the ridges of the normal curvature first (equations 5 to 7).
     direction : {"auto", "rings", "u", "v"}
-        Parameter that the rulings run along: the one with fewer strips, the one that makes rings of a closed face, or a
-        given one.
+        Parameter that the rulings run along: the one with fewer strips, or with less strain if both take as many; the
+        one that makes rings of a closed face; or a given one. Where the first way fails, ``"auto"`` tries the other
+        one, then narrower strips, then triangles; see ``report.detours``.
     layout : {"smooth", "triangles"}
         How strips are laid flat: so that rails and rulings keep their lengths, or as the paper's triangles along one
         diagonal. Triangles keep chords, so seams between different faces match to `flat_tolerance` only.
@@ -326,7 +336,9 @@ def unroll(
         Whether the strips of a face share its error evenly, instead of leaving the rest to the last one. Not with
         ``method="elber"``.
     least_width : float, optional
-        Mm; narrower strips are refused.
+        Mm; pieces that are thinner, measured by twice their area over the length of their outlines, are merged into a
+        neighbour of the same face where that keeps the tolerance; ``report.unmerged`` names those that could not be. A
+        face of which no piece can be that wide is refused.
     flat_tolerance : float, optional
         Largest distance between strips in space and flat pieces rolled, mm; by default a tenth of `tolerance`.
     progress : callable, optional
@@ -384,9 +396,9 @@ def unroll(
 
         model, parts, whole = skins_of(shape)
         try:
-            skin = read(parts, whole=whole)
+            skin = read(parts, whole=whole, join=wishes.flat)
         except SelectionError:  # the solid in the chain is another one
-            skin = read(parts)
+            skin = read(parts, join=wishes.flat)
     unrolled = assembly.unroll(skin, wishes, progress)
     if developable:
         _check_paired(unrolled)

@@ -3,11 +3,20 @@
 Holds frozen records of numbers that somebody else measured or proved, and prints them. It must not know how.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan
 
-from cqblend.developables.assembly import Record, Unrolled
+import numpy as np
+
+from cqblend.developables.assembly import Areas, Record, Unrolled
 from cqblend.developables.layings import Wishes
+
+THIN = 2.0
+"""Pieces thinner than this are hard to cut, mm."""
+
+MOST = 12
+"""Names that are printed at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +52,8 @@ class Report:
         Largest change of a strip's area by laying it flat, relative.
     area : float
         Of all pieces together, without tabs, mm^2.
+    face_area : float
+        Of all faces together, mm^2.
     seams : int
         Number of seams.
     seam_mismatch : float
@@ -54,6 +65,15 @@ class Report:
         Largest area that a piece covers twice, mm^2; always 0: pieces that cover themselves are cut.
     pieces : tuple of Record
         The same of every piece.
+    areas : tuple of Areas
+        What each face has of area, and what its pieces have.
+    thin : tuple of str
+        Names of pieces that are thinner than 2 mm: twice their area over the length of their outlines.
+    unmerged : tuple of str
+        Names of pieces that are thinner than ``least_width``, and could not be merged into a neighbour within the
+        tolerance.
+    detours : tuple of str
+        Faces that could not be divided the first way that was tried: which way was taken, and why the others failed.
     """
 
     tolerance: float
@@ -69,11 +89,16 @@ class Report:
     strain: float
     area_change: float
     area: float
+    face_area: float
     seams: int
     seam_mismatch: float
     seam_stretch: float
     overlap: float
     pieces: tuple[Record, ...]
+    areas: tuple[Areas, ...]
+    thin: tuple[str, ...]
+    unmerged: tuple[str, ...]
+    detours: tuple[str, ...]
 
     @classmethod
     def of(cls, unrolled: Unrolled, wishes: Wishes) -> "Report":
@@ -90,14 +115,19 @@ class Report:
             flattening=max((one.error for one in records), default=0.0),
             twist=max((one.twist for one in records), default=0.0),
             ruling=max((one.ruling for one in records), default=0.0),
-            strain=max((one.strain for one in records), default=0.0),
+            strain=float(np.max([one.strain for one in records], initial=0.0)),  # nan if one is
             area_change=max((abs(one.flat_area / one.area - 1) for one in records if one.area > 0), default=0.0),
             area=sum(piece.area for piece in pieces.pieces),
+            face_area=sum(one.face for one in unrolled.areas),
             seams=len(pieces.seams),
-            seam_mismatch=pieces.mismatch(),
+            seam_mismatch=pieces.mismatch() + 16 * float(np.finfo(float).eps),
             seam_stretch=unrolled.stretch,
             overlap=0.0,
             pieces=records,
+            areas=unrolled.areas,
+            thin=tuple(one.name for one in records if one.width < THIN),
+            unmerged=tuple(one.name for one in records if one.width < (wishes.least_width or 0.0)),
+            detours=unrolled.detours,
         )
 
     def __str__(self) -> str:
@@ -119,12 +149,24 @@ class Report:
                 "strips to flat",
                 f"{self.flattening:.3g} mm, asked {self.flat:.3g} mm; rulings change by {self.ruling:.1g}{strain}",
             ),
-            ("area", f"{self.area:.6g} mm2; a strip's changes by {self.area_change:.2g} at most"),
+            (
+                "area",
+                f"{self.area:.6g} of the faces' {self.face_area:.6g} mm2; a strip's changes by {self.area_change:.2g}",
+            ),
             (
                 "seams",
                 f"{self.seams}; their sides differ by {self.seam_mismatch:.1g}, from edges by {self.seam_stretch:.1g}",
             ),
             ("overlap", f"{self.overlap:.3g} mm2"),
+            *((("thin", f"below {THIN:g} mm: {_listed(self.thin)}"),) if self.thin else ()),
+            *((("unmerged", _listed(self.unmerged)),) if self.unmerged else ()),
+            *(("detour", detour) for detour in self.detours),
         )
         width = max(len(name) for name, _ in rows)
         return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names in a row, the first ones of many."""
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return ", ".join(names[:MOST]) + more

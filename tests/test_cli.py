@@ -132,6 +132,16 @@ def test_continuity(capsys, box):
     assert "angle 1.6 rad" in out
 
 
+def test_unroll_to_a_file_for_each_sheet(capsys, box, tmp_path):
+    options = "--tolerance", 0.1, "--sheet", "35x30", "--per-sheet", "--least-width", 8
+    code, out, _ = run(capsys, "unroll", box, tmp_path / "p.dxf", *options)
+    assert code == 0
+    assert "unmerged" in out
+    files = sorted(file.name for file in tmp_path.glob("p*"))
+    assert len(files) > 1
+    assert files[0] == "p-1.dxf"
+
+
 @pytest.mark.parametrize("suffix", ["dxf", "svg", "pdf", "json"])
 def test_unroll(capsys, box, tmp_path, suffix):
     pattern, strips = tmp_path / f"pattern.{suffix}", tmp_path / "strips.step"

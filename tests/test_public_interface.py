@@ -324,6 +324,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "page": None,
         "packer": "grid",
         "seconds": 30.0,
+        "per_sheet": False,
     },
     "Pattern.faces": lambda: {"tabs": False},
     "Pattern.fold": lambda: {"strip": 0, "points": [[0.1, 0.1]]},

@@ -215,7 +215,7 @@ def test_strips_follow_a_curve_that_both_sides_share_and_else_are_straight_stubs
     square = Path.straight([[30, 30], [-30, 30], [-30, -30], [30, -30], [30, 30]])
     disc = Piece("D", ((Run(outer, half[0], "trim", 0),),))
     plate = Piece("P", ((Run(square, np.zeros((5, 3)), "trim"),), (Run(inner, half[1], "trim", 0),)))
-    flat = Pieces((disc, plate), (Seam("7", (Place(0, 0, 0), Place(1, 1, 0)), angle=0.0),))
+    flat = Pieces((disc, plate), (Seam("7", (Place(0, 0, 0), Place(1, 1, 0)), angle=0.1),))
     strips = with_tabs(flat, style="strips", width=4.0).pieces[2:]
     assert [strip.name for strip in strips] == ["S7.1", "S7.2"]  # a ring in one part would touch itself
     for strip in strips:
@@ -459,3 +459,20 @@ def test_wide_tabs_are_lowered_as_far_as_narrow_ones():
     wide, narrow = (fitted_tabs(pieces, width=width) for width in (100.0, 8.0))
     assert set(wide.missing) <= set(narrow.missing)
     assert wide.heights[wide.heights > 0].min() >= 2.0
+
+
+@pytest.mark.parametrize("style", ["one", "alternating", "strips"])
+@pytest.mark.parametrize(
+    ("degrees", "fold"), [(0.9, None), (-0.9, None), (0.0, None), (1.1, "mountain"), (-1.1, "valley")]
+)
+def test_across_smooth_seams_nothing_is_folded(style, degrees, fold):
+    whole = lattice(2, 1)
+    pieces = replace(whole, seams=tuple(replace(seam, angle=math.radians(degrees)) for seam in whole.seams))
+    tabs = fitted_tabs(pieces, style=style, width=5.0)
+    assert tabs.missing == ()
+    assert {score.fold for piece in tabs.pieces.pieces for score in piece.scores} == ({fold} if fold else set())
+
+
+def test_flanges_are_folded_on_smooth_seams_too():
+    flanged = fitted_tabs(lattice(2, 1), style="both", width=5.0).pieces
+    assert [score.fold for piece in flanged.pieces for score in piece.scores] == ["mountain", "mountain"]

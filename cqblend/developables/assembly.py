@@ -7,18 +7,17 @@ bowed to it. Holds the order of the steps, and what is known of every piece. Mus
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from cqblend.developables.carrying import Draft, Edges, Laid, carried
-from cqblend.developables.developability import twist_between
-from cqblend.developables.division import Direction, divide
-from cqblend.developables.layings import DividedPatch, Laying, Wishes, narrowed
-from cqblend.developables.overlap import covers
+from cqblend.developables.layings import DividedPatch, Laying, Wishes
 from cqblend.developables.patches import Patch, Skin, Trim
-from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.developables.soundness import covering, is_edge, refined, unlike
+from cqblend.developables.ways import cut_across, divided, finer, merged, other_way
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
@@ -26,14 +25,11 @@ from cqblend.splines.bernstein import Array
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""
 
-_CUTS = 32
-"""A strip is cut across so often at most."""
-
 _BOW = 1.1
 """Length to chord of an arc of 86 degrees. Samples of edges are closer."""
 
-_FINER, _FINEST = 4.0, 64.0
-"""Where bows make a piece cover itself, its face is divided with tolerances finer by this, and by that at most."""
+_ROUNDS = 6
+"""Vertices are added to edges so often at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +49,11 @@ class Record:
     proven
         Whether the bound is certified; a strip whose rulings were paired anew is measured.
     error
-        Distance between the strip in space and the flat piece folded, mm.
+        Distance between the strip in space and the flat piece folded, mm; borders that are bowed to the length of a
+        seam included, straight ends of strips not.
     twist
         Proven bound of the angle by which the normal turns along a ruling, rad, see
-        :func:`cqblend.developables.developability.twist`; 0 if the strip is developable.
+        :func:`cqblend.developables.developability.turn_between`; 0 if the strip is developable.
     ruling
         Largest change in length of a ruling, relative.
     strain
@@ -64,6 +61,8 @@ class Record:
         theirs.
     area, flat_area
         Of the whole strip before it was trimmed, in space and flat, mm^2.
+    width
+        How wide the piece is on average: twice its area over the length of its outlines, mm.
     """
 
     name: str
@@ -77,6 +76,19 @@ class Record:
     strain: float
     area: float
     flat_area: float
+    width: float
+
+
+@dataclass(frozen=True, slots=True)
+class Areas:
+    """What a face, or faces of one plane, has of area, and what its pieces have, mm^2.
+
+    Strips of a face that bulges lie inside it, and are smaller.
+    """
+
+    faces: tuple[int, ...]
+    face: float
+    pieces: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +133,10 @@ class Source:
         assert self.patch.frame is not None
         return self.patch.frame.space(points)
 
+    def on_face(self, points: Array) -> Array:
+        """Return the points of the face, (n, 3), for which points (n, 2) of the flat piece stand."""
+        return self.fold(points) if self.laying is None else self.laying.on_surface(points)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unrolled:
@@ -136,6 +152,10 @@ class Unrolled:
         The same by Elber's algorithm 1, in the same directions.
     ideal
         N*, summed over the faces.
+    areas
+        Of every face.
+    detours
+        Faces that could not be divided the first way that was tried: which one was taken, and why the others failed.
     """
 
     pieces: Pieces
@@ -146,6 +166,8 @@ class Unrolled:
     strips: int
     elber: int
     ideal: float
+    areas: tuple[Areas, ...]
+    detours: tuple[str, ...]
 
 
 def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unrolled:
@@ -154,36 +176,107 @@ def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unro
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
     """
     tell = _silent if progress is None else progress
-    faces: list[DividedPatch] = []
-    failures = [Failure((face,), error) for face, error in skin.refused.items()]
+    work = _Work(wishes, failures=[Failure((face,), error) for face, error in skin.refused.items()])
     for i, patch in enumerate(skin.patches):
         tell(0.6 * i / len(skin.patches), f"dividing face {patch.index}")
         try:
-            faces.append(_divided(patch, wishes))
+            work.faces.append(divided(patch, wishes))
         except CqblendError as error:
-            failures.append(_failure(patch, error))
+            work.failures.append(_failure(patch, error))
+    extra: dict[int, Array] = {}
+    turn = 0
     while True:
-        edges = Edges(skin, faces, wishes)
+        edges = Edges(skin, work.faces, wishes, extra)
         laid: list[Laid] = []
-        for i, face in enumerate(tuple(faces)):
-            tell(0.6 + 0.4 * i / len(faces), f"laying face {face.patch.index} flat")
+        again = False
+        for i, face in enumerate(tuple(work.faces)):
+            tell(0.6 + 0.4 * i / len(work.faces), f"laying face {face.patch.index} flat")
             try:
                 laid += carried(face, edges, wishes)
             except CqblendError as error:
-                failures.append(_failure(face.patch, error))
-                faces.remove(face)
-        result = _joined(skin, laid, tuple(failures), wishes)
-        covering = _covering(result, laid)
-        if not covering:
+                again |= work.replace(face, partial(other_way, face, wishes, error))
+        if again:
+            continue
+        turn += 1
+        if turn < _ROUNDS and refined(extra, laid, edges, wishes):
+            continue
+        result = _joined(skin, laid, work)
+        if not (work.mended(laid, result, edges) or work.widened(laid, result)):
             return result
-        for face in {id(one.face): one.face for one, _ in covering}.values():
-            rows = [(one.row, sum(one.span) / 2) for one, bent in covering if one.face is face and not bent]
-            place = faces.index(face)
-            try:
-                faces[place] = _cut(face, rows) if rows else _finer(face, wishes)
-            except CqblendError as error:
-                failures.append(_failure(face.patch, error))
-                faces.remove(face)
+
+
+@dataclass(slots=True, eq=False)
+class _Work:
+    """The faces that are being unrolled, and those that cannot be."""
+
+    wishes: Wishes
+    failures: list[Failure]
+    faces: list[DividedPatch] = field(default_factory=list)
+
+    def replace(self, face: DividedPatch, another: Callable[[], DividedPatch]) -> bool:
+        """Put another division of a face in its place; leave it out if there is none, and return False."""
+        place = self.faces.index(face)
+        try:
+            self.faces[place] = another()
+        except CqblendError as error:
+            self.failures.append(_failure(face.patch, error))
+            del self.faces[place]
+            return False
+        return True
+
+    def mended(self, laid: Sequence[Laid], result: Unrolled, edges: Edges) -> bool:
+        """Divide faces anew whose pieces cover themselves, or are not what they stand for; whether there were any."""
+        twice = covering(laid, result.pieces.pieces)
+        pieces: dict[int, list[tuple[Laid, Piece]]] = defaultdict(list)
+        for one, piece in zip(laid, result.pieces.pieces, strict=True):
+            pieces[id(one.face)].append((one, piece))
+        found = False
+        for face in tuple(self.faces):
+            rows = [(one.row, sum(one.span) / 2) for one, bent in twice if one.face is face and not bent]
+            if rows:
+                self.replace(face, partial(cut_across, face, rows))
+            elif any(one.face is face for one, _ in twice):
+                self.replace(face, partial(finer, face, self.wishes, _COVERS))
+            elif (wrong := unlike(face, pieces[id(face)], edges)) is not None:
+                error, factor = wrong
+                self.replace(face, partial(finer, face, self.wishes, error, 1.1 * factor))
+            else:
+                continue
+            found = True
+        return found
+
+    def widened(self, laid: Sequence[Laid], result: Unrolled) -> bool:
+        """Merge strips whose pieces are too thin with their neighbours; whether there were any that could be."""
+        least = self.wishes.least_width
+        if least is None:
+            return False
+        thin: dict[int, set[int]] = defaultdict(set)
+        wide: set[int] = set()
+        for one, record in zip(laid, result.records, strict=True):
+            if record.width < least:
+                thin[id(one.face)].add(one.row)
+            else:
+                wide.add(id(one.face))
+        found = False
+        for face in tuple(self.faces):
+            union = merged(face, sorted(thin[id(face)]), self.wishes) if thin[id(face)] and face.strips else None
+            if union is not None:
+                found |= self.replace(face, partial(_same, union))
+            elif face.refusal is not None and id(face) not in wide:
+                found = True
+                self.replace(face, partial(_raised, face.refusal))
+        return found
+
+
+_COVERS = GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
+
+
+def _same(face: DividedPatch) -> DividedPatch:
+    return face
+
+
+def _raised(error: CqblendError) -> DividedPatch:
+    raise error
 
 
 def _failure(patch: Patch, error: CqblendError) -> Failure:
@@ -197,48 +290,7 @@ def _silent(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _divided(patch: Patch, wishes: Wishes, finer: float = 1.0, direction: Direction | None = None) -> DividedPatch:
-    """Divide a patch with tolerances finer than asked by a factor, in the direction asked or another one."""
-    if patch.kind == "plane":
-        return DividedPatch(patch, finer=finer)
-    ruled = patch.kind in ("cylinder", "cone", "extrusion")
-    division = divide(
-        patch.surface,
-        wishes.tolerance / finer,
-        direction="v" if ruled else direction or wishes.direction,
-        method=wishes.method,
-        even=wishes.even,
-        least_width=wishes.least_width,
-    )
-    ideal = max(division.ideal, 1.0)
-    strips = division.strips
-    if wishes.method != "elber":
-        strips = narrowed(strips, wishes, finer)
-    turned = ruled or wishes.direction != "auto" or direction is not None
-    transposed = division.direction == "u"
-    return DividedPatch(patch, strips, transposed, division.elber, ideal, finer=finer, turned=turned)
-
-
-def _finer(face: DividedPatch, wishes: Wishes) -> DividedPatch:
-    """Divide a patch again, since bows make a piece cover itself: finer, at last in the other direction."""
-    direction: Direction = "u" if face.transposed else "v"
-    if face.finer < _FINEST:
-        return _divided(face.patch, wishes, _FINER * face.finer, direction if face.turned else None)
-    if face.turned:
-        raise GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
-    return _divided(face.patch, wishes, 1.0, "v" if face.transposed else "u")
-
-
-def _cut(face: DividedPatch, rows: Sequence[tuple[int, float]]) -> DividedPatch:
-    """Cut strips across, each at a given parameter."""
-    for row, value in rows:
-        if len(face.cuts.get(row, ())) >= _CUTS:
-            raise GeometryError(f"a strip still covers itself after {_CUTS} cuts; divide it in the other direction")
-        face.cut(row, value)
-    return face
-
-
-def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wishes: Wishes) -> Unrolled:
+def _joined(skin: Skin, laid: Sequence[Laid], work: _Work) -> Unrolled:
     """Bow the runs to the lengths of their seams, and make the pieces."""
     members: dict[Hashable, list[tuple[Place, Draft]]] = defaultdict(list)
     for i, one in enumerate(laid):
@@ -249,10 +301,10 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
     numbers: dict[Hashable, int] = {}
     stretch = 0.0
     for key, sides in members.items():
-        if wishes.layout == "triangles":
+        if work.wishes.layout == "triangles":
             for _, draft in sides:
                 draft.lengths = draft.chords
-        elif isinstance(key, tuple) and key[0] == "edge":
+        elif is_edge(key):
             stretch = max(stretch, _agree([draft for _, draft in sides]))
         if len(sides) == 2:
             numbers[key] = len(seams)
@@ -278,12 +330,24 @@ def _joined(skin: Skin, laid: Sequence[Laid], failures: tuple[Failure, ...], wis
         Pieces(tuple(pieces), tuple(seams)),
         tuple(records),
         tuple(_source(one) for one in laid),
-        failures,
+        tuple(work.failures),
         stretch,
         sum(max(len(face.strips), 1) for face in faces),
         sum(face.elber for face in faces),
         sum(face.ideal for face in faces),
+        tuple(_areas(face, laid, pieces) for face in faces),
+        tuple(_detour(face) for face in faces if face.failed),
     )
+
+
+def _areas(face: DividedPatch, laid: Sequence[Laid], pieces: Sequence[Piece]) -> Areas:
+    own = sum(piece.area for one, piece in zip(laid, pieces, strict=True) if one.face is face)
+    return Areas(face.patch.faces, face.patch.area, own)
+
+
+def _detour(face: DividedPatch) -> str:
+    reasons = "; ".join(f"not {way}: {error}" for way, error in face.failed)
+    return f"face {face.patch.index}: {face.way}, {reasons}"
 
 
 def _run(draft: Draft, seam: int | None) -> Run:
@@ -296,6 +360,11 @@ def _runs(loop: Sequence[Draft]) -> list[Draft]:
     return [draft for draft in loop if draft.key is not None]
 
 
+def _natural(draft: Draft) -> Array:
+    """Return the lengths of segments, where they are not much longer than their chords; else they would be balloons."""
+    return np.clip(draft.lengths, draft.chords, _BOW * draft.chords)
+
+
 def _agree(drafts: Sequence[Draft]) -> float:
     """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
 
@@ -303,7 +372,7 @@ def _agree(drafts: Sequence[Draft]) -> float:
     edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next to a
     pole, it would be a balloon. What is missing then is shared by all.
     """
-    natural = [np.clip(draft.lengths, draft.chords, _BOW * draft.chords) for draft in drafts]
+    natural = [_natural(draft) for draft in drafts]
     edge = float(drafts[0].lengths.sum())
     total = max(edge, *(float(lengths.sum()) for lengths in natural))
     for draft, lengths in zip(drafts, natural, strict=True):
@@ -333,8 +402,11 @@ def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
 
 def _record(one: Laid, piece: Piece) -> Record:
     faces, laying = one.face.patch.faces, one.laying
+    error = max((float(draft.off().max()) for loop in one.loops for draft in _runs(loop)), default=0.0)
+    width = 2 * piece.area / max(sum(path.length for path in piece.outlines), np.finfo(float).tiny)
     if laying is None:
-        return Record(piece.name, faces, "plane", 0.0, True, 0.0, 0.0, 0.0, 0.0, piece.area, piece.area)
+        off = one.face.patch.off
+        return Record(piece.name, faces, "plane", off, True, error, 0.0, 0.0, 0.0, piece.area, piece.area, width)
     flat = laying.flat
     return Record(
         name=piece.name,
@@ -342,27 +414,16 @@ def _record(one: Laid, piece: Piece) -> Record:
         kind=flat.kind,
         bound=laying.bound,
         proven=laying.proven,
-        error=flat.error,
-        twist=twist_between(laying.rails) if flat.kind == "twisted" else 0.0,
+        error=max(flat.error, error),
+        twist=flat.turn,
         ruling=flat.ruling,
         strain=flat.strain,
         area=flat.area_space,
         flat_area=flat.area_flat,
+        width=width,
     )
 
 
 def _source(one: Laid) -> Source:
     loops = tuple(tuple(draft.trim() for draft in loop) for loop in one.loops)
     return Source(one.face.patch, one.laying, one.face.upward, loops)
-
-
-def _covering(result: Unrolled, laid: Sequence[Laid]) -> list[tuple[Laid, bool]]:
-    """Return what has become pieces that cover themselves, and whether they do so only because of their bows."""
-    pieces = zip(laid, result.pieces.pieces, strict=True)
-    return [(one, not covers(_unbowed(piece))) for one, piece in pieces if covers(piece)]
-
-
-def _unbowed(piece: Piece) -> Piece:
-    """Return a piece with straight segments between its vertices."""
-    loops = [[replace(run, path=Path.straight(run.path.points)) for run in loop] for loop in piece.loops]
-    return replace(piece, loops=tuple(map(tuple, loops)))

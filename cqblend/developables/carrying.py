@@ -31,6 +31,9 @@ _STRAIGHT = 1e-13
 _JOINT = 1e-8
 """Mm: a tenth of the tolerance that OCCT's vertices have."""
 
+_STANDS = 1e-13
+"""A rail stands still where it moves by less than this part of its length."""
+
 _NEAR = 1e-9
 """Vertices closer together than this part of their run are one."""
 
@@ -39,15 +42,15 @@ _NEAR = 1e-9
 class Draft:
     """A run before it is bowed.
 
-    Its vertices and points about half-way between them, both flat; the vertices in space, and their parameters on the
-    strip or the plane; the lengths that its segments stand for. `rising` tells whether it runs in the sense of its key.
-    A pole has no key. On planes it may be `drawn` exactly.
+    Its vertices, flat; where the exact curve is between them, (n, PARTS - 1, 2), at equal steps of the parameter; the
+    vertices in space, and their parameters on the strip or the plane; the lengths that its segments stand for. `rising`
+    tells whether it runs in the sense of its key. A pole has no key. On planes it may be `drawn` exactly.
     """
 
     key: Hashable | None
     kind: RunKind
     points: Array
-    middles: Array
+    between: Array
     space: Array
     places: Array
     lengths: Array
@@ -60,7 +63,7 @@ class Draft:
         return replace(
             self,
             points=self.points[::-1],
-            middles=self.middles[::-1],
+            between=self.between[::-1, ::-1],
             space=self.space[::-1],
             places=self.places[::-1],
             lengths=self.lengths[::-1],
@@ -73,7 +76,7 @@ class Draft:
         return replace(
             self,
             points=self.points[[0, -1]],
-            middles=self.points[[0, -1]].mean(axis=0)[None],
+            between=_on_chord(self.points[[0, -1]]),
             space=self.space[[0, -1]],
             places=self.places[[0, -1]],
             lengths=self.lengths.sum()[None],
@@ -92,6 +95,13 @@ class Draft:
         """Lengths of the chords, (n,)."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
+    @property
+    def extents(self) -> Array:
+        """Lengths of the exact curve in the plane, nearly, (n,)."""
+        starts, stops = self.points[:-1, None], self.points[1:, None]
+        steps = np.diff(np.concatenate([starts, self.between, stops], axis=1), axis=1)
+        return np.asarray(np.linalg.norm(steps, axis=2).sum(axis=1))
+
     def path(self) -> Path:
         """Return the run with each segment bowed to its length, outwards where nothing tells the side.
 
@@ -101,9 +111,27 @@ class Draft:
         bows = np.where(bent, paths.bulges(self.chords, self.lengths), 0.0)
         if self.kind == "end":
             return Path(self.points, -bows if self.inward else bows)
-        chord, arm = np.diff(self.points, axis=0), self.middles - self.points[:-1]
+        chord, arm = np.diff(self.points, axis=0), self.between[:, paths.PARTS // 2 - 1] - self.points[:-1]
         inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         return Path(self.points, np.where(inwards, -bows, bows))
+
+    def off(self) -> Array:
+        """Return how far the flat curve is from each segment or arc of the path, mm; (n,).
+
+        Zero at ends of strips: their bows reach beyond the last ruling by what the edge is off that.
+        """
+        return np.zeros(len(self.between)) if self.kind == "end" else paths.off_arcs(self.path(), self.between)
+
+
+def _on_chord(ends: Array) -> Array:
+    """Return points (1, PARTS - 1, 2) of the segment between two ends (2, 2)."""
+    part = np.arange(1, paths.PARTS)[:, None] / paths.PARTS
+    return np.asarray((ends[0] + part * (ends[1] - ends[0]))[None])
+
+
+def _inner(t: Array) -> Array:
+    """Return parameters (n, PARTS - 1) between neighbours of parameters (n + 1,)."""
+    return np.asarray(t[:-1, None] + np.diff(t)[:, None] * np.arange(1, paths.PARTS) / paths.PARTS)
 
 
 @dataclass(slots=True, eq=False)
@@ -120,8 +148,10 @@ class Laid:
 class Edges:
     """The vertices along all edges, and the lengths between them."""
 
-    def __init__(self, skin: Skin, faces: Sequence[DividedPatch], wishes: Wishes) -> None:
-        self.edges = skin.edges
+    def __init__(
+        self, skin: Skin, faces: Sequence[DividedPatch], wishes: Wishes, extra: Mapping[int, Array] | None = None
+    ) -> None:
+        self.edges, self.extra, self.tolerance = skin.edges, extra or {}, wishes.tolerance
         users: dict[int, list[Use]] = defaultdict(list)
         sagittas: dict[int, float] = defaultdict(lambda: np.inf)
         finer: dict[int, float] = defaultdict(lambda: 1.0)
@@ -148,7 +178,7 @@ class Edges:
                 self.refused[number] = error
 
     def _sample(self, edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int) -> None:
-        samples = sample(edge, uses, tolerance, sagitta, least)
+        samples = sample(edge, uses, tolerance, sagitta, least, self.extra.get(edge.index, ()))
         self.samples[edge.index] = samples
         self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
         if edge.degenerate:
@@ -301,20 +331,33 @@ class _Carrier:
         low, high, rising = min(passed), max(passed), passed[0] < passed[-1]
         window = slice(low, high + 1)
         t, uv = samples.t[window], self.edges.uv[id(use)][window]
-        middle = (t[:-1] + t[1:]) / 2
+        inner = _inner(t)
         if self.face.patch.frame is not None:
             space, places = edge.points(t), uv
-            points, middles = self.face.patch.frame.flat(space), self.face.patch.frame.flat(edge.points(middle))
+            points, between = (self.face.patch.frame.flat(some) for some in (space, edge.points(inner.ravel())))
         else:
-            (points, places), (middles, _) = self._flat(uv), self._flat(use.pcurve(middle))
+            (points, places), (between, _) = self._flat(uv), self._flat(use.pcurve(inner.ravel()))
             space = self._space(places)
         kind: RunKind = "trim" if self._oblique(uv) else "rail" if self._level(uv) else "end"
         lengths = self.edges.lengths[use.edge][low:high]
         key = None if edge.degenerate else ("edge", use.edge, low, high)
-        draft = Draft(key, kind, points, middles, space, places, lengths, True)
+        draft = Draft(key, kind, points, between.reshape(*inner.shape, 2), space, places, lengths, True)
         if self.face.patch.frame is not None and edge.curve is not None:
             draft.drawn = self.face.patch.frame.drawn(edge.curve.clip(*edge.parameter(t[[0, -1]])))
         return draft if rising else draft.turned()
+
+    def _nodes(self, side: int, ends: Array) -> Array:
+        """Return the nodes along a rail from one parameter to another, one only where the rail stands still."""
+        assert self.laying is not None
+        nodes, near = self.laying.flat.nodes, _NEAR * (ends[1] - ends[0])
+        r = np.concatenate([ends[:1], nodes[(nodes > ends[0] + near) & (nodes < ends[1] - near)], ends[1:]])
+        s = self.reach[side](r)
+        moves = np.diff(s) > _STANDS * self.reach[side].length
+        # the last of those that stand at the end is the end
+        kept = np.append(True, moves)
+        kept[-1] = True
+        kept[1:-1] &= s[-1] - s[1:-1] > _STANDS * self.reach[side].length
+        return np.asarray(r[kept])
 
     def _flat(self, uv: Array) -> tuple[Array, Array]:
         """Return points of the parameter plane in the plane, and on the strip."""
@@ -345,16 +388,14 @@ class _Carrier:
         if axis == self.face.across:
             side = 1 if index == self.row else 0
             ends, w = laying.locate(np.array([low, high]), np.full(2, laying.strip.span[side]))
-            near = _NEAR * (ends[1] - ends[0])
-            inner = flat.nodes[(flat.nodes > ends[0] + near) & (flat.nodes < ends[1] - near)]
-            r = np.concatenate([ends[:1], inner, ends[1:]])
+            r = self._nodes(side, ends)
             w = np.full(len(r), float(side))
-            middles, lengths = flat((r[:-1] + r[1:]) / 2, w[:-1]), np.diff(self.reach[side](r))
+            between, lengths = flat(_inner(r), w[:-1, None]), np.diff(self.reach[side](r))
             kind: RunKind = "rail"
         else:
             r, w = laying.locate(np.full(2, step.start[axis]), np.array([low, high]))
-            middles, lengths = flat(r, w).mean(axis=0)[None], np.zeros(1)
+            between, lengths = _on_chord(flat(r, w)), np.zeros(1)
             kind = "cut"
         places = np.stack([r, w], axis=-1)
-        draft = Draft(key, kind, flat(r, w), middles, self._space(places), places, lengths, True)
+        draft = Draft(key, kind, flat(r, w), between, self._space(places), places, lengths, True)
         return draft if start < stop else draft.turned()

@@ -50,13 +50,15 @@ def merged(skin: Skin) -> Skin:
     )
 
 
-def planar_patch(faces: tuple[int, ...], frame: Frame, loops: Sequence[Loop]) -> Patch:
-    """Return a patch of a plane from loops, in any order, in the coordinates of its frame."""
+def planar_patch(
+    faces: tuple[int, ...], frame: Frame, loops: Sequence[Loop], area: float = 0.0, off: float = 0.0
+) -> Patch:
+    """Return a patch of a plane from loops, in any order, in the coordinates of its frame; see :class:`Patch`."""
     loops = outer_first(loops)
     points = polygon(loops[0])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * (high - low).max()
-    return Patch(faces, "plane", frame.surface(low - margin, high + margin), True, loops, frame)
+    return Patch(faces, "plane", frame.surface(low - margin, high + margin), True, loops, frame, area, off)
 
 
 def outer_first(loops: Iterable[Loop]) -> tuple[Loop, ...]:
@@ -111,7 +113,15 @@ def _joined(patches: list[Patch], inner: set[int], edges: dict[int, Edge]) -> Pa
         return patches[0]
     kept = [replace(use, pcurve=in_plane(frame, edges[use.edge].points)) for use in kept]
     faces = tuple(sorted(face for patch in patches for face in patch.faces))
-    return planar_patch(faces, frame, _chained(kept, edges))
+    off = max(patch.off + _apart(frame, patch) for patch in patches)
+    return planar_patch(faces, frame, _chained(kept, edges), sum(patch.area for patch in patches), off)
+
+
+def _apart(frame: Frame, patch: Patch) -> float:
+    """Return the largest distance of a patch of a plane from another plane: that of a corner of its window."""
+    u, v = (np.array(domain) for domain in patch.surface.domain)
+    corners = patch.surface.grid(u, v)
+    return float(np.abs((corners - frame.origin) @ frame.normal).max())
 
 
 def _chained(uses: list[EdgeUse], edges: dict[int, Edge]) -> list[Loop]:

@@ -1,13 +1,14 @@
 """Pieces cut along straight lines, into parts that are joined again by new seams.
 
 Exists because pieces may be larger than the stock. A cut goes through runs whose seams have another side: that side is
-divided at the same lengths, so that each seam still has two runs of equal length. Where a run is divided, its place in
-space is interpolated between its vertices. Tabs come after cutting. Must not know how parts are placed on sheets.
+divided at the same lengths, so that each seam still has two runs of equal length. Where a run is divided it gets a
+vertex, whose place in space the caller knows. Tabs come after cutting. Must not know how parts are placed on sheets.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count as count_from
 from itertools import islice, pairwise
 from string import ascii_uppercase
@@ -20,6 +21,7 @@ from cqblend.developables.boxes import extents, fitting_turn, hull, least_turn
 from cqblend.developables.checks import millimetres
 from cqblend.developables.overlap import region
 from cqblend.developables.parallels import Track
+from cqblend.developables.patches import Mapping
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Pieces, Place, Run, Score, Seam, closed
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError
@@ -42,6 +44,9 @@ _End = tuple[int, int]
 
 _NOWHERE = Place(-1, -1, -1)
 
+Rolled = Callable[[int, Array], Array]
+"""Index of a piece, and points (n, 2) of it; where they are in space, (n, 3)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Link:
@@ -52,7 +57,7 @@ class _Link:
     side: int = 0
 
 
-def split(pieces: Pieces, index: int, line: Array) -> Pieces:
+def split(pieces: Pieces, index: int, line: Array, rolled: Rolled | None = None) -> Pieces:
     """Return pieces, one of which is cut along a straight line.
 
     Parameters
@@ -63,6 +68,9 @@ def split(pieces: Pieces, index: int, line: Array) -> Pieces:
         Of the piece to be cut.
     line
         (2, 2), two points on the line.
+    rolled
+        Tells where new vertices are in space. By default that is interpolated between the vertices of their runs, as
+        is right for polyhedra.
 
     Returns
     -------
@@ -98,10 +106,11 @@ def split(pieces: Pieces, index: int, line: Array) -> Pieces:
     for i, one in enumerate(pieces.pieces):
         loops: list[list[_Link]] = [[] for _ in one.loops]
         for j, k, run in one.runs():
-            place = Place(i, j, k)
-            parts = divisions.get(place, whole)
-            own = ends[old[place]] if place in old else [None] * (len(parts) - 1)
-            loops[j].extend(_divided(run, parts, own, cut if i == index else None))
+            at = Place(i, j, k)
+            parts = divisions.get(at, whole)
+            own = ends[old[at]] if at in old else [None] * (len(parts) - 1)
+            place = None if rolled is None else partial(rolled, i)
+            loops[j].extend(_divided(run, parts, own, cut if i == index else None, place))
         if i == index:
             fresh = _parts(one, loops, cut, seams)
             names = _lettered(one.name, len(fresh), {piece.name for piece in pieces.pieces})
@@ -111,7 +120,7 @@ def split(pieces: Pieces, index: int, line: Array) -> Pieces:
     return _numbered(assembled, seams)
 
 
-def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
+def within(pieces: Pieces, size: tuple[float, float], rolled: Rolled | None = None) -> Pieces:
     """Return pieces, those cut that do not fit a size whichever way they are turned.
 
     A piece is cut across the longer side of its least box, about where that gives the fewest parts; near there, where
@@ -123,6 +132,8 @@ def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
         Without tabs.
     size
         Width and height, mm: of the sheet, less its margins, and less a tab's width on all sides.
+    rolled
+        As `split` takes it; the index is that of the piece before any was cut.
 
     Raises
     ------
@@ -132,8 +143,9 @@ def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
         If a piece would need more than 1000 parts, or cannot be cut.
     """
     width, height = (millimetres("the side of what pieces are to fit", side) for side in size)
-    origin = [piece.name for piece in pieces.pieces]
-    names, labels = set(origin), {seam.label for seam in pieces.seams}
+    calls = [piece.name for piece in pieces.pieces]
+    origin = [*range(len(calls))]
+    names, labels = set(calls), {seam.label for seam in pieces.seams}
     k = 0
     while k < len(pieces.pieces):
         piece = pieces.pieces[k]
@@ -143,12 +155,18 @@ def within(pieces: Pieces, size: tuple[float, float]) -> Pieces:
             continue
         if origin.count(origin[k]) >= PARTS or piece.area > PARTS * width * height:
             raise SizeError(
-                f"piece {origin[k]} does not fit {width:g} x {height:g} mm in {PARTS} parts: take larger sheets"
+                f"piece {calls[origin[k]]} does not fit {width:g} x {height:g} mm in {PARTS} parts: take larger sheets"
             )
         count = len(pieces.pieces)
-        pieces = _shortest(pieces, k, points, max(width, height))
+        whole = rolled and _of_parts(rolled, tuple(origin))
+        pieces = _shortest(pieces, k, points, max(width, height), whole)
         origin[k : k + 1] = [origin[k]] * (1 + len(pieces.pieces) - count)
     return _renamed(pieces, names, labels) if len(origin) > len(names) else pieces
+
+
+def _of_parts(rolled: Rolled, origin: Sequence[int]) -> Rolled:
+    """Return the same for the parts of pieces, each of which is of the piece that `origin` tells."""
+    return lambda part, points: rolled(origin[part], points)
 
 
 def _renamed(pieces: Pieces, names: set[str], labels: set[str]) -> Pieces:
@@ -192,7 +210,7 @@ def _cut_labels(count: int, taken: set[str]) -> list[str]:
     return found
 
 
-def _shortest(pieces: Pieces, index: int, points: Array, side: float) -> Pieces:
+def _shortest(pieces: Pieces, index: int, points: Array, side: float, rolled: Rolled | None) -> Pieces:
     """Return pieces, one of which is cut across its longer side, about as many of such sides as the part may have."""
     piece = pieces.pieces[index]
     turn = least_turn(points)
@@ -212,7 +230,7 @@ def _shortest(pieces: Pieces, index: int, points: Array, side: float) -> Pieces:
     failure: CqblendError | None = None
     for k in np.argsort(costs, kind="stable"):
         try:
-            return split(pieces, index, np.array([feet[k], feet[k] + across]))
+            return split(pieces, index, np.array([feet[k], feet[k] + across]), rolled)
         except (GeometryError, InputError) as error:
             failure = error
     raise SizeError(f"piece {piece.name}, {length:.1f} mm long, does not fit and cannot be cut: {failure}")
@@ -333,7 +351,9 @@ def _lettered(stem: str, count: int, taken: set[str]) -> list[str]:
     return found
 
 
-def _divided(run: Run, parts: Array, ends: Sequence[_End | None], line: _Line | None) -> Iterator[_Link]:
+def _divided(
+    run: Run, parts: Array, ends: Sequence[_End | None], line: _Line | None, rolled: Mapping | None
+) -> Iterator[_Link]:
     """Yield the stretches of a run between parts of its length, with their ends, and their sides of the line."""
     if line is None and len(parts) == 2:
         yield _Link(run, ends[0])
@@ -350,7 +370,11 @@ def _divided(run: Run, parts: Array, ends: Sequence[_End | None], line: _Line | 
         else:
             path = track.stretch(start, stop)
             stations = start + np.array([0.0, *np.cumsum(path.lengths)])
-            yield _Link(Run(path, _interpolated(track, places, stations), run.kind), end, side)
+            space = _interpolated(track, places, stations)
+            if rolled is not None:
+                new = [k for k, fresh in ((0, start > 0), (-1, stop < track.length)) if fresh]
+                space[new] = rolled(path.points[new])
+            yield _Link(Run(path, space, run.kind), end, side)
 
 
 def _interpolated(track: Track, places: Array, stations: Array) -> Array:

@@ -149,6 +149,81 @@ def twist_between(rails: Rails) -> float:
     return float(np.sqrt(_largest_ratio(above, below, noise)))
 
 
+def turn_between(rails: Rails) -> float:
+    r"""Bound the angle between the normals at the two ends of a ruling (rad), for all rulings of a strip.
+
+    .. math:: \tan \varphi = \frac{|D| \, \det(C_1', C_2', D)}{\langle C_1' \times D,\; C_2' \times D \rangle}
+
+    Unlike :func:`twist`, it is the angle itself however large that is, and where the rails differ in speed. A rail that
+    stands still has no normal, and counts as developable there.
+
+    Returns
+    -------
+    float
+        At most a hundredth above the largest value, from coefficients; infinite from a right angle on: then rulings
+        meet inside the strip, or nearly so. Where both sides of the quotient are zero on a ruling in the middle of a
+        piece, the bound leaves out a neighbourhood of 1e-9 of that piece.
+
+    Raises
+    ------
+    InputError
+        If these are no rails.
+
+    Examples
+    --------
+    >>> rails = Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 0.2]])
+    >>> 0.19739 < turn_between(rails) < 0.1994  # atan(0.2) = 0.197396
+    True
+    """
+    size, points, rulings, _ = _numerators(check_rails(rails))
+    h1, h2 = (_velocity(row[:, :3], row[:, 3:]) for row in (points, points + rulings))
+    line = rulings[:, :3]
+    speeds = np.array([np.abs(h).max(axis=(0, 1)) for h in (h1, h2)])
+    moves = speeds.min(axis=0) > 1e-9 * speeds.max()
+    if not moves.any():
+        return 0.0
+    h1, h2, line = h1[..., moves], h2[..., moves], line[..., moves]
+    meeting = product(_cross(h1, line), h2).sum(axis=1, keepdims=True)
+    above = _dot(line, line)
+    above, below = product(above, product(meeting, meeting))[:, 0], _dot(_cross(h1, line), _cross(h2, line))[:, 0]
+    reach = [float(np.abs(f).max()) for f in (h1, line, h2)]
+    noise = float(64 * _EPS * size * reach[0] * reach[1] * reach[2]) ** 2
+    square = _largest_square(above, below, noise)
+    return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
+
+
+def _largest_square(above: Array, below: Array, noise: float) -> float:
+    """Bound above / below^2, (p+1, n) and (q+1, n), above not negative; infinite where below is not positive."""
+    small = 64 * _EPS * np.abs(below).max(axis=0)
+    for _ in range(len(below) - 1):
+        for end in (0, -1):
+            zero = (np.abs(below[end]) <= small) & (small > 0)
+            if not zero.any():
+                continue
+            if (above[end, zero] > noise).any():
+                return np.inf
+            below[:, zero] = _divided(below[:, zero], end)
+            above[:, zero] = _divided(_divided(above[:, zero], end), end)
+    above, below = above[:, small > 0], below[:, small > 0]
+    bound, taken = 0.0, 1e-24
+    for _ in range(30):
+        low, high = below.min(axis=0), np.maximum(above.max(axis=0), 0.0)
+        if (below.max(axis=0) <= 0).any():
+            return np.inf
+        upper = np.divide(high, low**2, out=np.full(len(high), np.inf), where=low > 0)
+        for end in (0, -1):
+            here = np.divide(above[end], below[end] ** 2, out=np.zeros(len(high)), where=below[end] > 0)
+            taken = max(taken, float(here.max(initial=0.0)))
+        open_ = upper > 1.02 * taken
+        bound = max(bound, float(upper[~open_].max(initial=0.0)))
+        if not open_.any():
+            return bound
+        count = int(open_.sum())
+        ends = np.repeat([0.0, 0.5], count), np.repeat([0.5, 1.0], count)
+        above, below = (restrict(np.tile(f[:, open_], 2), *ends) for f in (above, below))
+    return max(bound, 1.02 * taken)
+
+
 def _largest_ratio(above: Array, below: Array, noise: float) -> float:
     """Bound the ratio of polynomials that are not negative, (p+1, n) each; common zeros at the ends are divided out."""
     for _ in range(len(below) - 1):

@@ -19,7 +19,7 @@ All bounds are those of coefficients, sharpened by subdividing the pieces they c
 must not know how a surface is divided into strips.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -59,6 +59,8 @@ class Spans:
         Whether the weights are a product of one function of u and one of v, to rounding.
     size
         Largest extent of the control points.
+    reach
+        Largest coordinate of the control points.
     """
 
     coefs: Array
@@ -67,6 +69,7 @@ class Spans:
     rational: bool
     separable: bool
     size: float
+    reach: float
 
     @classmethod
     def of(cls, surface: Surface) -> "Spans":
@@ -91,13 +94,14 @@ class Spans:
         table = weight.transpose(0, 2, 1, 3).reshape(weight.shape[0] * weight.shape[2], -1)
         ranks = np.outer(table[:, 0], table[0]) / table[0, 0]
         separable = bool((np.abs(table - ranks) <= 32 * _EPS * table).all())
-        return cls(coefs, surface.breaks, surface.continuity[0], surface.rational, separable, size)
+        reach = float(np.abs(points).max())
+        return cls(coefs, surface.breaks, surface.continuity[0], surface.rational, separable, size, reach)
 
     def part(self, first: int, last: int) -> "Spans":
         """Take the pieces first .. last - 1 in v."""
         u, v = self.breaks
         coefs = self.coefs[..., first:last]
-        return Spans(coefs, (u, v[first : last + 1]), self.continuity, self.rational, self.separable, self.size)
+        return replace(self, coefs=coefs, breaks=(u, v[first : last + 1]))
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -107,8 +111,8 @@ class Spans:
 
     @property
     def slack(self) -> float:
-        """By how much rounding may move a deviation."""
-        return 64 * _EPS * self.size
+        """By how much rounding may move a deviation, and points of the surface and of the strips, as OCCT has them."""
+        return 64 * _EPS * self.size + 16 * _EPS * self.reach
 
     def windows(self, starts: ArrayLike, ends: ArrayLike) -> "Windows":
         """Cut parts out: one from v = starts to ends, or several (k,)."""

@@ -130,16 +130,10 @@ def divide(
     'u'
     """
     _check(surface, tolerance, direction, method, least_width)
-    ways: list[Literal["u", "v"]] = ["u", "v"]
-    if direction in ways:
-        ways = [direction]
-    closed = {way: _closed(surface, 1 - axis) for axis, way in enumerate(("u", "v"))}  # whether the rails are
-    if direction == "rings" and closed["u"] != closed["v"]:
-        ways = ["u" if closed["u"] else "v"]
     _refuse_degenerate(surface)
     found: list[Division] = []
     failure: GeometryError | None = None
-    for way in ways:
+    for way in directions(surface, direction):
         try:
             found.append(_divided(surface, tolerance, way, method, even, least_width))
         except GeometryError as error:
@@ -147,7 +141,27 @@ def divide(
     if not found:
         assert failure is not None
         raise failure
-    return min(found, key=lambda one: (len(one.strips), not closed[one.direction], _poles(surface, one.direction)))
+    return min(found, key=lambda one: len(one.strips))
+
+
+def directions(surface: Surface, direction: Direction) -> list[Literal["u", "v"]]:
+    """Return the directions that rulings may have, the better one of equal numbers of strips first.
+
+    That is the one in which rails are closed, then the one with fewer control points.
+    """
+    if direction in ("u", "v"):
+        return [direction]
+    closed = {way: _closed(surface, 1 - axis) for axis, way in enumerate(("u", "v"))}  # whether the rails are
+    if direction == "rings" and closed["u"] != closed["v"]:
+        return ["u" if closed["u"] else "v"]
+    ways: list[Literal["u", "v"]] = ["u", "v"]
+    return sorted(ways, key=lambda way: (not closed[way], _poles(surface, way)))
+
+
+def single(surface: Surface, span: tuple[float, float], tolerance: float, *, transposed: bool) -> Strip | None:
+    """Return the one strip over a span of v, if it keeps to a tolerance."""
+    cut = _proven(Spans.of(surface), *span, tolerance)
+    return _strip(cut, surface, transposed) if cut.bound <= tolerance else None
 
 
 def _check(surface: Surface, tolerance: float, direction: str, method: str, least_width: float | None) -> None:
@@ -256,18 +270,18 @@ def _divided(
                 f"less than least_width={least_width:g}: choose a larger tolerance than {tolerance:g}, or the other "
                 "direction"
             )
-    strips = tuple(
-        Strip(
-            cut.window.curves(),
-            turned,
-            (float(cut.window.starts[0]), cut.end),
-            cut.bound,
-            way == "u",
-            None if cut.spacing is None else cut.window.timing(cut.spacing),
-        )
-        for cut in cuts
+    return Division(tuple(_strip(cut, turned, way == "u") for cut in cuts), way, method, len(halved), ideal)
+
+
+def _strip(cut: _Cut, surface: Surface, transposed: bool) -> Strip:
+    return Strip(
+        cut.window.curves(),
+        surface,
+        (float(cut.window.starts[0]), cut.end),
+        cut.bound,
+        transposed,
+        None if cut.spacing is None else cut.window.timing(cut.spacing),
     )
-    return Division(strips, way, method, len(halved), ideal)
 
 
 def _fewest(
@@ -338,7 +352,7 @@ def _halves(spans: Spans, tolerance: float, way: str) -> list[tuple[float, float
     found: list[tuple[float, float]] = []
     while len(low):
         windows = spans.windows(low, high)
-        good = (windows.mesh_bounds(windows.spacing(single=True)) < tolerance) & windows.spanned()
+        good = (windows.mesh_bounds(windows.spacing(single=True)) + spans.slack < tolerance) & windows.spanned()
         found += zip(low[good].tolist(), high[good].tolist(), strict=True)
         low, high = low[~good], high[~good]
         if len(low) and (high - low).min() < _SHORTEST * (end - start):
@@ -356,8 +370,20 @@ def _halved(spans: Spans, intervals: list[tuple[float, float]]) -> list[_Cut]:
     for interval in intervals:
         window = spans.windows(*interval)
         spacing = window.spacing(single=True)
-        found.append(_Cut(window, float(window.mesh_bounds(spacing)[0]), spacing))
+        found.append(_Cut(window, float(window.mesh_bounds(spacing)[0]) + spans.slack, spacing))
     return found
+
+
+def _proven(spans: Spans, start: float, end: float, tolerance: float) -> _Cut:
+    """Return the strip from one parameter to another with its bound: infinite if it is none."""
+    window = spans.windows(start, end)
+    if not window.spanned()[0]:
+        return _Cut(window, np.inf, None)
+    bound = window.bound(tolerance)
+    if np.isfinite(bound):
+        return _Cut(window, bound, None)
+    spacing = window.spacing()
+    return _Cut(window, window.bound(tolerance, spacing), spacing)
 
 
 class _Search:
@@ -385,7 +411,8 @@ class _Search:
         length = self._reach(start, end, guess)
         shrink = 1.0
         while length > shortest:
-            cut = self._proven(start, min(start + length, end) if start + length < end - shortest else end)
+            stop = min(start + length, end) if start + length < end - shortest else end
+            cut = _proven(self.spans, start, stop, self.tolerance)
             if cut.bound <= self.tolerance:
                 return cut
             # deviations grow with the square of the length; where they do not, go down ever faster
@@ -418,17 +445,6 @@ class _Search:
         roots = np.sqrt(deviations[i : i + 2])  # nearly linear in the length
         share = (np.sqrt(self.target) - roots[0]) / (roots[1] - roots[0])
         return float(lengths[i] + min(share, 1.0) * (lengths[i + 1] - lengths[i])) * (1 - 1e-4)
-
-    def _proven(self, start: float, end: float) -> _Cut:
-        """Return the strip with its bound: infinite if it is none."""
-        window = self.spans.windows(start, end)
-        if not window.spanned()[0]:
-            return _Cut(window, np.inf, None)
-        bound = window.bound(self.tolerance)
-        if np.isfinite(bound):
-            return _Cut(window, bound, None)
-        spacing = window.spacing()
-        return _Cut(window, window.bound(self.tolerance, spacing), spacing)
 
     def evened(self, cuts: list[_Cut]) -> list[_Cut]:
         """Return as many strips whose bounds are about the same."""

@@ -9,20 +9,31 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import shapely
 
 from cqblend.developables.arcfit import fitted
 from cqblend.developables.checks import millimetres
 from cqblend.developables.kerf import compensated
 from cqblend.developables.labels import labels, text_strokes, text_width
+from cqblend.developables.overlap import covered_wrongly
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Seam, closed
 from cqblend.developables.sheets import Sheets
+from cqblend.errors import PatternWarning, VerificationError, warn
+from cqblend.splines.bernstein import Array
 
 FIT = 2e-3
 """How far fitted arcs may be from the outline, mm: well below what cutters hold."""
 
 LABELS = 4.0
 """Height of the labels' capitals, mm."""
+
+
+_NOTES = (LABELS, 3.0, 2.0, 1.5, 1.0)
+"""Heights of letters that are tried for notes, mm."""
+
+_CLEAR = 2.0
+"""Distance of notes from pieces and borders, mm."""
 
 
 class Layer(StrEnum):
@@ -131,6 +142,8 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
         If a length is negative or not a number.
     SizeError
         If a hole or a slit is narrower than the kerf.
+    VerificationError
+        If what is to be cut crosses itself.
     """
     kerf = millimetres("the kerf", kerf, zero=True)
     fit = millimetres("the tolerance of fitted arcs", fit, zero=True)
@@ -143,10 +156,13 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
             entities.extend(_labels(piece, sheets.pieces.seams, height, notes))
             entities.extend(Entity(Layer(f"SCORE_{score.fold.upper()}"), score.path) for score in piece.scores)
             outlines, change = _outlines(piece, fit)
+            if fit and covered_wrongly(outlines):  # in narrow places
+                outlines, change = _outlines(piece, 0.0)
             stretch = max(stretch, change)
             if kerf:
                 entities.extend(Entity(Layer.GUIDE, path) for path in outlines)
                 outlines = compensated(piece.cuts, kerf, fit, name=piece.name)
+            _refuse_crossing(piece, outlines)
             entities.extend(Entity(Layer.CUT, path) for path in (*outlines[1:], outlines[0]))
         sheaf.append(Drawing(sheets.size, tuple(entities), tuple(notes), stretch))
     return tuple(sheaf)
@@ -178,6 +194,50 @@ def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
     return Drawing((width, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
 
 
+def with_notes(drawing: Drawing) -> Drawing:
+    """Return a drawing with its notes written on GUIDE, inside the sheet, where no piece is.
+
+    Letters are lower where there is little room.
+
+    Warns
+    -----
+    PatternWarning
+        There is no room, not even for low letters; the message has the notes.
+    """
+    if not drawing.notes:
+        return drawing
+    for height in _NOTES:
+        width = max(text_width(line, height) for line in drawing.notes)
+        corner = free_room(drawing, (width, 1.75 * height * len(drawing.notes)))
+        if corner is not None:
+            strokes = [
+                Entity(Layer.GUIDE, stroke.moved(0.0, corner + np.array([0.0, 1.75 * height * k])))
+                for k, line in enumerate(reversed(drawing.notes))
+                for stroke in text_strokes(line, height)
+            ]
+            return replace(drawing, entities=(*drawing.entities, *strokes), notes=())
+    warn(PatternWarning(f"the sheet has no room to write labels that their pieces have none for: {drawing.notes}"))
+    return replace(drawing, notes=())
+
+
+def free_room(drawing: Drawing, size: tuple[float, float]) -> Array | None:
+    """Return the lower left corner of the lowest, then leftmost free room of a size on a sheet; None if there is none.
+
+    It keeps a distance of 2 mm from what is drawn and from the border.
+    """
+    room = np.array(drawing.size) - np.array(size) - 2 * _CLEAR
+    if (room < 0).any():
+        return None
+    places = np.stack(np.meshgrid(*(np.linspace(0.0, side, 41) for side in room), indexing="ij"), axis=-1)
+    corners = places.transpose(1, 0, 2).reshape(-1, 2) + _CLEAR
+    boxes = shapely.box(*(corners - _CLEAR).T, *(corners + size + _CLEAR).T)
+    outlines = [shapely.Polygon(path.sampled(0.1)) for path in drawing.on(Layer.CUT)]
+    taken = np.zeros(len(boxes), dtype=bool)
+    taken[shapely.STRtree(boxes).query(outlines, predicate="intersects")[1]] = True
+    free = np.flatnonzero(~taken)
+    return corners[free[0]] if len(free) else None
+
+
 def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
     """Yield the strokes of a piece's labels; note those that have no room."""
     if height is None:
@@ -190,6 +250,16 @@ def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: li
             missing.append(f"{label.text} (name)" if label.seam is None else label.text)
     if missing:
         notes.append(f"{piece.name}: {', '.join(missing)}")
+
+
+def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
+    crossing = covered_wrongly(outlines)
+    if crossing.place is not None:
+        x, y = crossing.place
+        raise VerificationError(
+            f"what is to be cut of piece {piece.name} crosses itself: {crossing.area:.2g} mm2 about ({x:.1f}, {y:.1f}) "
+            "on its sheet"
+        )
 
 
 def _outlines(piece: Piece, fit: float) -> tuple[tuple[Path, ...], float]:

@@ -5,14 +5,15 @@ what a format looks like inside.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path as File
 from typing import Any
 
-from cqblend.developables.drawing import FIT, LABELS, beside, draw
+from cqblend.developables.drawing import FIT, LABELS, Drawing, beside, draw, with_notes
 from cqblend.developables.dxf import write_dxf
 from cqblend.developables.pdf import Page, paper, write_pdf
-from cqblend.developables.record import write_json
+from cqblend.developables.record import on_sheet, record, write_json
 from cqblend.developables.sheets import Sheets
 from cqblend.developables.svg import write_svg
 from cqblend.developables.writing import checked_target, written_beside
@@ -59,22 +60,64 @@ def export(
         If the file cannot be written.
     """
     target = checked_path(path)
-    suffix = target.suffix.lower()
     paper(page)
-    drawings = () if suffix == ".json" else draw(sheets, kerf=kerf, fit=fit, height=height)
-    try:
-        with written_beside(target) as whole:
-            if suffix == ".dxf":
-                write_dxf(beside(drawings), whole)
-            elif suffix == ".svg":
-                write_svg(beside(drawings), whole)
-            elif suffix == ".pdf":
-                write_pdf(drawings, whole, page=page)
-            else:
-                write_json(sheets, whole, report)
-    except OSError as error:
-        raise FileError(f"{target} cannot be written: {error.strerror or error}") from error
+    drawings = () if _is_json(target) else draw(sheets, kerf=kerf, fit=fit, height=height)
+    with _written([target]) as (whole,):
+        if _is_json(target):
+            write_json(record(sheets, report), whole)
+        elif target.suffix.lower() == ".pdf":
+            write_pdf(drawings, whole, page=page)
+        else:
+            _write_drawing(beside(drawings), whole)
     return target
+
+
+def export_each(
+    sheets: Sheets,
+    path: str | os.PathLike[str],
+    *,
+    kerf: float = 0.0,
+    fit: float = FIT,
+    height: float | None = LABELS,
+    page: Page | None = "a4",
+    report: Mapping[str, Any] | None = None,
+) -> tuple[File, ...]:
+    """Write a file for every sheet, ``p-1.dxf`` and so on for ``p.dxf``, with nothing outside of the sheet.
+
+    Parameters and errors are those of `export`. All files are whole, or none is replaced.
+    """
+    target = checked_path(path)
+    paper(page)
+    targets = [target.with_name(f"{target.stem}-{k + 1}{target.suffix}") for k in range(sheets.count)]
+    drawings = () if _is_json(target) else draw(sheets, kerf=kerf, fit=fit, height=height)
+    whole = record(sheets, report)
+    with _written(targets) as files:
+        for number, file in enumerate(files):
+            if _is_json(target):
+                write_json(on_sheet(whole, number), file)
+            elif target.suffix.lower() == ".pdf":
+                write_pdf(drawings[number : number + 1], file, page=page, inside=True)
+            else:
+                _write_drawing(with_notes(drawings[number]), file)
+    return tuple(targets)
+
+
+def _is_json(target: File) -> bool:
+    return target.suffix.lower() == ".json"
+
+
+def _write_drawing(drawing: Drawing, whole: File) -> None:
+    (write_dxf if whole.suffix.lower() == ".dxf" else write_svg)(drawing, whole)
+
+
+@contextmanager
+def _written(targets: Sequence[File]) -> Iterator[list[File]]:
+    """Give files to be written that take the places of others when all of them are whole."""
+    try:
+        with ExitStack() as stack:
+            yield [stack.enter_context(written_beside(target)) for target in targets]
+    except OSError as error:
+        raise FileError(f"{targets[0]} cannot be written: {error.strerror or error}") from error
 
 
 def checked_path(path: str | os.PathLike[str]) -> File:

@@ -15,10 +15,11 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.developables import paths
 from cqblend.developables.arclength import ArcLength
-from cqblend.developables.developability import Kind, Rails, check_rails, classify, together
-from cqblend.developables.development import Development, Motion, develop
-from cqblend.developables.paths import Path, bulges
+from cqblend.developables.developability import Kind, Rails, check_rails, classify, together, turn_between
+from cqblend.developables.development import Development, Motion, develop, max_strain
+from cqblend.developables.paths import Path
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate
@@ -45,6 +46,9 @@ class Chart(Protocol):
     def space(self, points: Array) -> Array:
         """Return where points (m,) of the plane, complex, are in space, (m, 3)."""
 
+    def locate(self, points: Array) -> tuple[Array, Array]:
+        """Return the (t, w) that are nearest to points (m,) of the plane, complex."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flat:
@@ -70,9 +74,11 @@ class Flat:
         ``"triangles"``, whose triangles are between the nodes, the same distance.
     ruling
         Largest error of a ruling's length at a node, relative.
+    turn
+        Bound of the angle between the normals at the two ends of a ruling, rad; zero for developables.
     strain
-        By how much a length inside the strip is too long in the plane, relative, at most: 1 - cos(phi / 2), where the
-        velocities of the two rails across a ruling make the angle phi. Zero for developables; nan for ``"triangles"``.
+        By how much a length inside the strip is too long in the plane, relative, at most: 1 / cos(turn / 2) - 1. Zero
+        for developables; nan for ``"triangles"``.
     area_space, area_flat
         Mm^2: of the ruled surface, and of the flat strip.
     chart
@@ -87,6 +93,7 @@ class Flat:
     lengths: Array
     error: float
     ruling: float
+    turn: float
     strain: float
     area_space: float
     area_flat: float
@@ -105,6 +112,12 @@ class Flat:
         points = np.asarray(points, dtype=np.float64)
         flat = points.reshape(-1, 2)
         return self.chart.space(flat[:, 0] + 1j * flat[:, 1]).reshape(*points.shape[:-1], 3)
+
+    def locate(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Return the parameters t and the fractions w, within the strip, of points (n, 2) of the plane: (n,) each."""
+        x, y = np.asarray(points, dtype=np.float64).T
+        t, w = self.chart.locate(x + 1j * y)
+        return np.clip(t, self.nodes[0], self.nodes[-1]), np.clip(w, 0.0, 1.0)
 
     def rail(self, side: int) -> Path:
         """Return the first (0) or second (1) rail through its nodes: arcs of the rail's lengths, or straight chords."""
@@ -174,12 +187,13 @@ def flatten(
         raise InputError(f"nodes must lie in the rails' domain [{start:.9g}, {end:.9g}], not {shown(wanted)}")
     initial = _distinct(both.breaks, wanted, slack)
     known = classify(rails) if kind is None else kind
-    motion = Motion(rails)
+    turn = turn_between(rails) if known == "twisted" else 0.0
+    motion = Motion(rails, checked=layout == "smooth")
     areas = Integral(lambda t: np.dot([1.0, 1j], motion.area_rates(t)), both.breaks)  # flat, and in space
     space, plane = float(areas.values[-1].imag), float(areas.values[-1].real)
     mirror = -1.0 if flip else 1.0
     if layout == "triangles":
-        return _triangulated(both, initial, tolerance, known, mirror, space)
+        return _triangulated(both, initial, tolerance, known, mirror, space, turn)
     smooth = _Smooth(both, develop(rails, known), mirror)
     lengths = ArcLength(rails[0]), ArcLength(rails[1])
     at, error = _sampled(smooth, lengths, initial, tolerance)
@@ -196,7 +210,8 @@ def flatten(
         lengths=np.stack([_steps(length, at) for length in lengths]),
         error=error,
         ruling=_relative(np.abs(second - first), rulings),
-        strain=float(motion.strain(_within(areas.cells)).max()) if known == "twisted" else 0.0,
+        turn=turn,
+        strain=max_strain(turn),
         area_space=space,
         area_flat=plane if known == "twisted" else space,
         chart=smooth,
@@ -217,11 +232,6 @@ def _steps(length: ArcLength, nodes: Array) -> Array:
     return np.where(steps > 1e-14 * length.length, steps, 0.0)
 
 
-def _within(breaks: Array) -> Array:
-    """Return eight parameters between any two breaks."""
-    return np.asarray((breaks[:-1] + (np.arange(8)[:, None] + 0.5) / 8 * np.diff(breaks)).ravel())
-
-
 def _relative(found: Array, wanted: Array) -> float:
     """Largest relative error; of lengths that are zero to rounding, none."""
     real = wanted > 1e-12 * wanted.max()
@@ -240,7 +250,7 @@ def _bulges(points: Array, middle: Array, lengths: Array) -> Array:
     """Bulges of arcs of given lengths through points (n, 2), on the side of (n - 1, 2) points between."""
     chord, to_middle = np.diff(points, axis=0), middle - points[:-1]
     left = chord[:, 0] * to_middle[:, 1] - chord[:, 1] * to_middle[:, 0]
-    return np.where(lengths > 0, -np.sign(left) * bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
+    return np.where(lengths > 0, -np.sign(left) * paths.bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
 
 
 # -- lengths kept
@@ -393,24 +403,16 @@ def _split(nodes: Array, parts: Array, tolerance: float) -> Array:
 
 def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float) -> Array:
     """Distances of the flat rails from arcs of their lengths, (n - 1,); infinite where a long arc is no good."""
-    inner = np.arange(1, 4) / 4
-    t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.append(0.0, inner)
+    count = paths.PARTS
+    t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(count) / count
     t = np.append(t.ravel(), nodes[-1])
     worst = np.zeros(len(nodes) - 1)
     for length, points in zip(lengths, smooth.ends(t), strict=True):
-        s = length(t)
-        whole = _steps(length, t[::4])
-        part = np.divide(
-            (s[:-1] - np.repeat(s[:-1:4], 4)),
-            np.repeat(whole, 4),
-            out=np.zeros(len(t) - 1),
-            where=np.repeat(whole, 4) > 0,
-        )
+        whole = _steps(length, t[::count])
         flat = _pairs(points)
-        corners = flat[::4]
-        path = Path(corners, _bulges(corners, flat[2::4], whole))
-        on_arc = path.at(np.repeat(np.arange(len(worst)), 4), part)
-        off = np.linalg.norm(flat[:-1] - on_arc, axis=1).reshape(-1, 4).max(axis=1)
+        corners = flat[::count]
+        path = Path(corners, _bulges(corners, flat[count // 2 :: count], whole))
+        off = paths.off_arcs(path, flat[:-1].reshape(-1, count, 2)[:, 1:])
         worst = np.maximum(worst, np.where((path.chords < 0.9 * whole) & (whole > tolerance), np.inf, off))
     return worst
 
@@ -467,7 +469,9 @@ def _twists(both: Curve, nodes: Array) -> Array:
     return np.where((area == 0) | (convex & (height / 4 < bound)), height / 4, bound)
 
 
-def _triangulated(both: Curve, nodes: Array, tolerance: float, kind: Kind, mirror: float, area_space: float) -> Flat:
+def _triangulated(
+    both: Curve, nodes: Array, tolerance: float, kind: Kind, mirror: float, area_space: float, turn: float
+) -> Flat:
     """Refine uniformly until the triangles are close enough, and lay them out (figure 4)."""
     initial = nodes
     count = 1
@@ -494,6 +498,7 @@ def _triangulated(both: Curve, nodes: Array, tolerance: float, kind: Kind, mirro
         lengths=np.linalg.norm(np.diff(corners, axis=1), axis=2),
         error=float(error.max()),
         ruling=_relative(np.abs(flat[1] - flat[0]), rulings),
+        turn=turn,
         strain=np.nan,
         area_space=area_space,
         area_flat=float(np.abs(quads.sum()) / 2),
@@ -531,9 +536,18 @@ class _Triangles:
         return np.where(x >= w, p00 + x * (p10 - p00) + w * (p11 - p10), p00 + w * (p01 - p00) + x * (p11 - p01))
 
     def space(self, points: Array) -> Array:
-        flat, space = (_triangles(corners) for corners in (self.corners, self.in_space))
-        a, b, c = flat
-        out = np.empty((len(points), 3))
+        return self._interpolated(points, _triangles(self.in_space))
+
+    def locate(self, points: Array) -> tuple[Array, Array]:
+        along = np.tile(self.nodes, (2, 1))
+        parameters = np.stack([along, np.broadcast_to([[0.0], [1.0]], along.shape)], axis=-1)
+        t, w = self._interpolated(points, _triangles(parameters)).T
+        return t, w
+
+    def _interpolated(self, points: Array, values: tuple[Array, Array, Array]) -> Array:
+        """Return values (m, k), linear on each triangle, at points of the plane, given those at the corners."""
+        a, b, c = _triangles(self.corners)
+        out = np.empty((len(points), values[0].shape[1]))
         with np.errstate(divide="ignore", invalid="ignore"):
             for start in range(0, len(points), 512):
                 to = points[start : start + 512, None] - a
@@ -542,9 +556,8 @@ class _Triangles:
                 inside = np.nan_to_num(np.minimum(np.minimum(x, y), 1 - x - y), nan=-np.inf, neginf=-np.inf)
                 best = inside.argmax(axis=1)
                 x, y = (np.take_along_axis(f, best[:, None], axis=1) for f in (x, y))
-                out[start : start + 512] = (
-                    space[0][best] + x * (space[1] - space[0])[best] + y * (space[2] - space[0])[best]
-                )
+                first, second, third = (value[best] for value in values)
+                out[start : start + 512] = first + x * (second - first) + y * (third - first)
         return out
 
 

@@ -7,22 +7,28 @@ carries trimming curves to the plane asks here where a point of the face has got
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from math import isfinite
+from typing import Literal
 
 import numpy as np
 
 from cqblend.developables.cells import Lines
+from cqblend.developables.developability import turn_between
 from cqblend.developables.development import max_strain
 from cqblend.developables.division import Direction, Method, divide
 from cqblend.developables.flattening import Flat, Layout, flatten
 from cqblend.developables.pairing import pair
 from cqblend.developables.patches import Patch
 from cqblend.developables.ruled import Strip
-from cqblend.errors import GeometryError
+from cqblend.errors import CqblendError, GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
 _DEPTH = 4
 """A strip is divided again so often at most because of its strain."""
+
+_DEEPEST = 8
+"""The same where its normal turns by a right angle."""
 
 _MARGIN = 1.05
 """What a sampled deviation is multiplied by before it counts."""
@@ -43,11 +49,25 @@ class Wishes:
     layout: Layout
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a patch may be divided and laid flat: by narrower strips than its tolerance needs, if that helps."""
+
+    direction: Literal["u", "v"]
+    narrower: bool = False
+    layout: Layout = "smooth"
+
+    def __str__(self) -> str:
+        what = ", narrower strips" if self.narrower else ", as triangles" if self.layout == "triangles" else ""
+        return f"rulings along {self.direction}{what}"
+
+
 @dataclass(slots=True, eq=False)
 class DividedPatch:
     """A patch with its strips, none on a plane, and what keeps its pieces from covering themselves.
 
-    That is cuts across strips, by how much all tolerances are finer than asked, and whether no other direction is left.
+    That is cuts across strips, by how much all tolerances are finer than asked, the way in which it is divided, those
+    that are left, those that failed and why, and why its strips are narrower than asked.
     """
 
     patch: Patch
@@ -57,7 +77,14 @@ class DividedPatch:
     ideal: float = 1.0
     cuts: dict[int, list[float]] = field(default_factory=dict)
     finer: float = 1.0
-    turned: bool = False
+    way: Way | None = None
+    ways: tuple[Way, ...] = ()
+    failed: tuple[tuple[Way, CqblendError], ...] = ()
+    refusal: CqblendError | None = None
+
+    def layout(self, wishes: Wishes) -> Layout:
+        """Return how its strips are laid flat."""
+        return self.way.layout if self.way else wishes.layout
 
     def lines(self) -> Lines:
         """Return the parameter lines that the patch's loops are cut at."""
@@ -119,6 +146,10 @@ class Laying:
         """Return the strip as a surface (r, w)."""
         return replace(self.strip, rails=self.rails).ruled()
 
+    def on_surface(self, points: Array) -> Array:
+        """Return the points of the surface, (n, 3), for which points (n, 2) of the plane stand."""
+        return _on_surface(self.strip, self.parameters, *self.flat.locate(points))
+
     def locate(self, t: Array, across: Array) -> tuple[Array, Array]:
         """Return r and the fraction of the ruling of points given by the strip's own parameters.
 
@@ -144,10 +175,20 @@ def _inverse(function: Curve, values: Array) -> Array:
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
 
 
-def narrowed(strips: Sequence[Strip], wishes: Wishes, finer: float) -> tuple[Strip, ...]:
+def strain_of(strips: Sequence[Strip]) -> float:
+    """Bound by how much lengths inside strips change when they are laid flat; infinite where that cannot be done."""
+    return max(max_strain(turn_between(strip.rails)) for strip in strips)
+
+
+def narrowed(strips: Sequence[Strip], wishes: Wishes, finer: float, *, at_any_price: bool = False) -> tuple[Strip, ...]:
     """Divide strips along their rails until lengths inside them change little enough when they are laid flat.
 
     Strain falls with the square of the width. Each part is divided as the whole face was: its bound is certified.
+
+    Parameters
+    ----------
+    at_any_price
+        Whether strips are divided, too, whose normal turns by a right angle along a ruling.
 
     Raises
     ------
@@ -158,16 +199,24 @@ def narrowed(strips: Sequence[Strip], wishes: Wishes, finer: float) -> tuple[Str
     todo = [(strip, 0) for strip in reversed(strips)]
     while todo:
         strip, depth = todo.pop()
-        excess = 1.02 * max_strain(strip.rails) / wishes.strain  # found on samples
+        excess = strain_of([strip]) / wishes.strain
         if excess <= 1:
             found.append(strip)
             continue
-        if depth == _DEPTH:
+        if not isfinite(excess) and not at_any_price:
             raise GeometryError(
-                f"lengths inside a strip change by {wishes.strain * excess:.2g} when it is laid flat, more than "
-                f"{wishes.strain:g}, however narrow it is; allow more strain, or choose another direction"
+                f"the strip from {strip.way} = {strip.span[0]:.6g} to {strip.span[1]:.6g} cannot be laid flat: its "
+                "rulings meet between the rails, or its normal turns by more than a right angle along a ruling; divide "
+                "it into narrower strips"
             )
-        ends = np.linspace(*strip.span, int(np.clip(np.ceil(np.sqrt(1.1 * excess)), 2, 16)) + 1)
+        if depth == (_DEPTH if isfinite(excess) else _DEEPEST):
+            change = f"change by {wishes.strain * excess:.2g}" if isfinite(excess) else "cannot be kept"
+            raise GeometryError(
+                f"lengths inside a strip {change} when it is laid flat, more than {wishes.strain:g}, however narrow it "
+                "is; allow more strain, or choose another direction"
+            )
+        count = int(np.clip(np.ceil(np.sqrt(1.1 * excess)), 2, 16)) if isfinite(excess) else 2
+        ends = np.linspace(*strip.span, count + 1)
         parts = [
             replace(part, transposed=strip.transposed)
             for span in pairwise(ends.tolist())
@@ -183,10 +232,10 @@ def laid_flat(face: DividedPatch, vertices: Mapping[int, Array], wishes: Wishes)
     Triangles have the nodes of all strips of the face: the chords of a rail are the same on both sides.
     """
     nodes = np.empty(0)
-    if wishes.layout == "triangles":
+    if face.layout(wishes) == "triangles":
         nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
     found = {row: _laying(face, row, corners, nodes, wishes) for row, corners in vertices.items()}
-    if wishes.layout == "triangles":
+    if face.layout(wishes) == "triangles":
         finest = max((laying.flat.nodes for laying in found.values()), key=len)
         found = {row: _laying(face, row, corners, finest, wishes) for row, corners in vertices.items()}
     return found
@@ -196,12 +245,13 @@ def _laying(face: DividedPatch, row: int, vertices: Array, nodes: Array, wishes:
     """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
     strip = face.strips[row]
     t, across = vertices.T
+    layout = face.layout(wishes)
     if wishes.developable and (np.isin(across, strip.span) | np.isin(t, strip.rails[0].domain)).all():
         paired = _paired(face, strip, t, wishes)
         if paired is not None:
             return paired
     nodes = np.unique(np.append(t, nodes))
-    flat = flatten(strip.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=wishes.layout)
+    flat = flatten(strip.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=layout)
     return Laying(strip, strip.rails, None, strip.bound, True, flat)
 
 
@@ -214,7 +264,8 @@ def _paired(face: DividedPatch, strip: Strip, t: Array, wishes: Wishes) -> Layin
     if bound > wishes.tolerance:
         return None
     nodes = np.unique([_inverse(one, np.unique(t)) for one in pairing.parameters])
-    flat = flatten(pairing.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=wishes.layout)
+    layout = face.layout(wishes)
+    flat = flatten(pairing.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=layout)
     if flat.kind == "twisted":
         return None
     return Laying(strip, pairing.rails, pairing.parameters, bound, False, flat)
@@ -224,10 +275,16 @@ def _deviation(strip: Strip, rails: tuple[Curve, Curve], parameters: tuple[Curve
     """Return the largest distance found between a strip paired anew and points of the surface at like places."""
     r, w = np.linspace(*rails[0].domain, 97)[:, None], np.linspace(0.0, 1.0, 17)[1:-1]
     points = rails[0](r) * (1 - w[:, None]) + rails[1](r) * w[:, None]
-    u = parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
+    return float(np.linalg.norm(_on_surface(strip, parameters, r, w) - points, axis=-1).max())
+
+
+def _on_surface(strip: Strip, parameters: tuple[Curve, Curve] | None, r: Array, w: Array) -> Array:
+    """Return the points of the surface that a strip has in the places (r, w), of the shape that these broadcast to."""
+    r, w = np.broadcast_arrays(r, w)
+    u = r if parameters is None else parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
     low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
-    for _ in range(40):
+    for _ in range(52):
         middle = (low + high) / 2
         below = strip.fraction(u, middle) < w
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return float(np.linalg.norm(strip.surface(u, high) - points, axis=-1).max())
+    return np.asarray(strip.surface(u, np.where(w > 0, high, low)))

@@ -9,6 +9,7 @@ from cqblend.developables.patches import Edge, EdgeUse, Mapping, Patch, Skin
 from cqblend.errors import InputError
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
+from cqblend.splines.integral import gauss
 
 _CLOSED = 1e-9
 """Sides that are closer together than this, relative to the size, are one."""
@@ -53,14 +54,41 @@ def natural(surface: Surface) -> Skin:
             parameter=_same,
             vertices=(0, 0),
             faces=(1,) * numbers.count(number),
-            angle=np.nan,
+            angle=_angle(surface, sides[number - 1][0]) if numbers.count(number) == 2 else np.nan,
             gap=0.0,
             degenerate=point,
         )
         for number, curve, point in reversed(list(zip(numbers, curves, points, strict=True)))
     }
-    patch = Patch((1,), "freeform", surface, True, (tuple(uses),))
+    patch = Patch((1,), "freeform", surface, True, (tuple(uses),), area=_area(surface))
     return Skin((patch,), edges, {0: curves[0](curves[0].domain[0])})
+
+
+def _area(surface: Surface) -> float:
+    """Return the area, by 16-point Gauss in every piece."""
+    nodes, weights = gauss(16)
+    u, v = ((breaks[:-1, None] + np.diff(breaks)[:, None] * nodes).ravel() for breaks in surface.breaks)
+    along, across = ((np.diff(breaks)[:, None] * weights).ravel() for breaks in surface.breaks)
+    normals = np.cross(surface.grid(u, v, 1, 0), surface.grid(u, v, 0, 1))
+    return float(along @ np.linalg.norm(normals, axis=-1) @ across)
+
+
+def _angle(surface: Surface, axis: int) -> float:
+    """Return by how much the normal turns in the middle of the seam at which a surface meets itself.
+
+    It is the side on which u (axis 0) or v (axis 1) begins.
+    """
+    middle = [sum(domain) / 2 for domain in surface.domain]
+    places = ((end, middle[1]) if axis == 0 else (middle[0], end) for end in surface.domain[axis])
+    after, before = (surface.jet(u, v, 1) for u, v in places)
+    normals = np.array([np.cross(jet[1, 0], jet[0, 1]) for jet in (before, after)])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not lengths.all():
+        return np.nan
+    first, second = normals / lengths
+    across = after[(1, 0) if axis == 0 else (0, 1)]
+    angle = np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)
+    return float(np.copysign(angle, (second - first) @ across))
 
 
 def _same(t: Array) -> Array:

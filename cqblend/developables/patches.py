@@ -128,6 +128,10 @@ class Patch:
         material is on the left.
     frame
         Of a plane, whose (u, v) are its coordinates: the surface is ``origin + u x + v y``. Else None.
+    area
+        Of the face, or faces, mm^2.
+    off
+        Largest distance of the face, or faces, from the plane, mm; 0 if it is none.
     """
 
     faces: tuple[int, ...]
@@ -136,6 +140,8 @@ class Patch:
     outward: bool
     loops: tuple[Loop, ...]
     frame: Frame | None = None
+    area: float = 0.0
+    off: float = 0.0
 
     @property
     def index(self) -> int:

@@ -14,6 +14,9 @@ import numpy as np
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 
+PARTS = 6
+"""Into how many parts of its parameter a curve is divided to see how far it is from its arc; an even number."""
+
 
 def sinc(x: Array) -> Array:
     """Return sin(x) / x, 1 at 0."""
@@ -49,6 +52,30 @@ def bulges(chords: Array, lengths: Array) -> Array:
         step = np.divide(value - lack, slope, out=np.zeros(half.shape), where=slope > 0)
         half = np.clip(half - step, 0.0, np.pi)
     return np.tan(half / 2)
+
+
+def off_arcs(path: "Path", points: Array) -> Array:
+    """Return how far curves that arcs stand for are from them, (n,): a tenth more than what is found at a few points.
+
+    Parameters
+    ----------
+    path
+        With n segments and arcs.
+    points
+        (n, k, 2): k points of each curve between the ends of its arc; `PARTS` - 1 of them, evenly spread, are enough.
+    """
+    start, chord = path.points[:-1, None], np.diff(path.points, axis=0)[:, None]
+    length = np.linalg.norm(chord, axis=-1)
+    ahead = np.divide(chord, length[..., None], out=np.zeros_like(chord), where=length[..., None] > 0)
+    to = points - start - chord / 2
+    half = length / 2
+    x, y = (to * ahead).sum(axis=-1), ahead[..., 0] * to[..., 1] - ahead[..., 1] * to[..., 0]
+    # the circle through (-half, 0), (half, 0) and (0, -rise), to first order; a line as its rise becomes zero
+    rise = path.bulges[:, None] * half
+    miss = rise * (x * x + y * y - half**2) + (rise**2 - half**2) * y
+    slope = np.hypot(2 * rise * x, 2 * rise * y + rise**2 - half**2)
+    off = np.divide(np.abs(miss), slope, out=np.hypot(x, y), where=slope > 0)
+    return np.asarray(1.1 * off.max(axis=1, initial=0.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from cqblend.developables.checks import millimetres
-from cqblend.developables.drawing import STYLES, Drawing, Layer
+from cqblend.developables.drawing import STYLES, Drawing, Layer, free_room, with_notes
 from cqblend.developables.parallels import turned
 from cqblend.developables.paths import Path
-from cqblend.errors import InputError, shown
+from cqblend.errors import InputError, PatternWarning, shown, warn
 from cqblend.splines.bernstein import Array
 
 Size = tuple[float, float]
@@ -49,6 +49,8 @@ _CROSS = 4.0  # from the middle of a cross to its ends, mm
 _STEP = np.pi / 6  # of arcs that become cubics: their radius is right to 4e-7
 _TEXT = 2.6  # size of letters, mm
 _LINE = 1.5 * _TEXT
+_FONT = "Vera"
+_COLUMN = 32.0  # width of the legend in one column, mm
 
 
 def paper(page: Page | None) -> Size | None:
@@ -88,7 +90,14 @@ def printable(page: Page, *, margin: float = MARGIN) -> Size:
     return _tile(size, millimetres("the margin of a page", margin, zero=True))
 
 
-def write_pdf(drawings: Sequence[Drawing], path: File, *, page: Page | None = "a4", margin: float = MARGIN) -> None:
+def write_pdf(
+    drawings: Sequence[Drawing],
+    path: File,
+    *,
+    page: Page | None = "a4",
+    margin: float = MARGIN,
+    inside: bool = False,
+) -> None:
     """Write drawings, in true size, each beginning on a new page. Pages on which nothing would be are left out.
 
     Parameters
@@ -101,19 +110,31 @@ def write_pdf(drawings: Sequence[Drawing], path: File, *, page: Page | None = "a
         Paper. None takes pages as large as the sheets are.
     margin
         Of the pages, mm.
+    inside
+        Whether pages as large as the sheets are have no margin, and the legend where the sheet is free.
 
     Raises
     ------
     InputError
         If the paper is unknown, or its margins leave too little.
+
+    Warns
+    -----
+    PatternWarning
+        There is no room for the legend inside a sheet.
     """
     from reportlab.pdfgen.canvas import Canvas
 
     margin = millimetres("the margin of a page", margin, zero=True)
     size = paper(page)
-    canvas = Canvas(str(path), invariant=1)
+    _embed_font()
+    canvas = Canvas(str(path), invariant=1, initialFontName=_FONT)
     canvas.setTitle("cqblend pattern")
-    for number, drawing in enumerate(drawings):
+    if inside and size is None:
+        drawings = [with_notes(drawing) for drawing in drawings]
+        for drawing in drawings:
+            _sheet(canvas, drawing)
+    for number, drawing in enumerate(() if inside and size is None else drawings):
         if size is None:
             width, height = (max(pair) + 2 * margin for pair in zip(drawing.size, _LEAST, strict=True))
             tiling = _Tiling.of(drawing, (width, height + _FOOT), margin)
@@ -180,6 +201,42 @@ def _box(path: Path) -> Array:
     return np.concatenate([points.min(axis=0) - 0.1, points.max(axis=0) + 0.1])
 
 
+def _embed_font() -> None:
+    """Make known the font whose letters are embedded: print shops refuse files that lack theirs."""
+    from reportlab.pdfbase.pdfmetrics import getRegisteredFontNames, registerFont
+    from reportlab.pdfbase.ttfonts import TTFont
+
+    if _FONT not in getRegisteredFontNames():
+        registerFont(TTFont(_FONT, "Vera.ttf"))  # comes with reportlab
+
+
+def _sheet(canvas: Any, drawing: Drawing) -> None:
+    """Draw a sheet as one page without margins, the legend where it is free."""
+    _start(canvas, drawing.size)
+    for layer in Layer:
+        _pen(canvas, layer)
+        for path in drawing.on(layer):
+            canvas.drawPath(_drawn(canvas.beginPath(), path), stroke=1, fill=0)
+    _black(canvas)
+    canvas.setFont(_FONT, _TEXT)
+    if (corner := free_room(drawing, (_LEAST[0], _FOOT))) is not None:
+        _foot(canvas, corner, "")
+    elif (corner := free_room(drawing, (_COLUMN, _LINE * len(Layer)))) is not None:
+        for row, layer in enumerate(Layer):
+            _meaning(canvas, layer, *(corner + np.array([0.0, row * _LINE])))
+    else:
+        warn(PatternWarning(f"a sheet of {drawing.size[0]:g} x {drawing.size[1]:g} mm has no room for the legend"))
+    canvas.showPage()
+
+
+def _meaning(canvas: Any, layer: Layer, x: float, y: float) -> float:
+    """Write what a layer means beside a line of its kind; return how far that reaches."""
+    _pen(canvas, layer)
+    canvas.line(x, y + _TEXT / 3, x + 8.0, y + _TEXT / 3)
+    canvas.drawString(x + 9.0, y, STYLES[layer].meaning)
+    return x + 9.0 + float(canvas.stringWidth(STYLES[layer].meaning, _FONT, _TEXT))
+
+
 def _page(canvas: Any, drawing: Drawing, tiling: _Tiling, tile: tuple[int, int], where: str) -> None:
     """Draw one page, and begin the next."""
     _start(canvas, tiling.page)
@@ -204,7 +261,7 @@ def _page(canvas: Any, drawing: Drawing, tiling: _Tiling, tile: tuple[int, int],
         for x, y in (origin + np.array(tiling.tile) * corner for corner in ((0, 0), (1, 0), (0, 1), (1, 1))):
             canvas.line(x - _CROSS, y, x + _CROSS, y)
             canvas.line(x, y - _CROSS, x, y + _CROSS)
-    _foot(canvas, tiling.margin, where)
+    _foot(canvas, np.full(2, tiling.margin), where)
     canvas.showPage()
 
 
@@ -259,22 +316,18 @@ def _cubics(path: Path) -> Iterator[Array]:
         yield from np.stack([first, second, points[1:]], axis=1)
 
 
-def _foot(canvas: Any, margin: float, where: str) -> None:
-    """Draw the scale bar, the legend, and where the page belongs."""
+def _foot(canvas: Any, corner: Array, where: str) -> None:
+    """Draw the scale bar, the legend, and where the page belongs, from a lower left corner on."""
     _black(canvas)
-    canvas.setFont("Helvetica", _TEXT)
-    bar = margin + _LINE + 2.0
-    canvas.line(margin, bar, margin + BAR, bar)
+    canvas.setFont(_FONT, _TEXT)
+    x, y = corner.tolist()
+    bar = y + _LINE + 2.0
+    canvas.line(x, bar, x + BAR, bar)
     for tick in range(11):
-        canvas.line(margin + tick * BAR / 10, bar, margin + tick * BAR / 10, bar + (2.0 if tick % 5 == 0 else 1.0))
-    canvas.drawString(margin, bar + 3.0, f"{BAR:g} mm: print at 100 %, then measure    {where}")
-    x = margin
+        canvas.line(x + tick * BAR / 10, bar, x + tick * BAR / 10, bar + (2.0 if tick % 5 == 0 else 1.0))
+    canvas.drawString(x, bar + 3.0, f"{BAR:g} mm: print at 100 %, then measure    {where}")
     for layer in Layer:
-        meaning = STYLES[layer].meaning
-        _pen(canvas, layer)
-        canvas.line(x, margin + _TEXT / 3, x + 8.0, margin + _TEXT / 3)
-        canvas.drawString(x + 9.0, margin, meaning)
-        x += 11.0 + canvas.stringWidth(meaning, "Helvetica", _TEXT)
+        x = _meaning(canvas, layer, x, y) + 2.0
 
 
 def _notes(canvas: Any, notes: Sequence[str], page: Size, margin: float) -> None:
@@ -283,7 +336,7 @@ def _notes(canvas: Any, notes: Sequence[str], page: Size, margin: float) -> None
     lines = max(int((page[1] - 2 * margin) / _LINE) - 2, 1)
     for start in range(0, len(notes), lines):
         _start(canvas, page)
-        canvas.setFont("Helvetica", _TEXT)
+        canvas.setFont(_FONT, _TEXT)
         for k, note in enumerate([heading, "", *notes[start : start + lines]]):
             canvas.drawString(margin, page[1] - margin - (k + 1) * _LINE, note)
         canvas.showPage()

@@ -21,6 +21,9 @@ RunKind = Literal["rail", "end", "trim", "cut"]
 Fold = Literal["mountain", "valley"]
 """Seen from the outer side: a mountain is convex."""
 
+SMOOTH = np.radians(1.0)
+"""A seam across which the surface turns by less is no fold: what lies flat beneath both pieces stays flat."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
@@ -142,6 +145,13 @@ class Seam:
     sides: tuple[Place, Place]
     opposed: bool = True
     angle: float = np.nan
+
+    @property
+    def fold(self) -> Fold | None:
+        """How what connects both pieces is folded: None across a smooth seam; a mountain where that is not known."""
+        if abs(self.angle) < SMOOTH:
+            return None
+        return "valley" if self.angle < 0 else "mountain"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,7 +36,8 @@ def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str,
 
     where PATH is ``{"points": [[x, y], ..], "bulges": [..]}``, with one bulge less than points: the tangent of a
     quarter of each arc's angle, 0 for straight, positive to the left. The first loop is the outer one,
-    counterclockwise; runs have the material to their left. Numbers are exact: reading them gives the same doubles.
+    counterclockwise; runs have the material to their left. The places in space of vertices are on the strips, those of
+    vertices that are made by cutting to the sheet on the face. Numbers are exact: reading them gives the same doubles.
     """
     return {
         "schema": SCHEMA,
@@ -48,9 +49,35 @@ def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str,
     }
 
 
-def write_json(sheets: Sheets, path: File, report: Mapping[str, Any] | None = None) -> None:
-    """Write the `record` of a pattern."""
-    text = json.dumps(record(sheets, report), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+def on_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
+    """Return what of the `record` of a pattern is on one sheet.
+
+    Indices are those of the pieces and seams that are left. The side of a seam that is on another sheet has no piece,
+    but the name of it, and the index of that sheet.
+    """
+    kept = [i for i, piece in enumerate(whole["pieces"]) if piece["sheet"] == number]
+    place = {i: k for k, i in enumerate(kept)}
+    seams = [i for i, seam in enumerate(whole["seams"]) if any(side["piece"] in place for side in seam["sides"])]
+    mark = {i: k for k, i in enumerate(seams)}
+
+    def elsewhere(side: dict[str, Any]) -> dict[str, Any]:
+        piece = whole["pieces"][side["piece"]]
+        named = {} if side["piece"] in place else {"name": piece["name"], "sheet": piece["sheet"]}
+        return {**side, "piece": place.get(side["piece"]), **named}
+
+    pieces = [
+        {**piece, "loops": [[{**run, "seam": mark.get(run["seam"])} for run in loop] for loop in piece["loops"]]}
+        for piece in (whole["pieces"][i] for i in kept)
+    ]
+    sided = [
+        {**seam, "sides": [elsewhere(side) for side in seam["sides"]]} for seam in (whole["seams"][i] for i in seams)
+    ]
+    return {**whole, "pieces": pieces, "seams": sided}
+
+
+def write_json(whole: Mapping[str, Any], path: File) -> None:
+    """Write the `record` of a pattern, or what of it is on one sheet."""
+    text = json.dumps(whole, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 

@@ -76,6 +76,11 @@ class Strip:
         if not start <= self.span[0] < self.span[1] <= end:
             raise InputError(f"the span {self.span} of a strip is not within v = {start:.9g} .. {end:.9g}")
 
+    @property
+    def way(self) -> str:
+        """The parameter of the face, "u" or "v", that the rulings run along."""
+        return "u" if self.transposed else "v"
+
     def fraction(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Fractions w at scattered points; u and v broadcast.
 

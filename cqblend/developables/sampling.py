@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cqblend.developables.cells import Lines
 from cqblend.developables.patches import Edge, EdgeUse, Mapping
@@ -155,7 +156,9 @@ class Samples:
     uv: tuple[Array, ...]
 
 
-def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int = 1) -> Samples:
+def sample(
+    edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int = 1, extra: ArrayLike = ()
+) -> Samples:
     """Choose the vertices along an edge.
 
     Parameters
@@ -167,6 +170,8 @@ def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, le
         are made one.
     least
         Number of segments at least. A loop of one or two edges encloses nothing if each of them is a chord.
+    extra
+        Parameters that are wanted among the vertices.
     """
     ends = edge.breaks[[0, -1]]
     first, last = float(ends[0]), float(ends[1])
@@ -174,7 +179,7 @@ def sample(edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, le
         t = np.linspace(first, last, 257)
         window = SNAP * (last - first)
     else:
-        t = refined(edge.points, edge.breaks, tolerance, sagitta)
+        t = refined(edge.points, np.unique(np.concatenate([edge.breaks, extra])), tolerance, sagitta)
         length = float(np.linalg.norm(np.diff(edge.points(t), axis=0), axis=1).sum())
         window = max(SNAP, 1e-3 * tolerance / max(length, 1e-300)) * (last - first)
     met = [crossings(use, lines, extent, t) for use, lines, extent in uses]

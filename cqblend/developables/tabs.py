@@ -127,8 +127,9 @@ def fitted_tabs(
 
     Folds
         A tab lies underneath its neighbour, so it is folded as the surface is: a mountain where the seam is convex
-        (also where its angle is zero or unknown), a valley where it is concave. Flanges and allowances turn by
-        (pi + angle) / 2 to the inner side: always a mountain.
+        (also where its angle is unknown), a valley where it is concave, and not at all where the surface goes on
+        smoothly, see :attr:`Seam.fold`. Flanges and allowances turn by (pi + angle) / 2 to the inner side: always a
+        mountain.
 
     Parameters
     ----------
@@ -392,10 +393,6 @@ def _alike(site: Site, seam: Seam) -> bool:
     return bool(np.abs(one - other * turn / max(abs(turn), 1e-300)).max() < ALIKE * site.width)
 
 
-def _fold(angle: float) -> Fold:
-    return "valley" if angle < 0 else "mountain"
-
-
 def _tabbed(
     site: Site, number: int, flaps: Sequence[Flap], *, flat: bool
 ) -> tuple[tuple[Path, ...], tuple[Score, ...]]:
@@ -425,8 +422,9 @@ def _tabbed(
                 done = flap.stop
             if done < track.length * (1 - 1e-9):
                 parts.append(track.stretch(done, track.length))
-            fold = _fold(seams[by_run[place][0].seam].angle) if flat else "mountain"
-            scores += [Score(track.stretch(start, stop), fold) for start, stop in bases]
+            fold = seams[by_run[place][0].seam].fold if flat else "mountain"
+            if fold is not None:
+                scores += [Score(track.stretch(start, stop), fold) for start, stop in bases]
         outline = Path.joined(parts)
         points = outline.points.copy()
         points[-1] = points[0]
@@ -485,7 +483,7 @@ def _with_strips(site: Site, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]
                 name += "+"
             straight = Path.straight(np.array([[0.0, 0.0], [flap.length, 0.0]]))
             line = track.stretch(flap.start, flap.stop) if alike else straight
-            strip = _strip(name, Track(line), flap, _fold(seam.angle))
+            strip = _strip(name, Track(line), flap, seam.fold)
             if not covered_wrongly(strip.outlines):  # as where the seam is a hairpin
                 names.add(name)
                 pieces.append(strip)
@@ -493,7 +491,7 @@ def _with_strips(site: Site, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]
     return Pieces(tuple(pieces), site.pieces.seams), kept
 
 
-def _strip(name: str, line: Track, flap: Flap, fold: Fold) -> Piece:
+def _strip(name: str, line: Track, flap: Flap, fold: Fold | None) -> Piece:
     """Return a connecting strip along a line, as wide on both sides; its places in space are not known."""
     right, left = (crest(line, 0.0, line.length, flap.slopes, hand * flap.height) for hand in (1.0, -1.0))
     start, stop = line.path.points[0], line.path.points[-1]
@@ -507,4 +505,4 @@ def _strip(name: str, line: Track, flap: Flap, fold: Fold) -> Piece:
         ]
     )
     run = Run(outline, np.full((len(outline.points), 3), np.nan), "cut")
-    return Piece(name, ((run,),), scores=(Score(line.path, fold),))
+    return Piece(name, ((run,),), scores=() if fold is None else (Score(line.path, fold),))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepGProp import BRepGProp
 from OCP.Geom import (
     Geom_ConicalSurface,
     Geom_CylindricalSurface,
@@ -24,16 +25,18 @@ from OCP.Geom import (
     Geom_SurfaceOfRevolution,
     Geom_ToroidalSurface,
 )
+from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.developables import coplanar
 from cqblend.developables.patches import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
 from cqblend.errors import CqblendError, InputError, SelectionError, TopologyError, shown
 from cqblend.occ.convert import ParameterMap, with_parameters
 from cqblend.occ.kinds import is_topods
-from cqblend.occ.topology import BUILDER, Index, ends, explore, forward, location_of
+from cqblend.occ.loose import joined
+from cqblend.occ.topology import Index, compound_of, ends, explore, forward, location_of
 from cqblend.occ.tracks import Track, track
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
@@ -62,9 +65,16 @@ _WITNESSES = np.append(np.linspace(0.0, 1.0, 33), [0.4995, 0.5005])
 
 _MIDDLE = 16
 
+_AREA = 1e-5
+"""Of a face's area, relative, that OCCT is asked for."""
+
 
 def read(
-    source: TopoDS_Shape | Sequence[TopoDS_Face], *, whole: TopoDS_Shape | None = None, merge: bool = True
+    source: TopoDS_Shape | Sequence[TopoDS_Face],
+    *,
+    whole: TopoDS_Shape | None = None,
+    merge: bool = True,
+    join: float | None = None,
 ) -> Skin:
     """Return the faces of a shape, or some faces of it, as patches with their edges.
 
@@ -79,6 +89,8 @@ def read(
         The shape whose numbers faces and edges get, if the source is a part of it.
     merge
         Whether neighbouring faces of one plane become one patch.
+    join
+        Distance within which borders of faces that share no edge are one, mm; None leaves them as they are.
 
     Returns
     -------
@@ -108,7 +120,7 @@ def read(
         if not is_topods(shape):
             what = "a null shape" if isinstance(shape, TopoDS_Shape) else shown(shape)
             raise InputError(f"cannot unroll {what}: give a shape, or faces of one")
-    part = shapes[0] if len(shapes) == 1 else _compound(shapes)
+    part = shapes[0] if len(shapes) == 1 else compound_of(shapes)
     whole = part if whole is None else whole
     numbers = Index(whole, TopAbs_FACE)
     faces = {numbers.of(face): face for face in reversed(list(explore(part, TopAbs_FACE)))}
@@ -117,7 +129,11 @@ def read(
     if 0 in faces:
         raise SelectionError("a face does not belong to the shape: select faces of the very shape that is unrolled")
     faces = {number: _bounded(faces[number]) for number in sorted(faces)}
-    reader = _Reader(_compound([whole, *faces.values()]))
+    reader = _Reader(compound_of([whole, *faces.values()]))
+    if join is not None:
+        sewn = joined(faces, join)
+        if any(not sewn[number].IsSame(face) for number, face in faces.items()):
+            faces, reader = sewn, _Reader(compound_of([*sewn.values()]))
     patches: list[Patch] = []
     refused: dict[int, CqblendError] = {}
     for number, face in faces.items():
@@ -147,9 +163,10 @@ class _Reader:
                 loops.append(chart.loop(_chained(drawn, chart.extent)))
         if not loops:
             raise TopologyError("it has no boundary")
+        area = _area(chart.face)
         if chart.frame is not None:
-            return coplanar.planar_patch((number,), chart.frame, loops)
-        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops))
+            return coplanar.planar_patch((number,), chart.frame, loops, area, chart.off)
+        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops), area=area)
 
     def skin(self, patches: list[Patch], refused: dict[int, CqblendError]) -> Skin:
         """Return patches with all their edges, measured."""
@@ -232,6 +249,7 @@ class _Chart:
     window: Array
     periods: tuple[float, float] = (0.0, 0.0)
     frame: Frame | None = None
+    off: float = 0.0
 
     @classmethod
     def of(cls, face: TopoDS_Face) -> _Chart:
@@ -244,7 +262,8 @@ class _Chart:
         if frame is not None:
             if not outward:
                 frame = Frame(frame.origin, frame.y, frame.x)
-            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame)
+            off = _from_plane(surface, frame)
+            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame, off=off)
         basis = BRep_Tool.Surface_s(face, TopLoc_Location())
         while isinstance(basis, Geom_RectangularTrimmedSurface):
             basis = basis.BasisSurface()
@@ -395,6 +414,18 @@ def _plane(surface: Surface) -> Frame | None:
     return Frame(surface(u0, v0), x, np.cross(normal / length, x))
 
 
+def _from_plane(surface: Surface, frame: Frame) -> float:
+    """Bound the distance of a surface from a plane, rounding included."""
+    poles = _poles(surface)
+    return float(np.abs((poles - frame.origin) @ frame.normal).max() + 8 * np.finfo(float).eps * np.abs(poles).max())
+
+
+def _area(face: TopoDS_Face) -> float:
+    properties = GProp_GProps()
+    BRepGProp.SurfaceProperties_s(face, properties, _AREA)
+    return abs(properties.Mass())
+
+
 def _poles(surface: Surface) -> Array:
     """Return the Bezier poles (n, 3)."""
     poles = np.moveaxis(surface.coefs, 2, -1).reshape(-1, surface.coefs.shape[2])
@@ -420,11 +451,3 @@ def _bounded(face: TopoDS_Face) -> TopoDS_Face:
         return face
     maker = BRepBuilderAPI_MakeFace(surface, BRep_Tool.Tolerance_s(face))
     return TopoDS.Face_s(maker.Face().Oriented(face.Orientation())) if maker.IsDone() else face
-
-
-def _compound(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Compound:
-    compound = TopoDS_Compound()
-    BUILDER.MakeCompound(compound)
-    for shape in shapes:
-        BUILDER.Add(compound, shape)
-    return compound

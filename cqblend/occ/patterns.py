@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, To
 from cqblend.developables.patches import Trim
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece
-from cqblend.errors import GeometryError, InputError
+from cqblend.errors import GeometryError, InputError, PatternWarning, warn
 from cqblend.occ import bulk
 from cqblend.occ.convert import to_face
 from cqblend.occ.kinds import downcast
@@ -38,7 +38,7 @@ from cqblend.occ.topology import (
     make_vertex,
     make_wire,
 )
-from cqblend.splines import Curve, Surface
+from cqblend.splines import Curve, Surface, hermite
 from cqblend.splines.bernstein import Array
 
 PLANAR = 1e-9
@@ -49,6 +49,9 @@ _WHOLE = 1e-12
 
 _SLOWEST = 1e-3
 """Of a surface's size: what a step across all its parameters counts for at least where it is short in space."""
+
+_CLOSE, _PIECES = 1e-11, 2048
+"""Of their size: what splines of a lower degree may be off the curves they stand for; pieces of them at most."""
 
 _FLAT = 1e-8
 """An arc of less bulge is a segment: its radius would cost more digits than its sagitta has."""
@@ -78,17 +81,29 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
         Nothing is given, or the tolerance is not a positive number.
     GeometryError
         OCCT finds a face invalid.
-    DegreeError
-        An edge would have a degree above 25.
+
+    Warns
+    -----
+    PatternWarning
+        Strips or edges of a degree above 25, the most that OCCT holds, are there as quintic splines; the message says
+        how far these are from them.
     """
     if not trims:
         raise InputError("there are no strips to make faces of")
     if not 0 < tolerance < np.inf:
         raise InputError(f"the tolerance of sewing is {tolerance:g} mm; it must be positive and finite")
     sewing = BRepBuilderAPI_Sewing(max(tolerance, CONFUSION))
+    lowered: list[float] = []
     for number, trim in enumerate(trims, start=1):
-        face = _trimmed(trim, number)
+        face = _trimmed(trim, number, lowered)
         sewing.Add(face if trim.outward else face.Reversed())
+    if lowered:
+        warn(
+            PatternWarning(
+                f"{len(lowered)} strips or edges have a degree above {bulk.MAX_DEGREE}, which OCCT cannot hold: they "
+                f"are approximated by quintic splines within {max(lowered):.1g} mm"
+            )
+        )
     sewing.Perform()
     sewn = downcast(sewing.SewedShape())
     for shell in explore(sewn, TopAbs_SHELL):
@@ -148,22 +163,28 @@ def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoD
     >>> [former.ShapeType().name for former in sections([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
     ['TopAbs_FACE']
     """
+    rails = [rail if rail.degree <= bulk.MAX_DEGREE else _lowered([rail])[0][0] for rail in rails]
     chains = _chains(_distinct([rail for rail in rails if _extent(rail) > tolerance], tolerance), tolerance)
     return [_former(chain, tolerance) for chain in chains]
 
 
-def _trimmed(trim: Trim, number: int) -> TopoDS_Face:
-    """Make a face whose edges are images of curves in the parameter plane."""
-    loops = [[_drawn(trim.surface, run) for run in loop] for loop in trim.loops]
-    (u0, u1), (v0, v1) = trim.surface.domain
+def _trimmed(trim: Trim, number: int, lowered: list[float]) -> TopoDS_Face:
+    """Make a face whose edges are images of curves in the parameter plane; add how far lower degrees are off."""
+    surface = trim.surface
+    if surface.degree[0] > bulk.MAX_DEGREE:
+        rails, off = _lowered([surface.isoparametric(v=v) for v in surface.domain[1]])
+        surface = Surface.from_rows(rails, surface.domain[1])
+        lowered.append(off)
+    loops = [[_drawn(surface, run) for run in loop] for loop in trim.loops]
+    (u0, u1), (v0, v1) = surface.domain
     area = _area(np.concatenate([curve(curve.breaks[:-1]) for curve in loops[0]])) if loops else np.inf
     if len(loops) <= 1 and abs(area) >= (1 - _WHOLE) * (u1 - u0) * (v1 - v0):
-        return to_face(trim.surface)
+        return to_face(surface)
     if area < 0:
         loops = [[curve.reverse() for curve in loop[::-1]] for loop in loops]
-    face = make_face(bulk.surface_from_arrays(*trim.surface.to_bspline()))
+    face = make_face(bulk.surface_from_arrays(*surface.to_bspline()))
     for loop in loops:
-        BUILDER.Add(face, make_wire(_loop_edges(face, trim.surface, loop)))
+        BUILDER.Add(face, make_wire(_loop_edges(face, surface, loop, lowered)))
     return _checked(face, f"strip {number}")
 
 
@@ -183,12 +204,18 @@ def _drawn(surface: Surface, run: Array | Curve) -> Curve:
     return Curve.from_bspline(1, np.concatenate([t[:1], t, t[-1:]]), points)
 
 
-def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve]) -> list[TopoDS_Edge]:
+def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered: list[float]) -> list[TopoDS_Edge]:
     """Make the edge uses of one wire; runs that meet in space from both sides of a closed surface are a seam."""
-    images = [surface.compose(curve) for curve in loop]
+    images = []
+    for curve in loop:
+        image, off = surface.compose(curve), 0.0
+        if image.degree > bulk.MAX_DEGREE:
+            (image,), off = _lowered([image])
+            lowered.append(off)
+        images.append((image, off))
     vertices: list[TopoDS_Vertex] = []
     edges: dict[int, TopoDS_Edge] = {}
-    for i, (curve, image) in enumerate(zip(loop, images, strict=True)):
+    for i, (curve, (image, off)) in enumerate(zip(loop, images, strict=True)):
         if i in edges:
             continue
         start, stop = (_vertex_at(point, vertices) for point in image(image.domain))
@@ -196,7 +223,7 @@ def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve]) -> list[
         if _extent(image) <= CONFUSION:
             edges[i] = make_pole(face, start, pcurve, curve.domain)
             continue
-        edges[i] = make_edge(bulk.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain)
+        edges[i] = make_edge(bulk.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain, off)
         for j in range(i + 1, len(loop)):
             back = loop[j].reverse().reparametrized(*curve.domain)
             if j not in edges and _same_in_space(surface, back, image):
@@ -206,6 +233,30 @@ def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve]) -> list[
         else:
             attach(edges[i], face, pcurve)
     return [edges[i] for i in range(len(loop))]
+
+
+def _lowered(curves: Sequence[Curve]) -> tuple[list[Curve], float]:
+    """Return curves over one domain as quintic splines of common breaks, and how far they are off at most, mm.
+
+    The splines have the curves' values and first two derivatives at their breaks, which are halved until that is less
+    than rounding; the rest is a little more than what is found at many parameters.
+    """
+    t = np.unique(np.concatenate([curve.breaks for curve in curves]))
+    close = _CLOSE * max(_extent(curve) for curve in curves)
+    part = (np.arange(8) + 0.5) / 8
+    while True:
+        splines, worst = [], np.zeros(len(t) - 1)
+        between = t[:-1, None] + np.diff(t)[:, None] * part
+        for curve in curves:
+            jets = np.stack([curve.jet(t[:-1], 2, side="right"), curve.jet(t[1:], 2, side="left")], axis=2)
+            jets[0, :-1, 1] = jets[0, 1:, 0]  # one point, rounded twice
+            splines.append(hermite(t, jets))
+            off = np.linalg.norm(splines[-1](between.ravel()) - curve(between.ravel()), axis=1).reshape(between.shape)
+            worst = np.maximum(worst, off.max(axis=1))
+        open_ = worst > close
+        if not open_.any() or len(t) > _PIECES:
+            return splines, float(1.2 * worst.max())
+        t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[open_] / 2]))
 
 
 def _vertex_at(point: Array, vertices: list[TopoDS_Vertex]) -> TopoDS_Vertex:

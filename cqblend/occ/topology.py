@@ -28,6 +28,7 @@ from OCP.TopAbs import (
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import (
     TopoDS,
+    TopoDS_Compound,
     TopoDS_Edge,
     TopoDS_Face,
     TopoDS_Shape,
@@ -269,3 +270,12 @@ def replaced_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) ->
     reshape = BRepTools_ReShape()
     reshape.Replace(old, new)
     return reshape.Apply(shape)
+
+
+def compound_of(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return shapes as one compound."""
+    compound = TopoDS_Compound()
+    BUILDER.MakeCompound(compound)
+    for shape in shapes:
+        BUILDER.Add(compound, shape)
+    return compound

@@ -1,0 +1,117 @@
+"""Faces that touch without sharing edges, joined.
+
+Exists because lists of faces, and files as IGES, have every border twice: what is next to each other there would be
+unrolled without a seam. Must not know what is made of the faces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex, BRepBuilderAPI_Sewing
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
+
+from cqblend.errors import PatternWarning, warn
+from cqblend.occ.topology import Index, compound_of, explore
+from cqblend.splines.bernstein import Array
+
+_PLACES = (np.arange(9) + 0.5) / 9
+"""Parts of a border's range at which it is looked whether it lies on another one."""
+
+
+def joined(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, TopoDS_Face]:
+    """Return faces of which those that touch share their edges.
+
+    Parameters
+    ----------
+    faces
+        By number, which they keep.
+    tolerance
+        How far borders may be apart to count as one, mm.
+
+    Warns
+    -----
+    PatternWarning
+        Borders coincide and could not be joined, as where three faces meet; the message says how many.
+    """
+    if not _coinciding(list(faces.values()), tolerance):
+        return dict(faces)
+    sewing = BRepBuilderAPI_Sewing(tolerance)
+    for face in faces.values():
+        sewing.Add(face)
+    sewing.Perform()
+    result = {}
+    for number, face in faces.items():
+        found = next(explore(sewing.Modified(face), TopAbs_FACE), face)
+        result[number] = TopoDS.Face_s(found.Oriented(face.Orientation()))
+    left = _coinciding(list(result.values()), tolerance)
+    if left:
+        warn(
+            PatternWarning(
+                f"{left} borders of faces run along other faces and could not be joined: there is no seam where they "
+                "do; make the faces one shell first"
+            )
+        )
+    return result
+
+
+def _coinciding(faces: Sequence[TopoDS_Face], tolerance: float) -> int:
+    """Count the free borders that run along an edge of another face."""
+    edges = _edges(faces)
+    free = [i for i, (_, owners) in enumerate(edges) if len(owners) == 1]
+    if len(faces) < 2 or not free:
+        return 0
+    points = np.array([_points(edge) for edge, _ in edges])
+    reach = tolerance + np.ptp(points, axis=1).max(axis=1) / 8  # between two places, and to the ends
+    low, high = points.min(axis=1) - reach[:, None], points.max(axis=1) + reach[:, None]
+    count = 0
+    for i in free:
+        near = ((low[i] <= high) & (low <= high[i])).all(axis=1)
+        others = [j for j in np.flatnonzero(near).tolist() if not edges[i][1] & edges[j][1]]
+        count += any(
+            _along(points[one], edges[other][0], (low[other], high[other]), tolerance)
+            for j in others
+            for one, other in ((i, j), (j, i))
+        )
+    return count
+
+
+def _edges(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, set[int]]]:
+    """Return the edges of faces, and which faces use each; a seam of a face is no border, and left out."""
+    index = Index(compound_of(faces), TopAbs_EDGE)
+    uses: dict[int, list[int]] = {}
+    for number, face in enumerate(faces):
+        for edge in explore(face, TopAbs_EDGE):
+            uses.setdefault(index.of(edge), []).append(number)
+    found = ((TopoDS.Edge_s(index[number]), owners) for number, owners in uses.items())
+    return [
+        (edge, set(owners))
+        for edge, owners in found
+        if len(set(owners)) == len(owners) and not BRep_Tool.Degenerated_s(edge)
+    ]
+
+
+def _points(edge: TopoDS_Edge) -> Array:
+    curve = BRepAdaptor_Curve(edge)
+    start, stop = curve.FirstParameter(), curve.LastParameter()
+    return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _PLACES])
+
+
+def _along(points: Array, edge: TopoDS_Edge, box: tuple[Array, Array], tolerance: float) -> bool:
+    """Whether two neighbouring points lie on an edge, which is within a box."""
+    inside: Array = np.all((points >= box[0]) & (points <= box[1]), axis=1)
+    if not (inside[:-1] & inside[1:]).any():
+        return False
+    near = [bool(here) and _distance(point, edge) <= tolerance for point, here in zip(points, inside, strict=True)]
+    return any(one and other for one, other in pairwise(near))
+
+
+def _distance(point: Array, edge: TopoDS_Edge) -> float:
+    return float(BRepExtrema_DistShapeShape(BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex(), edge).Value())
