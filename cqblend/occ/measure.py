@@ -12,6 +12,7 @@ FORWARD face, its opposite on a REVERSED one). Locations of shapes are respected
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -23,7 +24,15 @@ from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.Geom import Geom_BSplineSurface, Geom_Surface
 from OCP.Geom2d import Geom2d_Curve
 from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
-from OCP.GeomAbs import GeomAbs_C1, GeomAbs_C2, GeomAbs_C3, GeomAbs_Shape
+from OCP.GeomAbs import (
+    GeomAbs_BSplineCurve,
+    GeomAbs_BSplineSurface,
+    GeomAbs_C1,
+    GeomAbs_C2,
+    GeomAbs_C3,
+    GeomAbs_CN,
+    GeomAbs_Shape,
+)
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 from OCP.Standard import Standard_Failure
@@ -46,6 +55,18 @@ _BESIDE = 1e-14
 
 _AROUND = np.array([1e-8, 1e-5, 1e-3])
 """Distances of the samples clustered on either side of a break, relative to the edge's range."""
+
+_INSIDE = (1 - np.cos(np.pi * (np.arange(11) + 0.5) / 11)) / 2
+"""Samples inside every span, as shares of it, however short: denser towards its ends, where errors are largest."""
+
+_SHORTEST = 64 * float(np.finfo(float).eps)
+"""Length of a span, relative to the parameters, below which there are no parameters inside it."""
+
+_SHARPENED, _WORST = 2, 4
+"""How often it is measured again around the largest values, and around how many of each."""
+
+_BRACKETS, _STEPS = 1025, 40
+"""Points between which crossings with knot lines are looked for, and steps in which they are found at most."""
 
 _ALONG = 1e-7
 """A pcurve that stays this near a knot line, relative to the domain, runs along it: those read from STEP do stray."""
@@ -207,25 +228,34 @@ def continuity_between(
     ``where`` tells at which parameters (n,) of the edge angle and curvature count; everywhere if it is not given.
     """
     edge = sides[0][1]
+
+    def measure(ts: Array) -> tuple[Array, Array, Array]:
+        points, tangents = _curve(edge, ts)
+        one, two = (edge_samples(use, face, ts) for face, use in sides)
+        pairs = ((one.points, two.points), (one.points, points), (two.points, points))
+        gaps = np.max([np.linalg.norm(a - b, axis=1) for a, b in pairs], axis=0)
+        angles = angle_between(one.normals, two.normals)
+        jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
+        if where is not None:
+            counts = where(ts)
+            angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
+        return gaps, angles, jumps
+
     ts = sample_parameters(sides, samples)
-    points, tangents = _curve(edge, ts)
-    one, two = (edge_samples(use, face, ts) for face, use in sides)
-    pairs = ((one.points, two.points), (one.points, points), (two.points, points))
-    angles = angle_between(one.normals, two.normals)
-    jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
-    if where is not None:
-        counts = where(ts)
-        angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
-    measured = int(np.isfinite(angles).sum())
+    first = measure(ts)
+    measured = int(np.isfinite(first[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
+    ts, (gaps, angles, jumps) = _sharpened(measure, ts, first)
     worst = int(np.nanargmax(angles))
+    at = ts[[worst]]
+    one, two = (edge_samples(use, face, at) for face, use in sides)
     return Continuity(
-        gap=max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in pairs),
+        gap=float(gaps.max()),
         angle=float(angles[worst]),
         curvature_jump=float(np.nanmax(jumps)),
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_kind(edge, tangents[worst], one.normals[worst], two.normals[worst], float(angles[worst])),
+        kind=_kind(edge, _curve(edge, at)[1][0], one.normals[0], two.normals[0], float(angles[worst])),
         samples=measured,
     )
 
@@ -294,44 +324,93 @@ def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
     for face, use in sides:
         pcurve, low, high = _pcurve(use, face)
         knots = _knots(Geom2dAdaptor_Curve(pcurve, low, high))
-        crossings = _crossings(pcurve, low, high, BRep_Tool.Surface_s(face))
-        breaks.append(_onto(np.concatenate((knots, crossings)), (low, high), unit))
+        found = crossings(partial(_values2d, pcurve), low, high, BRep_Tool.Surface_s(face))
+        breaks.append(_onto(np.concatenate((knots, found)), (low, high), unit))
     return _onto(spread(np.unique(np.concatenate(breaks)), samples), unit, ends)
 
 
 def spread(at: Array, samples: int) -> Array:
-    """Spread samples over a range, equidistant and clustered beside given places (n,), its ends among them."""
+    """Spread samples over a range: equidistant, beside given places (n,), its ends among them, and in between.
+
+    However close two places are, there are samples between them, as long as there are numbers.
+    """
     low, high = at[0], at[-1]
     grid = np.linspace(low, high, samples)
     around = _AROUND * (high - low)
-    grid = grid[_distance(grid, at) > around[0]]
     clusters = (at[:, None] + np.concatenate((-around, around))).ravel()
-    ts = np.unique(np.concatenate((grid, clusters)))
-    return np.asarray(ts[(ts > low) & (ts < high) & (_distance(ts, at) > around[0] / 2)])
+    ts = np.concatenate((grid, clusters))
+    ts = ts[_distance(ts, at) > around[0] / 2]
+    lengths = np.diff(at)
+    sparse = lengths < len(_INSIDE) * (high - low) / (samples - 1)
+    sparse &= lengths > _SHORTEST * max(abs(low), abs(high))
+    inside = (at[:-1] + _INSIDE[:, None] * lengths)[:, sparse].ravel()
+    ts = np.unique(np.concatenate((ts, inside)))
+    return np.asarray(ts[(ts > low) & (ts < high)])
 
 
-def contact(one: tuple[Geom_Surface, Array], two: tuple[Geom_Surface, Array]) -> tuple[float, float, float]:
-    """Measure how two surfaces meet at pairs of parameters (n, 2) along a common curve, u along it on the first.
+def contact(
+    surfaces: tuple[Geom_Surface, Geom_Surface], places: Callable[[Array], tuple[Array, Array]], ts: Array
+) -> tuple[float, float, float]:
+    """Measure how two surfaces meet along a common curve, on which ``places`` gives parameters (n, 2) on each.
 
-    Returns gap, angle and curvature jump as in :class:`Continuity`; on a surface, normals have no outside, and are
-    taken to point the same way on both.
+    On the first one, u runs along the curve. Returns gap, angle and curvature jump as in :class:`Continuity`; on a
+    surface, normals have no outside, and are taken to point the same way on both. On short spans the rounding of
+    products of poles and weights may hide that of poles, so that around the largest angles it is measured once more in
+    a place beside the origin, where coordinates have more digits.
     """
-    samples, tangents = [], None
-    for surface, uv in (one, two):
-        jets = _jets(surface, uv, order=2)
-        normals, curvature = _normals_and_curvature(jets, reverse=False)
-        if tangents is None:
-            tangents = jets[:, 1]
-        elif np.nansum(normals * samples[0].normals) < 0:
-            normals, curvature = -normals, -curvature
-        samples.append(EdgeSamples(jets[:, 0], normals, curvature, uv))
-    assert tangents is not None
-    a, b = samples
-    return (
-        float(np.linalg.norm(a.points - b.points, axis=1).max()),
-        float(np.nanmax(angle_between(a.normals, b.normals))),
-        float(np.nanmax(_spectral_norm(_unfolded(a, tangents) - _unfolded(b, tangents)))),
-    )
+    sign = 0.0
+
+    def compare(pair: Sequence[Geom_Surface], ts: Array) -> tuple[Array, Array, Array]:
+        nonlocal sign
+        at = places(ts)
+        first, second = (_jets(surface, uv, order=2) for surface, uv in zip(pair, at, strict=True))
+        (n, bent), (m, other) = (_normals_and_curvature(jets, reverse=False) for jets in (first, second))
+        sign = sign or (-1.0 if np.nansum(n * m) < 0 else 1.0)
+        one, two = EdgeSamples(first[:, 0], n, bent, at[0]), EdgeSamples(second[:, 0], sign * m, sign * other, at[1])
+        along = first[:, 1]
+        return (
+            np.linalg.norm(one.points - two.points, axis=1),
+            angle_between(one.normals, two.normals),
+            _spectral_norm(_unfolded(one, along) - _unfolded(two, along)),
+        )
+
+    ts, values = _sharpened(partial(compare, surfaces), ts, compare(surfaces, ts))
+    found = [values]
+    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-_WORST:].tolist():
+        x, y, z = _jets(surfaces[0], places(ts[[i]])[0], order=1)[0, 0].tolist()
+        beside = [_translated(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
+        around = np.concatenate([ts[max(i - len(_INSIDE), 0) : i + len(_INSIDE) + 1], ts[::20]])
+        found.append(list(compare(beside, around)))
+    gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
+    return gap, angle, jump
+
+
+def _translated(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
+    """Return a moved copy of a surface."""
+    copy = surface.Copy()
+    copy.Translate(by)
+    return copy
+
+
+def _sharpened(
+    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...]
+) -> tuple[Array, list[Array]]:
+    """Measure again, more densely, around the largest of each of some values (n,) at ts (n,); return all that is known.
+
+    Not next to degenerate places, towards which rounding grows without limit. These show beside other samples only, so
+    that every twentieth is measured along.
+    """
+    rows = np.stack(values)
+    for _ in range(_SHARPENED):
+        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -_WORST:].ravel()
+        sound = np.asarray(np.isfinite(rows).all(axis=0))
+        before, after = np.maximum(worst - 1, 0), np.minimum(worst + 1, len(ts) - 1)
+        clear = sound[before] & sound[after]
+        low, high = ts[before][clear], ts[after][clear]
+        fine = np.unique(np.concatenate([(low + _INSIDE[:, None] * (high - low)).ravel(), ts[::20]]))
+        ts, index = np.unique(np.concatenate([ts, fine]), return_index=True)
+        rows = np.concatenate([rows, np.stack(measure(fine))], axis=1)[:, index]
+    return ts, list(rows)
 
 
 def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
@@ -536,16 +615,38 @@ def _intervals(count: int, fill: Callable[[TColStd_Array1OfReal], None]) -> Arra
 
 
 def _knots(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
-    """Return the parameters between which a curve is certainly C3, with both ends of its range."""
-    return _intervals(curve.NbIntervals(GeomAbs_C3), lambda ends: curve.Intervals(ends, GeomAbs_C3))
+    """Return the parameters between which a curve is one and the same function, with both ends of its range."""
+    ends = np.array([curve.FirstParameter(), curve.LastParameter()])
+    if curve.GetType() != GeomAbs_BSplineCurve:
+        return _intervals(curve.NbIntervals(GeomAbs_CN), lambda found: curve.Intervals(found, GeomAbs_CN))
+    spline = curve.BSpline()
+    return _between([spline.Knot(i) for i in range(1, spline.NbKnots() + 1)], ends)
 
 
 def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
-    """Return the u and the v between which a surface is certainly of a class, with both ends of its domain."""
+    """Return the u and the v between which a surface is certainly of a class, with both ends of its domain.
+
+    The knots of a B-spline are between what is CN, even of the highest degree; OCCT's own intervals leave those out.
+    """
+    if order == GeomAbs_CN and surface.GetType() == GeomAbs_BSplineSurface:
+        spline = surface.BSpline()
+        u = [spline.UKnot(i) for i in range(1, spline.NbUKnots() + 1)]
+        v = [spline.VKnot(i) for i in range(1, spline.NbVKnots() + 1)]
+        ends = np.array([surface.FirstUParameter(), surface.LastUParameter()])
+        across = np.array([surface.FirstVParameter(), surface.LastVParameter()])
+        return _between(u, ends), _between(v, across)
     return (
         _intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
         _intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
     )
+
+
+def _between(knots: Sequence[float], ends: Array) -> Array:
+    """Return the knots inside a range, with both its ends; over several periods the knots of each."""
+    inner, period = np.array(knots), knots[-1] - knots[0]
+    laps = np.arange(np.floor((ends[0] - knots[0]) / period), np.floor((ends[1] - knots[0]) / period) + 1)
+    inner = (inner + period * laps[:, None]).ravel() if len(laps) > 1 else inner
+    return np.unique(np.concatenate([ends[:1], inner[(inner > ends[0]) & (inner < ends[1])], ends[1:]]))
 
 
 def _beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Iterator[tuple[int, Array, float]]:
@@ -561,12 +662,15 @@ def _beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Ite
             yield k, beyond - size * np.round(beyond / size) if periodic[k] else beyond, size
 
 
-def _crossings(pcurve: Geom2d_Curve, low: float, high: float, surface: Geom_Surface) -> Array:
-    """Parameters at which a pcurve crosses knot lines of its surface: sign changes, refined by false position."""
-    ts = np.linspace(low, high, 257)
-    uv = _values2d(pcurve, ts)
+def crossings(curve: Callable[[Array], Array], low: float, high: float, surface: Geom_Surface) -> Array:
+    """Return where a curve in the parameter plane crosses knot lines of a surface: sign changes, found to rounding.
+
+    The curve is given by its values (n, 2) at parameters (n,) from ``low`` to ``high``.
+    """
+    ts = np.linspace(low, high, _BRACKETS)
+    uv = curve(ts)
     found = [np.empty(0)]
-    for k, beyond, size in _beyond_lines(surface, GeomAbs_C3, uv):
+    for k, beyond, size in _beyond_lines(surface, GeomAbs_CN, uv):
         before, after = beyond[:-1], beyond[1:]
         crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
         crosses &= np.abs(after - before) > _ALONG * size  # else it runs along the line
@@ -574,11 +678,19 @@ def _crossings(pcurve: Geom2d_Curve, low: float, high: float, surface: Geom_Surf
         a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
         at_line = uv[i, k] - fa
         t = a
-        for _ in range(6):
-            t = a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa)
-            f = _values2d(pcurve, t)[:, k] - at_line
-            left = fa * f > 0.0
-            a, fa, b, fb = np.where(left, t, a), np.where(left, f, fa), np.where(left, b, t), np.where(left, fb, f)
+        for _ in range(_STEPS):  # regula falsi, the Illinois way
+            t = np.clip(a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa), a, b)
+            f = curve(t)[:, k] - at_line
+            ahead = fa * f > 0.0
+            done = (np.abs(f) <= np.spacing(np.abs(at_line))) | (b - a <= np.spacing(np.abs(t)))
+            if done.all():
+                break
+            a, fa, b, fb = (
+                np.where(ahead, t, a),
+                np.where(ahead, f, fa / 2),
+                np.where(ahead, b, t),
+                np.where(ahead, fb / 2, f),
+            )
         found.append(t)
     return np.concatenate(found)
 
