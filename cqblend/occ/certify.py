@@ -18,7 +18,8 @@ from cqblend.occ import bulk
 from cqblend.occ.adapt import PCURVE
 from cqblend.occ.convert import to_face
 from cqblend.occ.joint import Joint
-from cqblend.occ.measure import contact, continuity_between, crossings, inner_crease, outline, spread
+from cqblend.occ.knots import crossings, spread
+from cqblend.occ.measure import contact, continuity_between, inner_crease, outline
 from cqblend.occ.surgery import Proposal
 from cqblend.splines import Curve, Surface
 

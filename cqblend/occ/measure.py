@@ -10,7 +10,7 @@ FORWARD face, its opposite on a REVERSED one). Locations of shapes are respected
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -21,28 +21,35 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-from OCP.Geom import Geom_BSplineSurface, Geom_Surface
+from OCP.Geom import Geom_Surface
 from OCP.Geom2d import Geom2d_Curve
 from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
 from OCP.GeomAbs import (
-    GeomAbs_BSplineCurve,
-    GeomAbs_BSplineSurface,
     GeomAbs_C1,
     GeomAbs_C2,
     GeomAbs_C3,
-    GeomAbs_CN,
-    GeomAbs_Shape,
 )
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 from OCP.Standard import Standard_Failure
-from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_OUT, TopAbs_REVERSED, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from cqblend.errors import GeometryError, InputError, SelectionError
+from cqblend.occ.knots import (
+    ALONG,
+    AROUND,
+    INSIDE,
+    WORST,
+    beyond_lines,
+    crossings,
+    knot_lines,
+    knots_of,
+    sharpened,
+    spread,
+)
 
 Array = NDArray[np.float64]
 Kind = Literal["convex", "concave", "smooth"]
@@ -52,24 +59,6 @@ SMOOTH = 1e-3
 
 _BESIDE = 1e-14
 """Step off a knot line to read one side of it, relative to the domain. OCCT tells sides apart down to 1e-15."""
-
-_AROUND = np.array([1e-8, 1e-5, 1e-3])
-"""Distances of the samples clustered on either side of a break, relative to the edge's range."""
-
-_INSIDE = (1 - np.cos(np.pi * (np.arange(11) + 0.5) / 11)) / 2
-"""Samples inside every span, as shares of it, however short: denser towards its ends, where errors are largest."""
-
-_SHORTEST = 64 * float(np.finfo(float).eps)
-"""Length of a span, relative to the parameters, below which there are no parameters inside it."""
-
-_SHARPENED, _WORST = 2, 4
-"""How often it is measured again around the largest values, and around how many of each."""
-
-_BRACKETS, _STEPS = 1025, 40
-"""Points between which crossings with knot lines are looked for, and steps in which they are found at most."""
-
-_ALONG = 1e-7
-"""A pcurve that stays this near a knot line, relative to the domain, runs along it: those read from STEP do stray."""
 
 _DEGENERATE = 1e-7
 """|Su x Sv| below this share of its largest value along the edge has a direction made of rounding: nan."""
@@ -246,7 +235,7 @@ def continuity_between(
     measured = int(np.isfinite(first[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    ts, (gaps, angles, jumps) = _sharpened(measure, ts, first)
+    ts, (gaps, angles, jumps) = sharpened(measure, ts, first)
     worst = int(np.nanargmax(angles))
     at = ts[[worst]]
     one, two = (edge_samples(use, face, at) for face, use in sides)
@@ -320,32 +309,13 @@ def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
     edge = sides[0][1]
     ends = BRep_Tool.Range_s(edge)
     unit = (0.0, 1.0)
-    breaks = [np.array(unit), _onto(_knots(BRepAdaptor_Curve(edge)), ends, unit)]
+    breaks = [np.array(unit), _onto(knots_of(BRepAdaptor_Curve(edge)), ends, unit)]
     for face, use in sides:
         pcurve, low, high = _pcurve(use, face)
-        knots = _knots(Geom2dAdaptor_Curve(pcurve, low, high))
+        knots = knots_of(Geom2dAdaptor_Curve(pcurve, low, high))
         found = crossings(partial(_values2d, pcurve), low, high, BRep_Tool.Surface_s(face))
         breaks.append(_onto(np.concatenate((knots, found)), (low, high), unit))
     return _onto(spread(np.unique(np.concatenate(breaks)), samples), unit, ends)
-
-
-def spread(at: Array, samples: int) -> Array:
-    """Spread samples over a range: equidistant, beside given places (n,), its ends among them, and in between.
-
-    However close two places are, there are samples between them, as long as there are numbers.
-    """
-    low, high = at[0], at[-1]
-    grid = np.linspace(low, high, samples)
-    around = _AROUND * (high - low)
-    clusters = (at[:, None] + np.concatenate((-around, around))).ravel()
-    ts = np.concatenate((grid, clusters))
-    ts = ts[_distance(ts, at) > around[0] / 2]
-    lengths = np.diff(at)
-    sparse = lengths < len(_INSIDE) * (high - low) / (samples - 1)
-    sparse &= lengths > _SHORTEST * max(abs(low), abs(high))
-    inside = (at[:-1] + _INSIDE[:, None] * lengths)[:, sparse].ravel()
-    ts = np.unique(np.concatenate((ts, inside)))
-    return np.asarray(ts[(ts > low) & (ts < high)])
 
 
 def contact(
@@ -374,12 +344,12 @@ def contact(
             _spectral_norm(_unfolded(one, along) - _unfolded(two, along)),
         )
 
-    ts, values = _sharpened(partial(compare, surfaces), ts, compare(surfaces, ts))
+    ts, values = sharpened(partial(compare, surfaces), ts, compare(surfaces, ts))
     found = [values]
-    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-_WORST:].tolist():
+    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-WORST:].tolist():
         x, y, z = _jets(surfaces[0], places(ts[[i]])[0], order=1)[0, 0].tolist()
         beside = [_translated(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
-        around = np.concatenate([ts[max(i - len(_INSIDE), 0) : i + len(_INSIDE) + 1], ts[::20]])
+        around = np.concatenate([ts[max(i - len(INSIDE), 0) : i + len(INSIDE) + 1], ts[::20]])
         found.append(list(compare(beside, around)))
     gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
     return gap, angle, jump
@@ -390,27 +360,6 @@ def _translated(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
     copy = surface.Copy()
     copy.Translate(by)
     return copy
-
-
-def _sharpened(
-    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...]
-) -> tuple[Array, list[Array]]:
-    """Measure again, more densely, around the largest of each of some values (n,) at ts (n,); return all that is known.
-
-    Not next to degenerate places, towards which rounding grows without limit. These show beside other samples only, so
-    that every twentieth is measured along.
-    """
-    rows = np.stack(values)
-    for _ in range(_SHARPENED):
-        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -_WORST:].ravel()
-        sound = np.asarray(np.isfinite(rows).all(axis=0))
-        before, after = np.maximum(worst - 1, 0), np.minimum(worst + 1, len(ts) - 1)
-        clear = sound[before] & sound[after]
-        low, high = ts[before][clear], ts[after][clear]
-        fine = np.unique(np.concatenate([(low + _INSIDE[:, None] * (high - low)).ravel(), ts[::20]]))
-        ts, index = np.unique(np.concatenate([ts, fine]), return_index=True)
-        rows = np.concatenate([rows, np.stack(measure(fine))], axis=1)[:, index]
-    return ts, list(rows)
 
 
 def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
@@ -433,7 +382,7 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
         low, high = bounds[2 * other : 2 * other + 2]
-        beside = _AROUND[0] * (high - low)
+        beside = AROUND[0] * (high - low)
         along = np.linspace(low + beside, high - beside, samples)
         along = np.concatenate((along, (knots[other][1:-1, None] + np.array([-beside, beside])).ravel()))
         for at in lines[k][1:-1]:
@@ -607,94 +556,6 @@ def _kind(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle:
 # ------------------------------------------------------------------------------------------------ knots and their sides
 
 
-def _intervals(count: int, fill: Callable[[TColStd_Array1OfReal], None]) -> Array:
-    """Read the ends of a number of intervals from one of OCCT's adaptors."""
-    ends = TColStd_Array1OfReal(1, count + 1)
-    fill(ends)
-    return np.array([ends.Value(i) for i in range(1, count + 2)])
-
-
-def _knots(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
-    """Return the parameters between which a curve is one and the same function, with both ends of its range."""
-    ends = np.array([curve.FirstParameter(), curve.LastParameter()])
-    if curve.GetType() != GeomAbs_BSplineCurve:
-        return _intervals(curve.NbIntervals(GeomAbs_CN), lambda found: curve.Intervals(found, GeomAbs_CN))
-    spline = curve.BSpline()
-    return _between([spline.Knot(i) for i in range(1, spline.NbKnots() + 1)], ends)
-
-
-def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
-    """Return the u and the v between which a surface is certainly of a class, with both ends of its domain.
-
-    The knots of a B-spline are between what is CN, even of the highest degree; OCCT's own intervals leave those out.
-    """
-    if order == GeomAbs_CN and surface.GetType() == GeomAbs_BSplineSurface:
-        spline = surface.BSpline()
-        u = [spline.UKnot(i) for i in range(1, spline.NbUKnots() + 1)]
-        v = [spline.VKnot(i) for i in range(1, spline.NbVKnots() + 1)]
-        ends = np.array([surface.FirstUParameter(), surface.LastUParameter()])
-        across = np.array([surface.FirstVParameter(), surface.LastVParameter()])
-        return _between(u, ends), _between(v, across)
-    return (
-        _intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
-        _intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
-    )
-
-
-def _between(knots: Sequence[float], ends: Array) -> Array:
-    """Return the knots inside a range, with both its ends; over several periods the knots of each."""
-    inner, period = np.array(knots), knots[-1] - knots[0]
-    laps = np.arange(np.floor((ends[0] - knots[0]) / period), np.floor((ends[1] - knots[0]) / period) + 1)
-    inner = (inner + period * laps[:, None]).ravel() if len(laps) > 1 else inner
-    return np.unique(np.concatenate([ends[:1], inner[(inner > ends[0]) & (inner < ends[1])], ends[1:]]))
-
-
-def _beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Iterator[tuple[int, Array, float]]:
-    """Yield, per direction with knot lines: its index, points' signed distances (n, lines), the domain's length."""
-    adaptor = GeomAdaptor_Surface(surface)
-    periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
-    for k, ends in enumerate(knot_lines(adaptor, order)):
-        closed = periodic[k] and isinstance(surface, Geom_BSplineSurface)
-        lines = ends[:-1] if closed else ends[1:-1]
-        if lines.size:
-            size = float(ends[-1] - ends[0])
-            beyond = uv[:, k, None] - lines
-            yield k, beyond - size * np.round(beyond / size) if periodic[k] else beyond, size
-
-
-def crossings(curve: Callable[[Array], Array], low: float, high: float, surface: Geom_Surface) -> Array:
-    """Return where a curve in the parameter plane crosses knot lines of a surface: sign changes, found to rounding.
-
-    The curve is given by its values (n, 2) at parameters (n,) from ``low`` to ``high``.
-    """
-    ts = np.linspace(low, high, _BRACKETS)
-    uv = curve(ts)
-    found = [np.empty(0)]
-    for k, beyond, size in _beyond_lines(surface, GeomAbs_CN, uv):
-        before, after = beyond[:-1], beyond[1:]
-        crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
-        crosses &= np.abs(after - before) > _ALONG * size  # else it runs along the line
-        i, line = np.nonzero(crosses)
-        a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
-        at_line = uv[i, k] - fa
-        t = a
-        for _ in range(_STEPS):  # regula falsi, the Illinois way
-            t = np.clip(a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa), a, b)
-            f = curve(t)[:, k] - at_line
-            ahead = fa * f > 0.0
-            done = (np.abs(f) <= np.spacing(np.abs(at_line))) | (b - a <= np.spacing(np.abs(t)))
-            if done.all():
-                break
-            a, fa, b, fb = (
-                np.where(ahead, t, a),
-                np.where(ahead, f, fa / 2),
-                np.where(ahead, b, t),
-                np.where(ahead, fb / 2, f),
-            )
-        found.append(t)
-    return np.concatenate(found)
-
-
 def _on_own_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surface, span: float) -> Array:
     """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
 
@@ -702,12 +563,12 @@ def _on_own_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surfa
     second derivatives may jump matter; a pcurve that merely crosses a line stays.
     """
     moved = uv.copy()
-    for k, beyond, size in _beyond_lines(surface, GeomAbs_C2, uv):
+    for k, beyond, size in beyond_lines(surface, GeomAbs_C2, uv):
         offset = beyond[np.arange(len(uv)), np.abs(beyond).argmin(axis=1)]
-        for i in np.nonzero(np.abs(offset) <= _ALONG * size)[0].tolist():
+        for i in np.nonzero(np.abs(offset) <= ALONG * size)[0].tolist():
             point, velocity = gp_Pnt2d(), gp_Vec2d()
             pcurve.D1(float(ts[i]), point, velocity)
-            if abs(velocity.Coord()[k] * span) <= _ALONG * size:
+            if abs(velocity.Coord()[k] * span) <= ALONG * size:
                 inward = (-velocity.Y(), velocity.X())[k] * span
                 at = uv[i, k] - offset[i]
                 moved[i, k] = at + math.copysign(_step(size, at), inward)
@@ -724,9 +585,3 @@ def _onto(ts: Array, source: tuple[float, float], target: tuple[float, float]) -
     if source == target:
         return ts
     return target[0] + (ts - source[0]) * ((target[1] - target[0]) / (source[1] - source[0]))
-
-
-def _distance(ts: Array, at: Array) -> Array:
-    """Distances from parameters to the nearest of some sorted places."""
-    i = np.searchsorted(at, ts).clip(1, len(at) - 1)
-    return np.asarray(np.minimum(np.abs(ts - at[i - 1]), np.abs(ts - at[i])))

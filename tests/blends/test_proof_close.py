@@ -9,7 +9,7 @@ from proof_witness import LongCurve, LongSurface, measure
 from cqblend import Rail, hermite_blend
 from cqblend.blends.breaks import NEAR, aligned, merged
 from cqblend.errors import GeometryError
-from cqblend.occ.measure import crossings, spread
+from cqblend.occ.knots import crossings, spread
 from cqblend.splines import Curve, Surface
 
 
