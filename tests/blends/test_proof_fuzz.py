@@ -132,8 +132,8 @@ def test_no_proof_and_no_certificate_is_below_what_is_measured(seed):
         assert not wrong, f"{one.told}: " + "; ".join(wrong)
 
 
-@pytest.mark.parametrize("form", ["exact", "compact"])
-@pytest.mark.parametrize("name", list(PAIRS) if COUNT > 100 else ["a plate from a reference"])
+@pytest.mark.parametrize("form", ["exact", "compact"] if COUNT else ["exact"])
+@pytest.mark.parametrize("name", list(PAIRS) if COUNT else ["a plate from a reference"])
 def test_potential_blends_are_proven_as_well(name, form):
     make, _ = PAIRS[name]
     a, b = SIZES.get(name, (1.0, 1.0))
