@@ -572,7 +572,7 @@ def test_rails_that_make_no_sense():
         hermite_blend(*beside, tangents="chord")
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-12, 1e-10])
+@pytest.mark.parametrize("apart", [0.0, 1e-14, 1e-12, 1e-10, 1e-8])
 def test_crossings_of_both_rails_that_nearly_coincide_are_one(apart):
     def wave(line):
         knots = [0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 0, 0, line, 1, 1, 1, 1]
@@ -586,8 +586,8 @@ def test_crossings_of_both_rails_that_nearly_coincide_are_one(apart):
     blend = hermite_blend(first, second, continuity="G2", form="exact")
     assert np.diff(blend.surface.breaks[0]).min() > 1e-3
     assert blend.certificate.inner_crease < 1e-10
-    assert blend.certificate.proof.angle < 1e-12
-    assert blend.certificate.proof.curvature_jump < 1e-11
+    assert blend.certificate.angle <= blend.certificate.proof.angle < 1e-10
+    assert blend.certificate.curvature_jump <= blend.certificate.proof.curvature_jump < 1e-8
 
 
 def test_functions_that_fail_are_named():

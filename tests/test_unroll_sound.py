@@ -295,9 +295,7 @@ def test_borders_that_cannot_be_joined_are_counted():
 def test_every_sheet_has_a_file_of_its_own(tmp_path):
     pattern = cqblend.unroll(cq.Workplane().box(90, 60, 40).val(), 0.1).with_tabs(5)
     size = (110.0, 120.0)
-    files = {
-        s: pattern.export(tmp_path / f"p.{s}", sheet=size, per_sheet=True) for s in ("dxf", "svg", "json")
-    }
+    files = {s: pattern.export(tmp_path / f"p.{s}", sheet=size, per_sheet=True) for s in ("dxf", "svg", "json")}
     count = len(files["dxf"])
     assert count > 1
     for suffix, found in files.items():

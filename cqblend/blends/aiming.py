@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends.bends import Bends, Kinks, Maker
-from cqblend.blends.breaks import SAME, merged
+from cqblend.blends.breaks import NEAR, SAME, merged
 from cqblend.blends.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon, in_space
@@ -207,7 +207,7 @@ class Aim:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
         t = thirds(nodes)
         kinks = merged(self.corners, np.array([pin.t for pin in steering.pins]))
-        corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= SAME * (nodes[-1] - nodes[0]))
+        corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= NEAR * (nodes[-1] - nodes[0]))
         weight = self.c[0] + self.c[1]  # of a rational rail: it may have kinks, which directions per weight have not
 
         def make(values: Array, kinks: Kinks | None) -> Curve:
@@ -233,7 +233,7 @@ class Aim:
         if not self.bent:
             return None
         apart = np.abs(nodes[:, None] - self.bends).min(axis=1, initial=np.inf)
-        (at,) = np.nonzero(apart <= SAME * (nodes[-1] - nodes[0]))
+        (at,) = np.nonzero(apart <= NEAR * (nodes[-1] - nodes[0]))
         joint = [0] if self.joint else []
         pairs = np.array([[*at, *(len(nodes) - 1 for _ in joint)], [*at, *joint]])
         return Bends.of(self.primary, self.c, uv, t, pairs)
@@ -266,8 +266,10 @@ def on_rails(aims: tuple[Aim, Aim], steer: float) -> tuple[Ribbon, Ribbon]:
     ribbons, nodes = refined(np.sort(np.concatenate([corners, spread[clear]])))
     found = [pins(ribbon, steer) for ribbon in ribbons]
     if any(found):
-        steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, found, strict=True)]
-        ribbons, _ = refined(merged(nodes, np.array([pin.t for some in found for pin in some])))
+        nodes = merged(nodes, np.array([pin.t for some in found for pin in some]))
+        at = [[replace(pin, t=float(nodes[np.abs(nodes - pin.t).argmin()])) for pin in some] for some in found]
+        steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, at, strict=True)]
+        ribbons, _ = refined(nodes)
     elif any(aim.exact is None for aim in aims):
         lighter = [aim.ribbon(corners, s)[0] for aim, s in zip(aims, steering, strict=True)]
         if all(map(_alike, lighter, ribbons)):

@@ -1,7 +1,9 @@
 """Breaks of several curves over one domain, made common: those that nearly coincide become one.
 
-Curves that belong together reach a break on different ways, a knot-line crossing for one, the same for another: two
-breaks next to each other would leave a piece between them whose derivatives are rounding noise.
+Two breaks next to each other would leave a piece between them, of length h, whose derivatives are the rounding of poles
+over h. Bringing them together over a distance d costs what polynomials miss when they go on past their end: d to the
+power of the continuity and one. Where curves belong together and reach a break on different ways, or both rails of a
+blend cross knot lines at nearly one place, that is less by far.
 """
 
 from __future__ import annotations
@@ -10,40 +12,78 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cqblend.splines import Curve, bernstein
+from cqblend.splines import SMOOTH, Curve, bernstein
 from cqblend.splines.bernstein import Array
 
-SAME = 1e-9  # of the domain: breaks that differ by less are one
+NEAR = 1e-6  # of the domain: breaks of a blend that differ by less are brought together
+SAME = 1e-9  # of the domain: breaks of a ribbon that differ by less are one break, reached on different ways
+MOVED = 1e-13  # of the domain: beyond that, a break has been moved
+JUMP = 1e-4  # relative: pieces that are farther apart where their common break has been moved to do not meet
 
 
-def merged(*sets: Array) -> Array:
-    """Unite sets of parameters, ascending; of those that differ by less than ``SAME`` one stays, the ends for sure."""
+def merged(*sets: Array, near: float = NEAR) -> Array:
+    """Unite sets of parameters, ascending; of those that differ by less than ``near`` one stays, the ends for sure."""
     t = np.unique(np.concatenate(sets))
-    same = SAME * (t[-1] - t[0])
-    inner = t[(t - t[0] > same) & (t[-1] - t > same)]
-    inner = inner[np.append(True, np.diff(inner) > same)] if len(inner) else inner
-    return np.concatenate([t[:1], inner, t[-1:]])
+    return _gathered(t, np.zeros(len(t)), near * (t[-1] - t[0]))
 
 
-def aligned(curves: Sequence[Curve]) -> list[Curve]:
-    """Cut curves at each other's breaks."""
+def _gathered(t: Array, order: Array, near: float) -> Array:
+    """Choose one of each cluster of parameters (n,), ascending: the first of least order; the ends for sure."""
+    apart = np.diff(t) > near
+    if apart.all():
+        return t
+    cluster = np.append(0, np.cumsum(apart))
+    order = order.astype(float)
+    order[[0, -1]] = -np.inf
+    chosen = np.lexsort((order, cluster))
+    best = chosen[np.append(True, np.diff(cluster[chosen]) > 0)]
+    return np.unique(np.concatenate([t[[0]], t[best], t[[-1]]]))
+
+
+def aligned(curves: Sequence[Curve], near: float = NEAR) -> list[Curve]:
+    """Cut curves at each other's breaks; those that differ by less than ``near`` become the least smooth of them."""
     first = curves[0].breaks
-    if all(np.array_equal(curve.breaks, first) for curve in curves[1:]):
+    slack = near * (first[-1] - first[0])
+    if all(np.array_equal(curve.breaks, first) for curve in curves[1:]) and np.diff(first).min() > slack:
         return list(curves)
-    breaks = merged(*(curve.breaks for curve in curves))
+    t = np.concatenate([curve.breaks[1:-1] for curve in curves])
+    order = np.concatenate([curve.continuity for curve in curves])
+    inner = np.unique(t)
+    least = np.full(len(inner), SMOOTH)
+    np.minimum.at(least, np.searchsorted(inner, t), order)
+    ends = np.array([0])
+    breaks = _gathered(np.concatenate([first[:1], inner, first[-1:]]), np.concatenate([ends, least, ends]), slack)
     return [onto(curve, breaks) for curve in curves]
 
 
 def onto(curve: Curve, breaks: Array) -> Curve:
     """Cut at the breaks, to which its own ones next to them move: pieces go on as polynomials as far as that takes.
 
-    Over such a distance d, that errs by d to the power of the continuity and one.
+    Pieces between own breaks that move to one place vanish. Over a distance d, going on errs by d to the power of the
+    continuity and one, and derivatives of order k by k powers less: a break that has moved keeps one order less.
     """
     old = curve.breaks
-    own = breaks[np.abs(old[:, None] - breaks).argmin(axis=1)]
+    to = np.abs(old[:, None] - breaks).argmin(axis=1)
+    own = breaks[to]
     if not np.array_equal(own, old):
-        kept = np.flatnonzero(np.diff(own) > 0)
+        kept = np.flatnonzero(np.diff(to) > 0)
         start, end, length = own[kept], own[kept + 1], np.diff(old)[kept]
         coefs = bernstein.restrict(curve.coefs[..., kept], (start - old[kept]) / length, (end - old[kept]) / length)
-        curve = Curve(np.append(start, end[-1]), coefs, continuity=curve.continuity[kept[1:] - 1])
+        moved = np.abs(own - old)[1:-1] > MOVED * (old[-1] - old[0])
+        rough = moved & (curve.continuity > 0) & (curve.continuity < SMOOTH)
+        order = curve.continuity - rough
+        least = np.full(len(breaks), SMOOTH)
+        np.minimum.at(least, to[1:-1], order)
+        apart = np.zeros(len(breaks), bool)
+        np.logical_or.at(apart, to[1:-1], moved)
+        _joined(coefs, apart[to[kept[1:]]])
+        curve = Curve(np.append(start, end[-1]), coefs, continuity=least[to[kept[1:]]])
     return curve.cut(breaks[1:-1])
+
+
+def _joined(coefs: Array, moved: Array) -> None:
+    """Let pieces meet at breaks that have moved, but not those that jump: at creases, or what comes near to them."""
+    before, after = coefs[-1, :, :-1], coefs[0, :, 1:]
+    jump = np.abs(after - before).max(axis=0, initial=0.0)
+    meet = moved & (jump <= JUMP * np.abs(coefs).max())
+    before[:, meet] = after[:, meet] = (before[:, meet] + after[:, meet]) / 2

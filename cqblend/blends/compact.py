@@ -47,6 +47,7 @@ JOINT = 3  # poles that a joint costs beyond single knots
 EXPLAINS = 0.3  # a jump explains an error if ignoring it costs this share of it
 SNAP = 0.1  # of a span: nearer breaks of the exact jets take the place of the middle of a stretch
 TINY = 1e-100  # length of a vector that has none
+ROUNDING = 16 * float(np.finfo(float).eps)  # of the coefficients of a jet, as far as it shows in what is compared
 FITTED, CHECKED = 4, 10  # samples of each span
 
 Jets = Sequence[Curve]
@@ -110,17 +111,30 @@ class _Exact:
         """Return for each side its Euclidean jets with the derivatives that count, (orders, 2 or 3, n, 3)."""
         return [along(jets, t, _counted(jets), "right") for jets in self.sides]
 
-    def errors(self, fitted: list[Array], exact: list[Array]) -> Array:
-        """Compare what :meth:`values` returns: (n,), the largest error of any sort as a share of its tolerance."""
+    def errors(self, fitted: list[Array], exact: list[Array], widths: Array) -> Array:
+        """Compare what :meth:`values` returns: (n,), the largest error of any sort as a share of its tolerance.
+
+        Derivatives on pieces of the ``widths`` (n,) are known to the rounding of poles over these, and no better by any
+        number of spans: on short ones, that is allowed as well.
+        """
         ratios = []
-        for fit, true, size in zip(fitted, exact, self.sizes, strict=True):
+        step = 2 * self.sides[0][0].degree / widths
+        for fit, true, size, jets in zip(fitted, exact, self.sizes, self.sides, strict=True):
+            noise = [ROUNDING * float(np.abs(jet.coefs).max()) for jet in jets]
             ratios.append(_norm(fit[0, 0] - true[0, 0]) / self.tolerance)
             if len(fit) == 1:
                 continue
-            ratios.append(_norm(fit[1, 0] - true[1, 0]) / (_norm(true[1, 0]) * self.angular))
+            speed, reach = (np.maximum(_norm(x), TINY) for x in (true[0, 1], true[1, 0]))
+            ratios.append(_norm(fit[1, 0] - true[1, 0]) / (reach * self.angular + noise[1]))
             n, wanted = (cross(x[0, 1], x[1, 0]) for x in (fit, true))
-            ratios.append(np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1)) / self.angular)
-            ratios += [np.abs(x - y) / CURVATURE for x, y in zip(_bends(fit, size), _bends(true, size), strict=True)]
+            turned = np.arctan2(_norm(cross(n, wanted)), (n * wanted).sum(-1))
+            ratios.append(turned / (self.angular + noise[0] * step / speed + noise[1] / reach))
+            if len(fit) == 2:
+                continue
+            unsure = [noise[2] / reach**2, noise[0] * (step / speed) ** 2, noise[1] * step / (speed * reach)]
+            unsure += [one * size / reach**3 for one in noise[3:]]
+            bends = zip(_bends(fit, size), _bends(true, size), unsure, strict=True)
+            ratios += [np.abs(x - y) / (CURVATURE + size * allowed) for x, y, allowed in bends]
         return np.asarray(np.max(ratios, axis=0) / MARGIN)
 
     def influence(self, jumps: Array, rows: Array) -> Array:
@@ -169,6 +183,8 @@ def compact(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float
     - X_2: the normal curvatures along C' and T and the mixed one, :math:`\langle C'', n\rangle / |C'|^2`,
       :math:`\langle X_2, n\rangle / |T|^2` and :math:`\langle T', n\rangle / (|C'| |T|)`, to :math:`\beta`;
     - X_3: :math:`\langle X_3, n\rangle / |T|^3` to :math:`\beta` / size.
+
+    On pieces so short that the rounding of poles shows in derivatives, that rounding is allowed as well.
 
     This is measured, with a margin of a tenth, at ten points of each span of the fit and two of each piece of the exact
     jets; it is not proven in between, and narrow features where C' and T are nearly parallel may be missed. At both
@@ -352,9 +368,16 @@ def _fitted(exact: _Exact, stretches: list[_Stretch]) -> Iterable[tuple[_Stretch
 
     starts, ends = (np.concatenate(part) for part in zip(*(stretch.spanned() for stretch in stretches), strict=True))
     fit = _evaluated(exact, np.concatenate(coefs, axis=-1), starts, ends, t[used[-1] :])
-    errors = exact.errors(fit, [side[:, :, used[-1] :] for side in values])
+    at = t[used[-1] :]
+    widths = [_width(starts, ends, at), _width(exact.breaks[:-1], exact.breaks[1:], at)]
+    errors = exact.errors(fit, [side[:, :, used[-1] :] for side in values], np.minimum(*widths))
     for i, stretch in enumerate(stretches):
         yield stretch, coefs[i], checks[i], errors[checked[i] : checked[i + 1]]
+
+
+def _width(starts: Array, ends: Array, t: Array) -> Array:
+    """Return the lengths of the spans in which parameters lie, (n,)."""
+    return np.asarray((ends - starts)[np.clip(np.searchsorted(starts, t, "right") - 1, 0, len(starts) - 1)])
 
 
 def _checks(exact: _Exact, stretch: _Stretch) -> Array:

@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.blends.breaks import aligned
 from cqblend.blends.compact import compact
 from cqblend.blends.creases import way_out
 from cqblend.blends.primaries import Array, cross, unit
@@ -57,16 +58,21 @@ class Blend:
 
 
 def _jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
-    """Return the homogeneous jets of both ribbons; those of light ones of the lowest degree that they really have."""
-    first, second = (
-        [jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.jets()[: ribbon.order + 1]]
-        for ribbon in ribbons
-    )
-    _check_smooth(ribbons, (first, second))
-    for ribbon, jets in zip(ribbons, (first, second), strict=True):
+    """Return the homogeneous jets of both ribbons on common breaks, none of which nearly coincide.
+
+    Those of light ribbons are of the lowest degree that they really have.
+    """
+    sides = []
+    for ribbon in ribbons:
+        jets = [jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.jets()[: ribbon.order + 1]]
+        sides.append(jets)
+    together, count = aligned([*sides[0], *sides[1]]), len(sides[0])
+    gathered = together[:count], together[count:]
+    _check_smooth(ribbons, gathered)
+    for ribbon, jets in zip(ribbons, gathered, strict=True):
         if ribbon.order:
             _check_plane(ribbon, jets[0], jets[1])
-    return first, second
+    return gathered
 
 
 def _check_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:

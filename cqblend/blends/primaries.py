@@ -37,7 +37,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cqblend.blends.breaks import aligned
+from cqblend.blends.breaks import SAME, aligned
 from cqblend.blends.kinks import shape_order, taylor
 from cqblend.errors import GeometryError
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
@@ -260,7 +260,7 @@ class Quadric(Primary):
         return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
 
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
-        phi = aligned([c, *directions])
+        phi = aligned([c, *directions], SAME)
         breaks = phi[0].breaks
         jets = []
         for k in range(len(phi) if order is None else order + 1):
@@ -636,7 +636,7 @@ class Tensor(Primary):
 
     def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         order = len(directions) if order is None else order
-        c, *rest = aligned([c, *directions])
+        c, *rest = aligned([c, *directions], SAME)
         c, patches, spans, crossed = self._follow(c)
         phi = [c, *(d.cut(c.breaks[1:-1]) for d in rest)]
         pairs = [self._local(x, spans) for x in phi]
@@ -776,7 +776,7 @@ class Tensor(Primary):
         weight = c.coefs[:, 2 * axes[0] : 2 * axes[0] + 2].sum(1)
         plain = np.stack([*(c.coefs[:, 2 * axis + 1] for axis in axes), weight], 1)
         bare = Curve(c.breaks, plain, rational=True, continuity=np.full(len(c.breaks) - 2, SMOOTH))
-        cut, found, crossed = follow(bare, lines, orders)
+        cut, found, crossed = follow(bare, lines, orders, 0.0)
         c = c.cut(cut.breaks[1:-1])
         index = [np.zeros(len(c.breaks) - 1, int), np.zeros(len(c.breaks) - 1, int)]
         spans: list[tuple[Array, Array] | None] = [None, None]

@@ -1,12 +1,14 @@
 r"""What the coefficients of a finished blend prove: bounds that hold along the whole rail, not at samples of it.
 
-Along one of its two boundaries a blend H(t, v) has the rows of poles X, V, W: the homogeneous H, H_v and H_vv there.
-The primary gives, for the same t, the jets P(c), DP d, .. of the ribbon and a normal N of its tangent plane, worked out
-on a way of its own (:meth:`cqblend.blends.primaries.Primary.normal`). Everything below is made of polynomials in t on
-every piece, formed by exact products and bounded by the hull of their coefficients. With D = H(t, 0) - S(c(t)),
-a = H_t and b = H_v in space, n = N/|N|, theta the angle between a and b, A = |n.a|/|a| and B = |n.b|/|b|:
+They hold for the surface that is returned, the doubles in it, as OCCT evaluates them. Along one of its two boundaries a
+blend H(t, v) has the rows of poles X, V, W: the homogeneous H, H_v and H_vv there. The primary gives, for the same t,
+the jets P(c), DP d, .. of the ribbon and a normal N of its tangent plane, worked out on a way of its own
+(:mod:`cqblend.blends.witness`). Everything below is made of polynomials in t on every piece between knots of the blend
+and places where the rail crosses knot lines, formed by exact products and bounded by the hull of their coefficients
+(:mod:`cqblend.blends.bounds`). With a = H_t and b = H_v in space, n = N/|N|, theta the angle between a and b,
+A = |n.a|/|a| and B = |n.b|/|b|:
 
-*Gap.* D = (X w_S - P w_H)/(w_H w_S): the hull of the numerator over the least weights.
+*Gap.* D = H(t, 0) - S(c(t)) = (X w_S - P w_H)/(w_H w_S): the hull of the numerator over the least weights.
 
 *Angle.* The blend's normal m = a x b has the part n x m = a (n.b) - b (n.a) in the primary's plane, so the angle phi
 between the tangent planes of H at (t, 0) and of S at c(t) satisfies
@@ -16,9 +18,9 @@ between the tangent planes of H at (t, 0) and of S at c(t) satisfies
 
 B is the determinant det[P, Pu, Pv, Hv] of Kim and Elber (section 2) over the lengths of what it is made of. A comes
 from the rail: S(c)' is tangent, so n.a = n.D'. In an exact blend D is the rounding of poles, and D' is that rounding
-over the length of a piece, which on short pieces says nothing of the shape. So on pieces where |D| is proven to be
-below ``ROUNDING`` times the largest coordinate, the bound is that of the surface H(t, v) - D(t), which is nowhere
-farther from H than that and has S(c) for its boundary: there a = S(c)' and A = 0. On all other pieces it is that of H.
+over the length of a piece, up to 2 p |D|/h: on short pieces it is what counts. Where breaks that nearly coincide have
+been brought together, D and D' between them are what polynomials miss that go on past their end: these are pieces like
+all others here.
 
 *Jump of the normal curvature.* The ribbon's map G(t, v) = S(c + v d + v^2/2 e) parametrises the primary. Its jets give
 the primary's second fundamental form, II(G_i, G_j) = n.G_ij for i, j in {t, v}, as quotients of splines, and those of H
@@ -41,80 +43,96 @@ cos(phi) the two forms differ by at most
 
 From these three, |a|, |b| and theta follows the largest difference on unit vectors, in all directions of the plane; the
 factor cos(phi), and projected unit vectors being shorter by up to that much, cost a share sin^2(phi) of the curvatures.
-The gauge of rational blends drops out: what it adds to H_ij is a combination of a and b.
-On a piece of length h, II(G_t, G_t) is known up to the rounding of P(c) times (2 p/h)^2, and the bound with it.
+The gauge of rational blends drops out: what it adds to H_ij is a combination of a and b. D'' is in it, up to
+4 p^2 |D|/h^2. G_ij needs no quotients of differences: II(G_t, G_t) and II(G_t + x G_v, G_t + x G_v) come from second
+derivatives along c' and c' + x d, whatever c', d and x are.
+
+*Evaluation.* Where derivatives are evaluated with errors of up to E_a, E_b, E_ij (:mod:`cqblend.blends.rounding`), the
+plane of a and b turns by at most
+
+.. math:: \psi = \frac{1}{\sin\theta} \Big(\frac{E_a}{|a|} + \frac{E_b}{|b|}\Big),
+
+the form n.H_ij changes by E_ij + psi |H_ij|, and coordinates of unit vectors by a share psi. The same holds for S_u,
+S_v and S_ij of the primary. What is measured differs by no more than that.
 
 The rounding of what is computed here is carried along as a bound on the error of the coefficients, product by product;
-P, its jets and N enter with ``COMPOSED`` of error. The blend's own coefficients count as exact. Positions are taken
-from a point of each piece (x - x_0 w), so that products do not lose what coordinates far from the origin would. Knots
-of blend and surface that lie within 1e-9 of the rail of each other count as one (:mod:`cqblend.blends.breaks`): between
-them, pieces go on as polynomials.
-
-This module must not know how blends are made, and believes nothing of what they were meant to be.
+P, its jets and N enter with ``COMPOSED`` of error. Positions are taken from a point of each piece (x - x_0 w), so that
+products do not lose what coordinates far from the origin would. This module must not know how blends are made, and
+believes nothing of what they were meant to be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cqblend.blends.breaks import merged, onto
+from cqblend.blends.bounds import EPS, Norms, Poly, Row, even_weight, largest
+from cqblend.blends.breaks import MOVED, merged, onto
 from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.rounding import Rounding, rounding
+from cqblend.blends.witness import CLOSED_FORM, Witness, pieces
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
 
 if TYPE_CHECKING:
     from cqblend.blends.hermite import Blend
 
-EPS = float(np.finfo(float).eps)
-ROUNDING = 2.0**-46  # of the largest coordinate, 1.4e-14: a rail nearer than that to the exact one is the exact one
 COMPOSED = 8 * EPS  # error of P(c) and its like, relative to the largest coefficient of a piece; below 2 EPS measured
 EVEN = 256 * EPS  # weights that differ by less, relatively, count as one, and the difference as an error
-RATIO = 1.25  # how much larger than a value that is taken a bound may be; pieces are halved until it is
-HALVINGS = 12
+READ = 8 * EPS  # angle by which two unit normals are off as they are compared
 
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What is proven of how a blend meets a surface, for every point of the rail.
+    """What is proven of how a blend meets its surfaces, for every point of the rails.
 
     Attributes
     ----------
     gap : float
         Distance between H(t, 0) and S(c(t)), at most, mm.
     angle : float
-        Angle between the tangent planes there, at most, rad; pi/2 where nothing is proven.
+        Angle between the normals there, at most, rad; pi where nothing is proven.
     curvature_jump : float or None
-        Difference of the normal curvatures in any direction, at most, 1/mm; None below G2.
+        Difference of the normal curvatures in any direction, at most, 1/mm; None as soon as it is not proven for one of
+        the rails, as below G2.
+    sides : tuple of Proof
+        The same for each rail alone, in the order of the certificate's rails.
 
     Examples
     --------
-    >>> print(Proof(2e-16, 3.1e-15))
-    proven for the whole rail: gap <= 2.0e-16 mm, angle <= 3.1e-15 rad
+    >>> first, second = Proof(2e-16, 3.1e-15, 4e-13), Proof(1e-16, 7.2e-15)
+    >>> print(first)
+    proven for the whole rail: gap <= 2.0e-16 mm, angle <= 3.1e-15 rad, curvature jump <= 4.0e-13 1/mm
+    >>> print(first | second)
+    proven for the whole rail: gap <= 2.0e-16 mm, angle <= 7.2e-15 rad
+    >>> [side.curvature_jump for side in (first | second).sides]
+    [4e-13, None]
     """
 
     gap: float
     angle: float
     curvature_jump: float | None = None
+    sides: tuple[Proof, ...] = field(default=(), repr=False, compare=False)
 
     def __or__(self, other: Proof) -> Proof:
-        """Return what is proven of two rails: the larger bounds."""
-        jumps = [proof.curvature_jump for proof in (self, other) if proof.curvature_jump is not None]
-        return Proof(max(self.gap, other.gap), max(self.angle, other.angle), max(jumps, default=None))
+        """Return what is proven of all rails of two: the larger bounds."""
+        sides = tuple(side for proof in (self, other) for side in proof.sides or (proof,))
+        jumps = [side.curvature_jump for side in (self, other)]
+        jump = None if None in jumps else max(jump for jump in jumps if jump is not None)
+        return Proof(max(self.gap, other.gap), max(self.angle, other.angle), jump, sides)
 
     def __str__(self) -> str:
         jump = "" if self.curvature_jump is None else f", curvature jump <= {self.curvature_jump:.1e} 1/mm"
         return f"proven for the whole rail: gap <= {self.gap:.1e} mm, angle <= {self.angle:.1e} rad{jump}"
 
 
-def prove(blend: Blend) -> Proof:
+def prove(blend: Blend, doubts: tuple[float, float] = (0.0, 0.0)) -> Proof:
     """Prove how a blend meets both of its surfaces: the larger bounds of the two rails.
 
-    The proof is about the B-spline that the blend leaves as, with its knots.
+    The proof is about the B-spline that the blend leaves as, with its knots; ``doubts`` as in :func:`prove_side`.
 
     Raises
     ------
@@ -123,10 +141,12 @@ def prove(blend: Blend) -> Proof:
     """
     surface = Surface.from_bspline(*blend.surface.to_bspline())
     first, second = blend.ribbons
-    return prove_side(surface, 0, first) | prove_side(surface, 1, second)
+    return prove_side(surface, 0, first, doubt=doubts[0]) | prove_side(surface, 1, second, doubt=doubts[1])
 
 
-def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int | None = None) -> Proof:
+def prove_side(
+    surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int | None = None, doubt: float = 0.0
+) -> Proof:
     """Prove how a surface meets the primary of a ribbon along its boundary v = first (``end`` 0) or last (1).
 
     Parameters
@@ -139,6 +159,8 @@ def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int 
         What it is to meet; its directions say which ones the boundary runs across in, and matter from order 2 on.
     order
         0 for the gap and the angle alone, 2 for the jump of curvature as well; by default that of the ribbon.
+    doubt
+        By how much the native parameters at which the primary is read may be off the rail's, where they are angles.
 
     Raises
     ------
@@ -149,108 +171,10 @@ def prove_side(surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int 
     (a, b), (c, d) = surface.domain[0], ribbon.c.domain
     if max(abs(a - c), abs(b - d)) > 8 * EPS * max(abs(a), abs(b)):
         raise InputError(f"the surface runs over t = [{a:.9g}, {b:.9g}], its ribbon over [{c:.9g}, {d:.9g}]: clip one")
-    side = _Side(surface, end, ribbon, 2 if order >= 2 else 1)
-    gap = side.gap()
-    sine = min(1.0, side.sine())
-    return Proof(gap, float(np.arcsin(sine)), side.curvature_jump(sine) if order >= 2 else None)
-
-
-# -- polynomials with an error
-
-
-class _Poly(NamedTuple):
-    """Bernstein coefficients (p+1, dim, n), and by how much those of each piece may be off (n,)."""
-
-    coefs: Array
-    error: Array
-
-    @property
-    def size(self) -> Array:
-        """Largest absolute coefficient of each piece, (n,)."""
-        return np.abs(self.coefs).max(axis=(0, 1))
-
-    def pick(self, *components: int) -> _Poly:
-        """Take components, in the given order."""
-        return _Poly(self.coefs[:, list(components)], self.error)
-
-    def at(self, pieces: Array) -> _Poly:
-        """Take pieces, (n,) bool."""
-        return _Poly(self.coefs[..., pieces], self.error[pieces])
-
-    def elevated(self, amount: int) -> _Poly:
-        """Raise the degree."""
-        if not amount:
-            return self
-        return _Poly(bernstein.elevate(self.coefs, amount), self.error + EPS * (amount + 8) * self.size)
-
-    def __mul__(self, other: _Poly) -> _Poly:  # type: ignore[override]
-        """Multiply component by component; a scalar with each."""
-        x, y = self.size, other.size
-        rounding = EPS * (min(len(self.coefs), len(other.coefs)) + 8)
-        error = rounding * x * y + x * other.error + self.error * y + self.error * other.error
-        return _Poly(bernstein.product(self.coefs, other.coefs), error)
-
-    def __sub__(self, other: _Poly) -> _Poly:
-        degree = max(len(self.coefs), len(other.coefs))
-        x, y = (poly.elevated(degree - len(poly.coefs)) for poly in (self, other))
-        return _Poly(x.coefs - y.coefs, x.error + y.error + EPS * (x.size + y.size))
-
-    def dot(self, other: _Poly) -> _Poly:
-        """Scalar product."""
-        terms = self * other
-        return _Poly(terms.coefs.sum(axis=1, keepdims=True), terms.coefs.shape[1] * (terms.error + EPS * terms.size))
-
-    def cross(self, other: _Poly) -> _Poly:
-        """Vector product."""
-        return self.pick(1, 2, 0) * other.pick(2, 0, 1) - self.pick(2, 0, 1) * other.pick(1, 2, 0)
-
-    def halves(self) -> _Poly:
-        """Both halves of every piece, the left ones first."""
-        n = len(self.error)
-        x0, x1 = np.repeat([0.0, 0.5], n), np.repeat([0.5, 1.0], n)
-        error = self.error + EPS * len(self.coefs) * self.size
-        return _Poly(bernstein.restrict(np.tile(self.coefs, 2), x0, x1), np.tile(error, 2))
-
-    def norms(self) -> tuple[Array, Array]:
-        """Bound the norm on each piece, (n,) from below, along the mean direction, and (n,) from above, by the hull."""
-        slack = np.sqrt(self.coefs.shape[1]) * self.error * (1 + 16 * EPS)
-        lengths = np.linalg.norm(self.coefs, axis=1)
-        mean = self.coefs.mean(axis=0)
-        length = np.linalg.norm(mean, axis=0)
-        mean = np.divide(mean, length, out=np.zeros_like(mean), where=length > 0)
-        low = (self.coefs * mean).sum(axis=1).min(axis=0) * (1 - 16 * EPS) - slack
-        return np.maximum(low, 0.0), lengths.max(axis=0) * (1 + 16 * EPS) + slack
-
-    def ends(self) -> tuple[Array, Array]:
-        """Bound the norm at both ends of each piece, (2, n) from below and from above."""
-        slack = np.sqrt(self.coefs.shape[1]) * self.error
-        lengths = np.linalg.norm(self.coefs[[0, -1]], axis=1)
-        return np.maximum(lengths - slack, 0.0), lengths + slack
-
-
-class _Row(NamedTuple):
-    """A homogeneous curve (xyz, w), its positions taken from a point of each piece."""
-
-    xyz: _Poly
-    w: _Poly
-
-    def over(self, base: _Row) -> _Poly:
-        """Return what a jet is in space, times the square of the weight: Y w - X Y_w, for a base (X, w)."""
-        return self.xyz * base.w - base.xyz * self.w
-
-
-def _weight(coefs: Array, error: Array) -> _Poly:
-    """Return a weight; one that is constant to rounding, as a constant."""
-    middle = coefs.mean(axis=0, keepdims=True)
-    spread = np.abs(coefs - middle).max(axis=(0, 1))
-    if np.all(spread <= 64 * EPS * np.maximum(np.abs(middle[0, 0]), 1.0)):
-        return _Poly(middle, error + spread)
-    return _Poly(coefs, error)
-
-
-def _sizes(curve: Curve) -> Array:
-    """Largest absolute coefficient of each piece, (n,)."""
-    return np.abs(curve.coefs).max(axis=(0, 1))
+    side = _Side(surface, end, ribbon, 2 if order >= 2 else 1, doubt)
+    angle = side.angle()
+    jump = side.curvature_jump(angle) if order >= 2 and angle < np.pi / 2 else np.inf
+    return Proof(side.gap(), angle if angle < np.pi / 2 else np.pi, jump if np.isfinite(jump) else None)
 
 
 # -- one boundary
@@ -259,168 +183,174 @@ def _sizes(curve: Curve) -> Array:
 class _Side:
     """A surface H along one boundary and the ribbon's map G(t, v) = S(c + v d + ..) there, on common pieces.
 
-    What is called by a derivative, ``h["tv"]`` for H_tv, is that derivative in space, without the part along the first
-    ones that the gauge adds, times the common ``weight``.
+    ``polys`` are what bounds depend on. What is called by a derivative, "tv" for H_tv, is that derivative in space,
+    without the part along the first ones that the gauge adds, times the square "w" of the weight.
     """
 
-    def __init__(self, surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int) -> None:
-        self.rows = _rows(surface, end, order)
-        self.jets = ribbon.primary.jets(ribbon.c, ribbon.directions, max(order, len(ribbon.directions)))
-        normal = ribbon.primary.normal(ribbon.c)
-        self.breaks = merged(self.rows[0].breaks, self.jets[0].breaks, normal.breaks)
-        boundary, _ = self._cut(self.rows[0])
+    def __init__(self, surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int, doubt: float) -> None:
+        degrees, knots, poles, weights = surface.to_bspline()
+        far = poles[:, -end].mean(axis=0)
+        self.rows = _rows(surface, end, -far, order)
+        self.witness = witness = Witness(ribbon, far)
+        native = list(witness.native.values()) if witness.rounding is not None else []
+        curves = [self.rows[0, 0], witness.normal, witness.along[0], *native]
+        if order >= 2:
+            curves += [witness.across[0], witness.mixed[0]]
+        self.breaks = merged(*(curve.breaks for curve in curves), near=MOVED)
+        boundary = self._cut(self.rows[0, 0])[0]
         self.origin = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
 
-        self.n = _Poly(*self._cut(normal, COMPOSED * _sizes(normal)))
-        self.x, self.p = self._row(self.rows[0]), self._jet(0, 0)
-        numerator, weights = self.x.over(self.p), self.x.w * self.p.w
-        self.distance = numerator, weights
-        reach = np.abs(boundary[:, :3]).max(axis=(0, 1)) / boundary[:, 3].min(axis=0)
-        self.same = numerator.norms()[1] <= ROUNDING * reach * weights.norms()[0]
-
+        self.n = Poly(*self._cut(witness.normal, COMPOSED))
+        self.x, self.p = self._row(self.rows[0, 0], EPS), self._row(witness.along[0], COMPOSED)
+        self.distance = self.x.over(self.p), self.x.w * self.p.w
         first, second = self.x.w * self.x.w, self.p.w * self.p.w
         apart = first - second
         self.even = bool(np.all(apart.size + apart.error <= EVEN * first.norms()[0]))
         self.squares = first, second
-        self.weight = first if self.even else first * second
-        self.h = {"v": self._of_surface(1, 0)}
-        self.g = {"t": self._of_ribbon(0, 1)}
-        self.h["t"] = _chosen(self.same, self.g["t"], self._of_surface(0, 1))
-        self.na = self._kept(self.n.dot(self.h["t"]))
-        self.nb = self.n.dot(self.h["v"])
-        self.area = self.n.dot(self.h["t"].cross(self.h["v"]))
+        t, v = self._of_surface(0, 1), self._of_surface(1, 0)
+        self.polys = {"n": self.n, "w": first, "t": t, "v": v, "area": self.n.dot(t.cross(v))}
+        self.polys |= {"nt": self.n.dot(t), "nv": self.n.dot(v)}
 
-    def _cut(self, curve: Curve, error: Array | None = None) -> tuple[Array, Array]:
-        """Cut a curve on the common breaks; the coefficients of its own pieces may be off by ``error``."""
+        middles = (self.breaks[:-1] + self.breaks[1:]) / 2
+        table = rounding((degrees, knots, poles, weights), end)
+        spans = len(surface.breaks[0]) - 1
+        self.own = table.at(np.clip(np.searchsorted(surface.breaks[0], middles) - 1, 0, spans - 1), 0)
+        self.other = None if witness.rounding is None else witness.rounding(middles)
+        self._add("h", self.own)
+        self.shift = doubt * 2 * float(np.linalg.norm(ribbon.primary.jet(ribbon.native(middles))[1:3], axis=-1).max())
+        unsure = np.full_like(middles, doubt if self.other is not None else doubt + CLOSED_FORM)
+        self.polys["unsure"] = Poly(unsure[None, None], np.zeros_like(middles))
+        if self.other is not None:
+            self._add("s", self.other)
+            self.polys["ws"] = second
+            for name, curve in witness.native.items():
+                self.polys["s" + name] = self._row(curve, COMPOSED).over(self.p)
+            self.polys["sarea"] = self.n.dot(self.polys["su"].cross(self.polys["sv"]))
+
+    def _add(self, name: str, table: Rounding) -> None:
+        """Add bounds of errors ("eh10") and of derivatives ("zh10") to what quantities depend on."""
+        for prefix, values in (("e", table.error), ("z", table.size)):
+            for (i, j), value in values.items():
+                self.polys[f"{prefix}{name}{i}{j}"] = Poly(value[None, None], np.zeros_like(value))
+
+    def _cut(self, curve: Curve, known: float = 0.0) -> tuple[Array, Array]:
+        """Cut a curve on the common breaks; the coefficients of its own pieces are off by a ``known`` share of them."""
         cut = onto(curve, self.breaks)
         own = np.searchsorted(curve.breaks, (cut.breaks[:-1] + cut.breaks[1:]) / 2) - 1
-        known = 0.0 if error is None else error[own]
         rounding = 2 * EPS * (curve.degree + 1) if len(cut.breaks) > len(curve.breaks) else 0.0
-        return cut.coefs, known + rounding * _sizes(curve)[own]
+        size = np.abs(curve.coefs).max(axis=(0, 1))[np.clip(own, 0, len(curve.breaks) - 2)]
+        return cut.coefs, (known + rounding) * size
 
-    def _row(self, curve: Curve, errors: Sequence[Array | None] = (None, None)) -> _Row:
-        parts = (curve[:3], curve[3])
-        (xyz, error), (w, doubt) = (self._cut(part, known) for part, known in zip(parts, errors, strict=True))
+    def _row(self, curve: Curve, known: float = 0.0) -> Row:
+        (xyz, error), (w, doubt) = (self._cut(part, known) for part in (curve[:3], curve[3]))
         shift = self.origin * w
         error = error + 2 * EPS * np.abs(shift).max(axis=(0, 1))
-        return _Row(_Poly(xyz - shift, error), _weight(w, doubt))
+        return Row(Poly(xyz - shift, error), even_weight(w, doubt))
 
-    def _jet(self, across: int, along: int) -> _Row:
-        # differentiated before it is cut: a piece of rounding's length has no difference quotients
-        jet = self.jets[across]
-        factor = COMPOSED * (2 * jet.degree / np.diff(jet.breaks)) ** along
-        return self._row(jet.derivative(along), [factor * _sizes(part) for part in (jet[:3], jet[3])])
+    def _of_surface(self, across: int, along: int) -> Poly:
+        return self._row(self.rows[across, along], EPS).over(self.x)
 
-    def _of_surface(self, across: int, along: int) -> _Poly:
-        derivative = self._row(self.rows[across].derivative(along)).over(self.x)
-        return derivative if self.even else derivative * self.squares[1]
-
-    def _of_ribbon(self, across: int, along: int) -> _Poly:
-        derivative = self._jet(across, along).over(self.p)
+    def _of_ribbon(self, jet: Curve) -> Poly:
+        """Return a derivative of the ribbon's map, times the weight that the surface's derivatives have."""
+        derivative = self._row(jet, COMPOSED).over(self.p)
         if self.even:
-            return _Poly(derivative.coefs, derivative.error + EVEN * derivative.size)
+            return Poly(derivative.coefs, derivative.error + EVEN * derivative.size)
         return derivative * self.squares[0]
-
-    def _kept(self, poly: _Poly) -> _Poly:
-        """Take zero where the boundary is the rail to rounding."""
-        return _Poly(np.where(self.same, 0.0, poly.coefs), np.where(self.same, 0.0, poly.error))
 
     def gap(self) -> float:
         """Bound |H(t, 0) - S(c(t))|."""
-        return _largest(dict(zip("dw", self.distance, strict=True)), lambda low, high: high["d"] / low["w"])
+        polys = dict(zip("dw", self.distance, strict=True)) | {"eh00": self.polys["eh00"]}
+        if self.other is not None:
+            polys["es00"] = self.polys["es00"]
 
-    def sine(self) -> float:
-        """Bound the sine of the angle between the tangent planes."""
-        polys = {"n": self.n, "t": self.h["t"], "v": self.h["v"], "area": self.area, "nt": self.na, "nv": self.nb}
-        return _largest(polys, _sine)
+        def quantity(low: Norms, high: Norms) -> Array:
+            read = sum(high[name] for name in ("eh00", "es00") if name in high)
+            return high["d"] / low["w"] + read
 
-    def curvature_jump(self, sine: float) -> float:
-        """Bound the jump of the normal curvature, given the sine of the angle between the tangent planes."""
-        h, g, n = self.h, self.g, self.n
-        g["v"] = self._of_ribbon(1, 0)
+        return largest(polys, quantity) + self.shift
+
+    def angle(self) -> float:
+        """Bound the angle between the tangent planes; infinite where nothing is sure."""
+        return largest(self.polys, _angle)
+
+    def curvature_jump(self, angle: float) -> float:
+        """Bound the jump of the normal curvature, given the angle between the tangent planes."""
+        n, witness, polys = self.n, self.witness, dict(self.polys)
+        h = {"t": polys["t"], "v": polys["v"]}
         for name, across, along in (("tt", 0, 2), ("tv", 1, 1), ("vv", 2, 0)):
-            g[name], h[name] = self._of_ribbon(across, along), self._of_surface(across, along)
-        h["tt"] = _chosen(self.same, g["tt"], h["tt"])
-        polys = {"n": n, "w": self.weight, "area": self.area, "nt": self.na, "nv": self.nb}
-        polys |= {"t": h["t"], "v": h["v"], "gt": g["t"], "gv": g["v"], "garea": n.dot(g["t"].cross(g["v"]))}
-        for name in "tv":
-            apart = h[name] - g[name]
-            polys["x" + name], polys["y" + name] = n.dot(apart.cross(g["v"])), n.dot(g["t"].cross(apart))
-        polys["xt"], polys["yt"] = self._kept(polys["xt"]), self._kept(polys["yt"])
+            h[name] = self._of_surface(across, along)
+        if not self.even:
+            h = {name: poly * self.squares[1] for name, poly in h.items()}
+            polys["w"] = self.squares[0] * self.squares[1]
+            polys |= {"t": h["t"], "v": h["v"], "area": n.dot(h["t"].cross(h["v"]))}
+            polys |= {"nt": n.dot(h["t"]), "nv": n.dot(h["v"])}
+        g = {"t": witness.along[1], "v": witness.across[1], "tt": witness.along[2], "vv": witness.across[2]}
+        made = {name: self._of_ribbon(curve) for name, curve in g.items()}
+        mixed, x = witness.mixed
+        both = self._of_ribbon(mixed) - made["tt"] - made["vv"].times(x**2)
+        made["tv"] = both.times(1 / (2 * x))
         for name in ("tt", "tv", "vv"):
-            polys["g" + name], polys["d" + name] = n.dot(g[name]), n.dot(h[name] - g[name])
+            polys["g" + name], polys["d" + name] = n.dot(made[name]), n.dot(h[name] - made[name])
             polys["a" + name], polys["b" + name] = n.dot(h[name].cross(h["v"])), n.dot(h["t"].cross(h[name]))
-        polys["dtt"] = self._kept(polys["dtt"])
-        return _largest(polys, lambda low, high: _jump(low, high, sine))
+        polys |= {"gt": made["t"], "gv": made["v"], "garea": n.dot(made["t"].cross(made["v"]))}
+        for name in "tv":
+            apart = h[name] - made[name]
+            polys["x" + name], polys["y" + name] = n.dot(apart.cross(made["v"])), n.dot(made["t"].cross(apart))
+        return largest(polys, lambda low, high: _jump(low, high, np.sin(angle)))
 
 
-def _rows(surface: Surface, end: Literal[0, 1], order: int) -> list[Curve]:
-    """Return H, H_v, .. along a boundary, v running into the surface, as homogeneous curves (dim 4)."""
-    coefs = surface.coefs[..., -end]
-    if not surface.rational:
-        coefs = np.concatenate([coefs, np.ones_like(coefs[:, :, :1])], axis=2)
+def _rows(surface: Surface, end: Literal[0, 1], by: Array, order: int) -> dict[tuple[int, int], Curve]:
+    """Return derivatives of a surface, moved, along a boundary, v running into it, as homogeneous curves (dim 4).
+
+    By their orders across and along: differentiated before they are rounded, and before they are cut, since pieces of
+    rounding's length have no difference quotients.
+    """
+    coefs = pieces(surface.to_bspline(), by, np.longdouble)[..., -end]
     across = np.moveaxis(coefs[:, ::-1] if end else coefs, 1, 0)
-    length = np.diff(surface.breaks[1])[-end]
-    rows = []
-    for _ in range(order + 1):
-        rows.append(Curve(surface.breaks[0], across[0], continuity=surface.continuity[0]))
-        across = bernstein.derivative(across) / length
+    (breaks, other), rows = surface.breaks, {}
+    for i in range(order + 1):
+        row = across[0]
+        for j in range(order + 1 - i):
+            rows[i, j] = Curve(breaks, row.astype(float), continuity=surface.continuity[0])
+            row = bernstein.derivative(row) / np.diff(breaks)
+        across = bernstein.derivative(across) / np.diff(other)[-end]
     return rows
-
-
-def _chosen(which: Array, first: _Poly, second: _Poly) -> _Poly:
-    """Take the pieces of one polynomial where told, and of another elsewhere."""
-    degree = max(len(first.coefs), len(second.coefs))
-    x, y = (poly.elevated(degree - len(poly.coefs)) for poly in (first, second))
-    return _Poly(np.where(which, x.coefs, y.coefs), np.where(which, x.error, y.error))
 
 
 # -- bounds
 
 
-Norms = Mapping[str, Array]
-
-
-def _largest(polys: Mapping[str, _Poly], quantity: Callable[[Norms, Norms], Array]) -> float:
-    """Bound a quantity that depends on the norms of polynomials: from above, and within ``RATIO`` of a value if it can.
-
-    ``quantity`` takes bounds of all norms, from below and from above, (n,) each, and returns a bound (n,).
-    """
-    taken = bound = 0.0
-    for halving in range(HALVINGS + 1):
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found, values = (
-                quantity(*({name: pair[k] for name, pair in bounds.items()} for k in (0, 1)))
-                for bounds in (
-                    {name: poly.norms() for name, poly in polys.items()},
-                    {name: poly.ends() for name, poly in polys.items()},
-                )
-            )
-        found = np.where(np.isnan(found), np.inf, found)
-        taken = max(taken, float(values[np.isfinite(values)].max(initial=0.0)))
-        open_ = found > RATIO * taken if halving < HALVINGS else np.zeros(len(found), bool)
-        bound = max(bound, float(found[~open_].max(initial=0.0)))
-        if not open_.any():
-            break
-        polys = {name: poly.at(open_).halves() for name, poly in polys.items()}
-    return bound
-
-
-def _slant(low: Norms, high: Norms) -> tuple[Array, Array]:
-    """Bound the sine of the angle between a = H_t and b = H_v from below, and its cosine from above."""
-    sine = np.minimum(low["area"] / (high["n"] * high["t"] * high["v"]), 1.0)
+def _slant(low: Norms, high: Norms, area: str, first: str, second: str) -> tuple[Array, Array]:
+    """Bound the sine of the angle between two tangent vectors from below, and its cosine from above."""
+    sine = np.minimum(low[area] / (high["n"] * high[first] * high[second]), 1.0)
     return sine, np.sqrt(1 - sine**2)
 
 
-def _sine(low: Norms, high: Norms) -> Array:
-    """Bound the sine of the angle between the tangent planes."""
-    sine, cosine = _slant(low, high)
+def _turn(low: Norms, high: Norms, sine: Array, name: str, first: str, second: str) -> Array:
+    """Bound by how much errors of two tangent vectors turn their plane, and change coordinates in it."""
+    w = high["w" if name == "h" else "ws"]
+    return (high[f"e{name}10"] * w / low[first] + high[f"e{name}01"] * w / low[second]) / sine
+
+
+def _read(low: Norms, high: Norms) -> tuple[Array, Array]:
+    """Bound by how much evaluation turns the tangent planes of the blend and of the primary."""
+    own = _turn(low, high, _slant(low, high, "area", "t", "v")[0], "h", "t", "v")
+    if "sarea" not in high:
+        return own, high["unsure"]
+    return own, high["unsure"] + _turn(low, high, _slant(low, high, "sarea", "su", "sv")[0], "s", "su", "sv")
+
+
+def _angle(low: Norms, high: Norms) -> Array:
+    """Bound the angle between the tangent planes, as it is evaluated."""
+    sine, cosine = _slant(low, high, "area", "t", "v")
     rail, across = high["nt"] / (low["n"] * low["t"]), high["nv"] / (low["n"] * low["v"])
-    return np.sqrt(rail**2 + across**2 + 2 * rail * across * cosine) / sine
+    planes = np.sqrt(rail**2 + across**2 + 2 * rail * across * cosine) / sine
+    own, other = _read(low, high)
+    return READ + np.arcsin(planes) + np.arcsin(own) + np.arcsin(other)
 
 
 def _jump(low: Norms, high: Norms, sine: float) -> Array:
-    """Bound the jump of the normal curvature."""
+    """Bound the jump of the normal curvature, as it is evaluated."""
     unit = low["n"] * low["w"]
     own = {name: high["g" + name] / unit for name in ("tt", "tv", "vv")}  # II(C', C'), II(C', T), II(T, T)
     x, y = ({name: high[axis + name] / low["garea"] for name in "tv"} for axis in "xy")
@@ -437,12 +367,25 @@ def _jump(low: Norms, high: Norms, sine: float) -> Array:
             form(first, 1 - first, x[j], y[j]) + form(x[i], y[i], second, 1 - second) + form(x[i], y[i], x[j], y[j])
         )
         jumps[name] = high["d" + name] / unit + leaning + turned
-    a, b, slant = low["t"] / high["w"], low["v"] / high["w"], _slant(low, high)
+    a, b, slant = low["t"] / high["w"], low["v"] / high["w"], _slant(low, high, "area", "t", "v")
     jump = _spectral(jumps["tt"] / a**2, jumps["tv"] / (a * b), jumps["vv"] / b**2, *slant)
     c, t = low["gt"] / high["w"], low["gv"] / high["w"]
-    straight = np.minimum(low["garea"] / (high["n"] * high["gt"] * high["gv"]), 1.0)
-    most = _spectral(own["tt"] / c**2, own["tv"] / (c * t), own["vv"] / t**2, straight, np.sqrt(1 - straight**2))
-    return (1 + sine**2) * jump + 2 * sine**2 * most
+    straight = _slant(low, high, "garea", "gt", "gv")
+    most = _spectral(own["tt"] / c**2, own["tv"] / (c * t), own["vv"] / t**2, *straight)
+
+    def read(name: str, turn: Array, a: Array, b: Array, slant: tuple[Array, Array], bent: Array) -> Array:
+        forms = [high[f"e{name}{order}"] + turn * high[f"z{name}{order}"] for order in ("20", "11", "02")]
+        changed = _spectral(forms[0] / a**2, forms[1] / (a * b), forms[2] / b**2, *slant)
+        return (1 + turn) ** 2 * changed + turn * (2 + turn) * bent
+
+    own_turn, other_turn = _read(low, high)
+    bent = most + jump
+    evaluated = read("h", own_turn, a, b, slant, bent) + (READ / slant[0] + 4 * high["unsure"]) * bent
+    if "sarea" in high:
+        u, v = low["su"] / high["ws"], low["sv"] / high["ws"]
+        # once as it is evaluated by OCCT, once as it is composed here
+        evaluated = evaluated + 2 * read("s", other_turn, u, v, _slant(low, high, "sarea", "su", "sv"), most)
+    return (1 + sine**2) * jump + 2 * sine**2 * most + evaluated
 
 
 def _spectral(aa: Array, ab: Array, bb: Array, sine: Array, cosine: Array) -> Array:

@@ -15,9 +15,11 @@ from cqblend.blends.proof import prove
 from cqblend.blends.ribbons import Ribbon, faded
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
+from cqblend.occ.adapt import PCURVE
 from cqblend.occ.convert import to_face
 from cqblend.occ.joint import Joint
-from cqblend.occ.measure import contact, continuity_between, inner_crease, outline, spread
+from cqblend.occ.knots import crossings, spread
+from cqblend.occ.measure import contact, continuity_between, inner_crease, outline
 from cqblend.occ.surgery import Proposal
 from cqblend.splines import Curve, Surface
 
@@ -47,10 +49,12 @@ def certify(joint: Joint, proposal: Proposal, blend: Blend) -> Certificate:
                 kept=_kept(rail),
             )
         )
+    fitted = [0.0 if side.native.is_native() else 2 * PCURVE for side in joint.sides]  # and what is between the checks
     return _certificate(
         blend,
         records,
         inner_crease=inner_crease(proposal.blend).angle,
+        doubts=(fitted[0], fitted[1]),
         method="wire substitution" + (", flat ends" if proposal.caps else ""),
         stations=SAMPLES,
         edge_tolerance=proposal.tolerance,
@@ -63,11 +67,11 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
     face = to_face(blend.surface)
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
-        t = spread(np.union1d(blend.surface.breaks[0], curve.breaks), STATIONS)
+        other = bulk.surface_from_arrays(*surface.to_bspline())
+        breaks = [blend.surface.breaks[0], curve.breaks, crossings(curve, *curve.domain, other)]
+        t = spread(np.unique(np.concatenate(breaks)), STATIONS)
         t = t[_tied(ribbon, t)]
-        one = (BRep_Tool.Surface_s(face), np.stack([t, np.full_like(t, i)], -1))
-        two = (bulk.surface_from_arrays(*surface.to_bspline()), curve(t))
-        gap, angle, jump = contact(one, two)
+        gap, angle, jump = contact((BRep_Tool.Surface_s(face), other), partial(_places, curve, i), t)
         records.append(RailRecord(i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, _kept(ribbon)))
     return _certificate(
         blend,
@@ -77,6 +81,11 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
         stations=STATIONS,
         valid=folded(blend.surface) is None,
     )
+
+
+def _places(curve: Curve, end: int, t: Array) -> tuple[Array, Array]:
+    """Return the parameters (n, 2) of a rail on a blend, at v = 0 or 1, and on its surface."""
+    return np.stack([t, np.full_like(t, end)], -1), curve(t)
 
 
 def _tied(ribbon: Ribbon, t: Array) -> Array:
@@ -97,6 +106,7 @@ def _certificate(
     stations: int,
     valid: bool = True,
     edge_tolerance: float = 0.0,
+    doubts: tuple[float, float] = (0.0, 0.0),
     outline: Array | None = None,
 ) -> Certificate:
     surface = blend.surface
@@ -116,6 +126,6 @@ def _certificate(
         stations=stations,
         edge_tolerance=edge_tolerance,
         residual=blend.residual,
-        proofs=(partial(prove, blend),),
+        proofs=(partial(prove, blend, doubts),),
         energies=(partial(bending_energy, surface, outline),),
     )

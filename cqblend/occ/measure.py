@@ -10,8 +10,9 @@ FORWARD face, its opposite on a REVERSED one). Locations of shapes are respected
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -20,20 +21,35 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-from OCP.Geom import Geom_BSplineSurface, Geom_Surface
+from OCP.Geom import Geom_Surface
 from OCP.Geom2d import Geom2d_Curve
 from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
-from OCP.GeomAbs import GeomAbs_C1, GeomAbs_C2, GeomAbs_C3, GeomAbs_Shape
+from OCP.GeomAbs import (
+    GeomAbs_C1,
+    GeomAbs_C2,
+    GeomAbs_C3,
+)
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 from OCP.Standard import Standard_Failure
-from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_OUT, TopAbs_REVERSED, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from cqblend.errors import GeometryError, InputError, SelectionError
+from cqblend.occ.knots import (
+    ALONG,
+    AROUND,
+    INSIDE,
+    WORST,
+    beyond_lines,
+    crossings,
+    knot_lines,
+    knots_of,
+    sharpened,
+    spread,
+)
 
 Array = NDArray[np.float64]
 Kind = Literal["convex", "concave", "smooth"]
@@ -43,12 +59,6 @@ SMOOTH = 1e-3
 
 _BESIDE = 1e-14
 """Step off a knot line to read one side of it, relative to the domain. OCCT tells sides apart down to 1e-15."""
-
-_AROUND = np.array([1e-8, 1e-5, 1e-3])
-"""Distances of the samples clustered on either side of a break, relative to the edge's range."""
-
-_ALONG = 1e-7
-"""A pcurve that stays this near a knot line, relative to the domain, runs along it: those read from STEP do stray."""
 
 _DEGENERATE = 1e-7
 """|Su x Sv| below this share of its largest value along the edge has a direction made of rounding: nan."""
@@ -207,25 +217,34 @@ def continuity_between(
     ``where`` tells at which parameters (n,) of the edge angle and curvature count; everywhere if it is not given.
     """
     edge = sides[0][1]
+
+    def measure(ts: Array) -> tuple[Array, Array, Array]:
+        points, tangents = _curve(edge, ts)
+        one, two = (edge_samples(use, face, ts) for face, use in sides)
+        pairs = ((one.points, two.points), (one.points, points), (two.points, points))
+        gaps = np.max([np.linalg.norm(a - b, axis=1) for a, b in pairs], axis=0)
+        angles = angle_between(one.normals, two.normals)
+        jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
+        if where is not None:
+            counts = where(ts)
+            angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
+        return gaps, angles, jumps
+
     ts = sample_parameters(sides, samples)
-    points, tangents = _curve(edge, ts)
-    one, two = (edge_samples(use, face, ts) for face, use in sides)
-    pairs = ((one.points, two.points), (one.points, points), (two.points, points))
-    angles = angle_between(one.normals, two.normals)
-    jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
-    if where is not None:
-        counts = where(ts)
-        angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
-    measured = int(np.isfinite(angles).sum())
+    first = measure(ts)
+    measured = int(np.isfinite(first[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
+    ts, (gaps, angles, jumps) = sharpened(measure, ts, first)
     worst = int(np.nanargmax(angles))
+    at = ts[[worst]]
+    one, two = (edge_samples(use, face, at) for face, use in sides)
     return Continuity(
-        gap=max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in pairs),
+        gap=float(gaps.max()),
         angle=float(angles[worst]),
         curvature_jump=float(np.nanmax(jumps)),
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_kind(edge, tangents[worst], one.normals[worst], two.normals[worst], float(angles[worst])),
+        kind=_kind(edge, _curve(edge, at)[1][0], one.normals[0], two.normals[0], float(angles[worst])),
         samples=measured,
     )
 
@@ -290,48 +309,57 @@ def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
     edge = sides[0][1]
     ends = BRep_Tool.Range_s(edge)
     unit = (0.0, 1.0)
-    breaks = [np.array(unit), _onto(_knots(BRepAdaptor_Curve(edge)), ends, unit)]
+    breaks = [np.array(unit), _onto(knots_of(BRepAdaptor_Curve(edge)), ends, unit)]
     for face, use in sides:
         pcurve, low, high = _pcurve(use, face)
-        knots = _knots(Geom2dAdaptor_Curve(pcurve, low, high))
-        crossings = _crossings(pcurve, low, high, BRep_Tool.Surface_s(face))
-        breaks.append(_onto(np.concatenate((knots, crossings)), (low, high), unit))
+        knots = knots_of(Geom2dAdaptor_Curve(pcurve, low, high))
+        found = crossings(partial(_values2d, pcurve), low, high, BRep_Tool.Surface_s(face))
+        breaks.append(_onto(np.concatenate((knots, found)), (low, high), unit))
     return _onto(spread(np.unique(np.concatenate(breaks)), samples), unit, ends)
 
 
-def spread(at: Array, samples: int) -> Array:
-    """Spread samples over a range, equidistant and clustered beside given places (n,), its ends among them."""
-    low, high = at[0], at[-1]
-    grid = np.linspace(low, high, samples)
-    around = _AROUND * (high - low)
-    grid = grid[_distance(grid, at) > around[0]]
-    clusters = (at[:, None] + np.concatenate((-around, around))).ravel()
-    ts = np.unique(np.concatenate((grid, clusters)))
-    return np.asarray(ts[(ts > low) & (ts < high) & (_distance(ts, at) > around[0] / 2)])
+def contact(
+    surfaces: tuple[Geom_Surface, Geom_Surface], places: Callable[[Array], tuple[Array, Array]], ts: Array
+) -> tuple[float, float, float]:
+    """Measure how two surfaces meet along a common curve, on which ``places`` gives parameters (n, 2) on each.
 
-
-def contact(one: tuple[Geom_Surface, Array], two: tuple[Geom_Surface, Array]) -> tuple[float, float, float]:
-    """Measure how two surfaces meet at pairs of parameters (n, 2) along a common curve, u along it on the first.
-
-    Returns gap, angle and curvature jump as in :class:`Continuity`; on a surface, normals have no outside, and are
-    taken to point the same way on both.
+    On the first one, u runs along the curve. Returns gap, angle and curvature jump as in :class:`Continuity`; on a
+    surface, normals have no outside, and are taken to point the same way on both. On short spans the rounding of
+    products of poles and weights may hide that of poles, so that around the largest angles it is measured once more in
+    a place beside the origin, where coordinates have more digits.
     """
-    samples, tangents = [], None
-    for surface, uv in (one, two):
-        jets = _jets(surface, uv, order=2)
-        normals, curvature = _normals_and_curvature(jets, reverse=False)
-        if tangents is None:
-            tangents = jets[:, 1]
-        elif np.nansum(normals * samples[0].normals) < 0:
-            normals, curvature = -normals, -curvature
-        samples.append(EdgeSamples(jets[:, 0], normals, curvature, uv))
-    assert tangents is not None
-    a, b = samples
-    return (
-        float(np.linalg.norm(a.points - b.points, axis=1).max()),
-        float(np.nanmax(angle_between(a.normals, b.normals))),
-        float(np.nanmax(_spectral_norm(_unfolded(a, tangents) - _unfolded(b, tangents)))),
-    )
+    sign = 0.0
+
+    def compare(pair: Sequence[Geom_Surface], ts: Array) -> tuple[Array, Array, Array]:
+        nonlocal sign
+        at = places(ts)
+        first, second = (_jets(surface, uv, order=2) for surface, uv in zip(pair, at, strict=True))
+        (n, bent), (m, other) = (_normals_and_curvature(jets, reverse=False) for jets in (first, second))
+        sign = sign or (-1.0 if np.nansum(n * m) < 0 else 1.0)
+        one, two = EdgeSamples(first[:, 0], n, bent, at[0]), EdgeSamples(second[:, 0], sign * m, sign * other, at[1])
+        along = first[:, 1]
+        return (
+            np.linalg.norm(one.points - two.points, axis=1),
+            angle_between(one.normals, two.normals),
+            _spectral_norm(_unfolded(one, along) - _unfolded(two, along)),
+        )
+
+    ts, values = sharpened(partial(compare, surfaces), ts, compare(surfaces, ts))
+    found = [values]
+    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-WORST:].tolist():
+        x, y, z = _jets(surfaces[0], places(ts[[i]])[0], order=1)[0, 0].tolist()
+        beside = [_translated(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
+        around = np.concatenate([ts[max(i - len(INSIDE), 0) : i + len(INSIDE) + 1], ts[::20]])
+        found.append(list(compare(beside, around)))
+    gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
+    return gap, angle, jump
+
+
+def _translated(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
+    """Return a moved copy of a surface."""
+    copy = surface.Copy()
+    copy.Translate(by)
+    return copy
 
 
 def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
@@ -354,7 +382,7 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
         low, high = bounds[2 * other : 2 * other + 2]
-        beside = _AROUND[0] * (high - low)
+        beside = AROUND[0] * (high - low)
         along = np.linspace(low + beside, high - beside, samples)
         along = np.concatenate((along, (knots[other][1:-1, None] + np.array([-beside, beside])).ravel()))
         for at in lines[k][1:-1]:
@@ -528,61 +556,6 @@ def _kind(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle:
 # ------------------------------------------------------------------------------------------------ knots and their sides
 
 
-def _intervals(count: int, fill: Callable[[TColStd_Array1OfReal], None]) -> Array:
-    """Read the ends of a number of intervals from one of OCCT's adaptors."""
-    ends = TColStd_Array1OfReal(1, count + 1)
-    fill(ends)
-    return np.array([ends.Value(i) for i in range(1, count + 2)])
-
-
-def _knots(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
-    """Return the parameters between which a curve is certainly C3, with both ends of its range."""
-    return _intervals(curve.NbIntervals(GeomAbs_C3), lambda ends: curve.Intervals(ends, GeomAbs_C3))
-
-
-def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
-    """Return the u and the v between which a surface is certainly of a class, with both ends of its domain."""
-    return (
-        _intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
-        _intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
-    )
-
-
-def _beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Iterator[tuple[int, Array, float]]:
-    """Yield, per direction with knot lines: its index, points' signed distances (n, lines), the domain's length."""
-    adaptor = GeomAdaptor_Surface(surface)
-    periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
-    for k, ends in enumerate(knot_lines(adaptor, order)):
-        closed = periodic[k] and isinstance(surface, Geom_BSplineSurface)
-        lines = ends[:-1] if closed else ends[1:-1]
-        if lines.size:
-            size = float(ends[-1] - ends[0])
-            beyond = uv[:, k, None] - lines
-            yield k, beyond - size * np.round(beyond / size) if periodic[k] else beyond, size
-
-
-def _crossings(pcurve: Geom2d_Curve, low: float, high: float, surface: Geom_Surface) -> Array:
-    """Parameters at which a pcurve crosses knot lines of its surface: sign changes, refined by false position."""
-    ts = np.linspace(low, high, 257)
-    uv = _values2d(pcurve, ts)
-    found = [np.empty(0)]
-    for k, beyond, size in _beyond_lines(surface, GeomAbs_C3, uv):
-        before, after = beyond[:-1], beyond[1:]
-        crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
-        crosses &= np.abs(after - before) > _ALONG * size  # else it runs along the line
-        i, line = np.nonzero(crosses)
-        a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
-        at_line = uv[i, k] - fa
-        t = a
-        for _ in range(6):
-            t = a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa)
-            f = _values2d(pcurve, t)[:, k] - at_line
-            left = fa * f > 0.0
-            a, fa, b, fb = np.where(left, t, a), np.where(left, f, fa), np.where(left, b, t), np.where(left, fb, f)
-        found.append(t)
-    return np.concatenate(found)
-
-
 def _on_own_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surface, span: float) -> Array:
     """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
 
@@ -590,12 +563,12 @@ def _on_own_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surfa
     second derivatives may jump matter; a pcurve that merely crosses a line stays.
     """
     moved = uv.copy()
-    for k, beyond, size in _beyond_lines(surface, GeomAbs_C2, uv):
+    for k, beyond, size in beyond_lines(surface, GeomAbs_C2, uv):
         offset = beyond[np.arange(len(uv)), np.abs(beyond).argmin(axis=1)]
-        for i in np.nonzero(np.abs(offset) <= _ALONG * size)[0].tolist():
+        for i in np.nonzero(np.abs(offset) <= ALONG * size)[0].tolist():
             point, velocity = gp_Pnt2d(), gp_Vec2d()
             pcurve.D1(float(ts[i]), point, velocity)
-            if abs(velocity.Coord()[k] * span) <= _ALONG * size:
+            if abs(velocity.Coord()[k] * span) <= ALONG * size:
                 inward = (-velocity.Y(), velocity.X())[k] * span
                 at = uv[i, k] - offset[i]
                 moved[i, k] = at + math.copysign(_step(size, at), inward)
@@ -612,9 +585,3 @@ def _onto(ts: Array, source: tuple[float, float], target: tuple[float, float]) -
     if source == target:
         return ts
     return target[0] + (ts - source[0]) * ((target[1] - target[0]) / (source[1] - source[0]))
-
-
-def _distance(ts: Array, at: Array) -> Array:
-    """Distances from parameters to the nearest of some sorted places."""
-    i = np.searchsorted(at, ts).clip(1, len(at) - 1)
-    return np.asarray(np.minimum(np.abs(ts - at[i - 1]), np.abs(ts - at[i])))

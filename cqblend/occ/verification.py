@@ -64,11 +64,11 @@ from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from cqblend.errors import CqblendError, InputError, SelectionError
+from cqblend.occ.knots import knot_lines
 from cqblend.occ.measure import (
     Side,
     edge_samples,
     face_normals,
-    knot_lines,
     require_shape,
     sample_parameters,
     uses_of,

