@@ -93,7 +93,7 @@ def test_a_jump_of_curvature_is_proven_for_each_side_or_not_at_all():
 
 def test_knots_next_to_each_other_that_make_a_crease_are_one():
     first, second = (sheet((0.5, 0.5 + 1e-8), [0, 0, z], degree=2, repeats=1, bend=0.5) for z in (0, 4))
-    with pytest.raises(GeometryError, match=r"has a crease of 0\.61 rad inside, at t = 0\.5"):
+    with pytest.raises(GeometryError, match=r"has a crease of 0\.61 rad inside, .* at t = 0\.5"):
         hermite_blend(
             Rail(first, Curve.bezier([(0.05, 0.9), (0.95, 0.8)])),
             Rail(second, Curve.bezier([(0.05, 0.2), (0.95, 0.1)])),

@@ -97,9 +97,11 @@ def case(seed: int) -> Case | None:
     try:
         pair = cqblend.Rail(surfaces[0], rails[0]), cqblend.Rail(surfaces[1], rails[1])
         if kind == "pde":
-            blend = cqblend.pde_blend(*pair, order=int(rng.choice([4, 6])), form=form, tangents=tangents, terms=6)
+            blend = cqblend.pde_blend(
+                *pair, order=int(rng.choice([4, 6])), form=form, tangents=tangents, terms=6, crease=1.5
+            )
         else:
-            blend = cqblend.hermite_blend(*pair, continuity=orders, form=form, tangents=tangents)
+            blend = cqblend.hermite_blend(*pair, continuity=orders, form=form, tangents=tangents, crease=1.5)
     except CqblendError:
         return None
     return Case(blend, told)
