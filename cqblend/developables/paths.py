@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 
-PARTS = 6
+PARTS = 12
 """Into how many parts of its parameter a curve is divided to see how far it is from its arc; an even number."""
 
 
@@ -55,7 +55,9 @@ def bulges(chords: Array, lengths: Array) -> Array:
 
 
 def off_arcs(path: "Path", points: Array) -> Array:
-    """Return how far curves that arcs stand for are from them, (n,): a tenth more than what is found at a few points.
+    """Return how far curves that arcs stand for are from them, (n,): a quarter more than what is found at a few points.
+
+    That covers what is between these points, and that a strip, rolled, may stretch what is beside it.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def off_arcs(path: "Path", points: Array) -> Array:
     miss = rise * (x * x + y * y - half**2) + (rise**2 - half**2) * y
     slope = np.hypot(2 * rise * x, 2 * rise * y + rise**2 - half**2)
     off = np.divide(np.abs(miss), slope, out=np.hypot(x, y), where=slope > 0)
-    return np.asarray(1.1 * off.max(axis=1, initial=0.0))
+    return np.asarray(1.25 * off.max(axis=1, initial=0.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
