@@ -123,10 +123,12 @@ def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
 def _seen_through(
     shape: TopoDS_Shape, picks: Picks, request: BlendRequest, *, everything: bool = False
 ) -> tuple[TopoDS_Shape, Joint]:
-    """Return the next joint, and the shape in which its faces are one with what they go on in, as far as it gets."""
-    joint = picks.find(shape)
+    """Return the next joint, and the shape in which its faces are one with what they go on in, as far as it gets.
 
-    def reach() -> float:
+    A joint whose faces have become one with others may be longer, and have others yet to become one with.
+    """
+
+    def reach(joint: Joint) -> float:
         if everything:
             return np.inf
         try:
@@ -134,12 +136,12 @@ def _seen_through(
         except CqblendError:
             return 0.0  # whatever is wrong is said later, of the joint as it is then
 
-    united = unified(joint, reach)
-    if united is None:
-        return shape, joint
-    picks.unify(united)
-    shape = replaced_solid(shape, joint.solid, united.solid)
-    return shape, picks.find(shape)
+    joint = picks.find(shape)
+    while (united := unified(joint, partial(reach, joint))) is not None:
+        picks.unify(united)
+        shape = replaced_solid(shape, joint.solid, united.solid)
+        joint = picks.find(shape)
+    return shape, joint
 
 
 def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest, *, hints: bool) -> None:

@@ -310,3 +310,22 @@ def test_the_largest_size_next_to_the_least():
         SizeError, match=r"no size was found that works; with the smallest that was tried, .*edge \d+: size"
     ):
         cqblend.max_size(body, edge)
+
+
+def test_a_face_is_as_wide_as_it_is_at_its_seam():
+    disc = cq.Workplane().circle(10).extrude(5).val()
+    rim = next(e for e in disc.Edges() if e.geomType() == "CIRCLE")
+    with pytest.raises(SizeError, match=r"face \d reaches only 5 there.*at most about 4.99 fits"):
+        cqblend.blend_edges(disc, rim, 5.2)
+
+
+def test_widths_beyond_the_end_of_a_surface_are_errors_of_size():
+    """Newton's steps leave every number there is on some of these ways; that is no error of input."""
+    ball = cq.Solid.makeSphere(10, angleDegrees1=-90).transformGeometry(
+        cq.Matrix([[1.5, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0.7, 4]])
+    )
+    body = cq.Workplane().box(50, 40, 8).union(cq.Workplane(ball)).val().Solids()[0]
+    rim = max((e for e in body.Edges() if abs(e.Center().z - 4) < 1e-6), key=lambda e: -abs(e.Length() - 75))
+    for width in (20, 27, 45):
+        with pytest.raises(SizeError):
+            cqblend.blend_edges(body, rim, width=width)

@@ -199,3 +199,21 @@ def test_halves_are_left_alone_where_the_other_side_stays_halved():
         result = cqblend.blend_edges(body, rim, 1)
     assert result.shape.isValid()
     assert "taken" not in result.certificate.method
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_a_row_of_boxes_is_one_edge_wherever_it_is_picked(count):
+    """What the joint is made one with goes on in others: to the end of the row, from any of its pieces or all."""
+    row = cq.Workplane().box(10, 10, 5)
+    for k in range(1, count):
+        row = row.union(cq.Workplane().box(10, 10, 5).translate((10 * k, 0, 0)), clean=False)
+    body = row.val().Solids()[0]
+    pieces = [e for e in body.Edges() if abs(e.Center().y + 5) < 1e-6 and abs(e.Center().z - 2.5) < 1e-6]
+    assert len(pieces) == count
+    for picked in (*pieces, pieces):
+        result = cqblend.blend_edges(body, picked, 1.0)
+        assert result.shape.isValid()
+        box = result.faces[0].BoundingBox()
+        assert (box.xmin, box.xmax) == pytest.approx((-5, 10 * count - 5), abs=1e-6)
+        assert [end.kind for end in result.certificate.ends] == ["natural", "natural"]
+        assert result.certificate.method.count("taken as one") == 2

@@ -148,9 +148,9 @@ def newton(
             step = np.stack([np.linalg.lstsq(j, -r)[0] for j, r in zip(jacobian, residual, strict=True)])
         length = (np.abs(step) * metric).max(1)
         damping = np.minimum(1.0, stride / np.maximum(length, 1e-300))
-        x = x + step * damping[:, None]
-    residual = system(x)[0]
-    good = np.all(np.isfinite(x), axis=1) & (np.abs(residual).max(1) < 1e-9 * scale)
+        following = x + step * damping[:, None]
+        x = np.where(np.isfinite(following).all(axis=1, keepdims=True), following, x)
+    good = np.abs(system(x)[0]).max(1) < 1e-9 * scale
     return x, good
 
 

@@ -147,7 +147,7 @@ def turns(ribbon: Ribbon, order: int) -> list[Turn]:
 
     def onto_line(vectors: Array) -> Array:
         sine, cosine = (cross(vectors, line) * normal).sum(1), (vectors * line).sum(1)
-        return np.asarray(np.arctan(sine / np.where(cosine == 0, np.finfo(float).tiny, cosine)))
+        return np.asarray(np.arctan2(np.where(cosine < 0, -sine, sine), np.abs(cosine)))
 
     angle = onto_line(in_space(np.stack([rail(t), field(t)]))[1])
     clear = np.abs(onto_line(in_space(rail.jet(t, 1))[1]))

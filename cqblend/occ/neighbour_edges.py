@@ -31,6 +31,7 @@ from cqblend.occ.topology import (
     location_of,
     loosen,
     parameters_at,
+    seams,
     trimmed,
 )
 
@@ -141,8 +142,7 @@ def border_in_plane(
     """
     start = location_of(vertex)
     for edge in distinct(forward(use) for use in explore(face, TopAbs_EDGE)):
-        seam = BRep_Tool.IsClosed_s(edge, face)
-        if seam or BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in blended):
+        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in (*blended, *seams(face))):
             continue
         own = ends(edge)
         if own[0].IsSame(own[1]) or not any(vertex.IsSame(end) for end in own):

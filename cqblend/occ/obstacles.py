@@ -8,7 +8,7 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON
 
 from cqblend.blends.contact import Contacts
 from cqblend.occ.adapt import face_side
@@ -17,6 +17,7 @@ from cqblend.occ.topology import Ancestors, distinct, explore
 
 OPPOSITE = -0.9  # cosine between the outward normals of two faces from which on they are both sides of a wall
 HALVINGS = 40
+START = 1e-6  # of the way to a contact: a face that does not even reach that far has no width
 SAMPLES = 65  # along an edge
 
 
@@ -49,10 +50,12 @@ def obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -> str:
     start = one.beside(one.own(stations.uv[side]), at)[0]
     stop = one.beside(one.own(contacts.uv[side][[index]]), at)[0]
     classifier = BRepTopAdaptor_FClass2d(one.face, 1e-9)
-    low, high = 1e-3, 1.0  # a first bit of the way is inside
+    low, high = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        inside = classifier.Perform(gp_Pnt2d(*(start + middle * (stop - start)).tolist())) == TopAbs_IN
+        (uv,) = one.windowed((start + middle * (stop - start))[None])
+        state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
+        inside = state == TopAbs_IN or (state == TopAbs_ON and one.at_seam(uv))
         low, high = (middle, high) if inside else (low, middle)
     point = one.native.jet((start + low * (stop - start))[None])[0, 0]
     wide = float(np.linalg.norm(point - stations.point[0]))
@@ -61,6 +64,8 @@ def obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -> str:
         use for use in distinct(explore(one.face, TopAbs_EDGE)) if not any(use.IsSame(e) for e in joint.spine.edges)
     ]
     name = f"face {joint.faces[side]}"
+    if low < START:
+        return f"{name} ends at the edge there"
     if not bounds:
         return f"{name} reaches only {wide:.3g} there"
     edge = min(bounds, key=lambda use: BRepExtrema_DistShapeShape(vertex, use).Value())

@@ -107,7 +107,7 @@ class Picks:
     def unify(self, united: Unified) -> None:
         """Take note that faces have been made one; side 1 stays side 1."""
         for new, faces in united.faces:
-            numbers = sorted(number for face in faces if (number := self.number(face)))
+            numbers = sorted({number for face in faces for number in self._numbers_of(face)})
             if len(numbers) > 1:
                 self._made_one.append((new, numbers))
                 if self._first & set(numbers):
@@ -121,7 +121,14 @@ class Picks:
         """Say which faces were made one since this was last asked; nothing if there are none."""
         groups = [numbers for _, numbers in self._made_one[self._told :]]
         self._told = len(self._made_one)
-        return "".join(f", faces {', '.join(map(str, numbers))} taken as one" for numbers in groups)
+        whole = [numbers for numbers in groups if not any(set(numbers) < set(other) for other in groups)]
+        return "".join(f", faces {', '.join(map(str, numbers))} taken as one" for numbers in whole)
+
+    def _numbers_of(self, face: TopoDS_Face) -> list[int]:
+        """Return the numbers in the input of a face, or of all those that it was made of."""
+        made = next((numbers for new, numbers in reversed(self._made_one) if new.IsSame(face)), None)
+        number = self._numbers.of(face)
+        return made or ([number] if number else [])
 
     def number(self, part: TopoDS_Shape) -> int:
         """Return the number that a part has in the input, the least of faces made one; 0 if it has none."""
