@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from io import BytesIO
 
 import cadquery as cq
 import pytest
+from OCP.BinTools import BinTools
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import TopAbs_EDGE
 
@@ -217,3 +219,15 @@ def test_a_row_of_boxes_is_one_edge_wherever_it_is_picked(count):
         assert (box.xmin, box.xmax) == pytest.approx((-5, 10 * count - 5), abs=1e-6)
         assert [end.kind for end in result.certificate.ends] == ["natural", "natural"]
         assert result.certificate.method.count("taken as one") == 2
+
+
+def test_the_input_stays_as_it_was_where_curved_faces_are_made_one():
+    half = cq.Workplane(cq.Solid.makeCylinder(10, 8, angleDegrees=180))
+    body = half.union(half.rotate((0, 0, 0), (0, 0, 1), 180), clean=False).val().Solids()[0]
+    before, after = BytesIO(), BytesIO()
+    BinTools.Write_s(body.wrapped, before)
+    rim = next(e for e in body.Edges() if e.geomType() == "CIRCLE")
+    result = cqblend.blend_edges(body, rim, 1.0)
+    assert "taken as one" in result.certificate.method
+    BinTools.Write_s(body.wrapped, after)
+    assert after.getvalue() == before.getvalue()

@@ -1,8 +1,8 @@
 """Seeing through splits: where a face goes on in a neighbour on the same surface, both are made one before a blend.
 
 Unions that were not cleaned and files of other systems leave such faces: coplanar ones, the two halves of a cylinder.
-Only those that a blend touches are made one; all other faces, and all edges that remain, are the very same objects as
-before.
+Only those that a blend touches are made one. All other faces, and all edges that remain, are the very same objects as
+before, but those around curved faces that are made one, which get copies.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp
-from OCP.BRepTools import BRepTools_History
+from OCP.BRepTools import BRepTools_History, BRepTools_ReShape
 from OCP.Geom import Geom_RectangularTrimmedSurface, Geom_Surface
+from OCP.GeomAbs import GeomAbs_Plane
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
 from OCP.GProp import GProp_GProps
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
@@ -28,7 +29,7 @@ from OCP.TopTools import TopTools_MapOfShape
 from cqblend.occ.joint import SMOOTH, Joint
 from cqblend.occ.kinds import downcast
 from cqblend.occ.measure import continuity_between
-from cqblend.occ.topology import CONFUSION, Ancestors, Index, distinct, ends, explore, seams
+from cqblend.occ.topology import CONFUSION, Ancestors, Index, distinct, ends, explore, forward, seams, trimmed
 
 BESIDE = 1.1  # how much further than its rails a blend may touch something
 SAME_AREA = 1e-4  # relative: OCCT integrates spline faces at few points
@@ -66,7 +67,7 @@ def unified(joint: Joint, reach: Callable[[], float]) -> Unified | None:
         return any(BRepExtrema_DistShapeShape(shape, edge).Value() <= far for edge in joint.spine.edges)
 
     while splits := _splits(solid, faces, spine, near):
-        done = _without(solid, splits, spine, near)
+        done = _made_one(solid, splits, spine, near)
         if done is None:
             break
         remade = [TopoDS.Edge_s(_descendant(done.edges, edge)) for edge in spine]
@@ -165,6 +166,35 @@ def _basis(face: TopoDS_Face) -> Geom_Surface:
     while isinstance(surface, Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
     return surface
+
+
+def _made_one(
+    solid: TopoDS_Shape, splits: list[TopoDS_Edge], spine: list[TopoDS_Edge], near: Callable[[TopoDS_Shape], bool]
+) -> Unified | None:
+    """Make the faces on both sides of edges one, without a change to any edge of the solid; None as `_without`."""
+    own = _with_own_edges(solid, splits)
+    splits, spine = ([TopoDS.Edge_s(_descendant(own.edges, edge)) for edge in some] for some in (splits, spine))
+    done = _without(own.solid, splits, spine, near)
+    return done and Unified(done.solid, _composed(own.faces, done.faces), _composed(own.edges, done.edges))
+
+
+def _with_own_edges(solid: TopoDS_Shape, splits: list[TopoDS_Edge]) -> Unified:
+    """Give curved faces that are to become one copies of their edges: OCCT leaves its parameter curves on them."""
+    faces_at, reshape = Ancestors(solid, TopAbs_EDGE, TopAbs_FACE), BRepTools_ReShape()
+    curved = [face for face in distinct(face for edge in splits for face in faces_at(edge)) if not _is_plane(face)]
+    if not curved:
+        return Unified(solid, [], [])
+    edges: Groups = []
+    for edge in distinct(forward(edge) for face in curved for edge in explore(face, TopAbs_EDGE)):
+        edges.append((trimmed(edge, ends(edge), BRep_Tool.Range_s(edge)), [edge]))
+        reshape.Replace(edge, edges[-1][0])
+    (copy,) = explore(reshape.Apply(solid), TopAbs_SOLID)
+    faces = [(downcast(reshape.Value(face)), face) for face in distinct(explore(solid, TopAbs_FACE))]
+    return Unified(copy, [(new, [old]) for new, old in faces if not new.IsSame(old)], edges)
+
+
+def _is_plane(face: TopoDS_Face) -> bool:
+    return bool(BRepAdaptor_Surface(face).GetType() == GeomAbs_Plane)
 
 
 def _without(
