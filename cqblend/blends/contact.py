@@ -255,7 +255,7 @@ def _reported(what: str, stations: Stations, reached: Array, size: float) -> Siz
     """Return the error for contacts that were not found."""
     short = np.flatnonzero(reached < size)
     first = short[reached[short].argmin()]
-    most = f", only one up to about {reached[first]:.3g}" if reached[first] > 0 else ""
+    most = f", one of {reached[first]:.3g} does" if reached[first] > 0 else ""
     return SizeError(f"{what} at t = {stations.t[first]:.4g} of the edge{most}")
 
 
@@ -274,9 +274,11 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
     of the arc, which makes a cubic Hermite section the best-known approximation of the arc.
     """
     into1, into2, turn = inward(sides, stations)
-    if turn.max() > FLAT and turn.min() < -FLAT:
+    on_edge = (stations.t >= 0) & (stations.t <= 1)  # past an end at which it fades out, convexity may change
+    turns = turn[on_edge] if on_edge.any() else turn
+    if turns.max() > FLAT and turns.min() < -FLAT:
         raise GeometryError("the edge changes between convex and concave; a ball cannot roll along it")
-    sign = np.array([-np.sign(turn.sum()) * side.outward for side in sides])
+    sign = np.array([-np.sign(turns.sum()) * side.outward for side in sides])
     half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
 
     def attempt(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
@@ -312,6 +314,9 @@ def rolling_ball(sides: tuple[Side, Side], stations: Stations, radius: float) ->
     foot, way, metric = _tangents(sides, stations, (into1 * np.tan(half)[:, None], into2 * np.tan(half)[:, None]))
     x, reached = grown(attempt, foot, way, metric, radius)
     if reached.min() < radius:
+        smooth = (reached == 0) & (np.abs(turn) < FLAT)
+        if smooth.any():
+            raise SizeError(f"the two faces are tangent to each other at t = {stations.t[smooth][0]:.4g} of the edge")
         raise _reported(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
     uv = x[:, :2], x[:, 2:]
     theta = opening(*(sign[i] * sides[i].primary.normals(uv[i]) for i in PAIR))
