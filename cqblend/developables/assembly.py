@@ -268,7 +268,10 @@ class _Work:
         return found
 
 
-_COVERS = GeometryError("a piece would cover itself, however narrow its strips; divide it in the other direction")
+_COVERS = GeometryError(
+    "a piece would cover itself where its border is bowed to the length of a longer seam, however narrow its strips; "
+    "take a smaller tolerance"
+)
 
 
 def _same(face: DividedPatch) -> DividedPatch:

@@ -100,9 +100,9 @@ def finer(face: DividedPatch, wishes: Wishes, error: CqblendError, factor: float
     CqblendError
         It cannot be divided finer, and there is no other way.
     """
-    if face.way is None:
-        raise error
-    if face.finer < FINEST:
+    if face.way is None and face.finer < FINEST:  # a plane, whose borders get more vertices
+        return replace(face, finer=min(factor, FINER) * face.finer)
+    if face.way is not None and face.finer < FINEST:
         try:
             return replace(
                 _along(face.patch, wishes, face.way, min(factor, FINER) * face.finer),
