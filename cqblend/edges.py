@@ -151,7 +151,7 @@ def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest
     except UnsupportedError:
         for one in picks.joints(shape):
             try:
-                _check_size(one, request)
+                sizes.check(one, request, _solver)
             except SizeError as error:
                 raise _named(error, one, request, hints=hints) from error
         raise
@@ -311,7 +311,7 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
     """Propose a blended solid and verify it, an open one with the first ends, of those asked for, that can be built."""
-    _check_size(joint, request)
+    sizes.check(joint, request, _solver)
     if joint.spine.closed:
         return *_proposed(joint, request, (None, None), (0.0, 1.0)), None, ()
     attempts, solve = Attempts(request.ends[::-1] if joint.backward else request.ends), _solver(joint, request)
@@ -430,11 +430,6 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
                 f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {measure}, over {limit:.2g}; it "
                 "is withheld; try another size or form"
             )
-
-
-def _check_size(joint: Joint, request: BlendRequest) -> None:
-    """Raise SizeError if contacts are too near to the edge, leave their faces, or turn back."""
-    sizes.check(joint, request, _solver)
 
 
 def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:

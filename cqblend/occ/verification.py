@@ -680,7 +680,7 @@ def _check_box(
             return None, ["OCCT cannot cut the solid with a box"]
     except Standard_Failure as failure:
         return None, [f"OCCT cannot cut the solid with a box: {failure}"]
-    valid = all(BRepCheck_Analyzer(part.Shape()).IsValid() for part in parts)
+    valid = all(is_valid(part.Shape()) for part in parts)
     (cut, cut_error), (common, common_error) = (volume_of(part.Shape(), plane) for part in parts)
     off = abs(cut + common - volume)
     slack = error + cut_error + common_error
@@ -733,7 +733,7 @@ def _check_step(
     counts = [len(subshapes(one, TopAbs_FACE)) for one in (shape, again)]
     off = abs(volume_again - volume)
     gap, angle, lines = _measure_again(shape, again, [edge for edge in edges if edge.smooth])
-    valid = bool(BRepCheck_Analyzer(again).IsValid())
+    valid = is_valid(again)
     if not valid:
         lines.append("the shape read back from STEP is not valid")
     if off > VOLUME_ACCURACY * abs(volume) + error + error_again:
