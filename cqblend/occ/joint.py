@@ -113,7 +113,7 @@ class Joint:
     def named(self, part: TopoDS_Shape) -> str:
         """Return what messages call a face, edge or vertex of the solid: by its number in the input, if it has one."""
         number = 0 if self.numbers is None else self.numbers(part)
-        return f"{kind(part)} {number}" if number else f"the {kind(part)} of an earlier blend"
+        return f"{kind(part)} {number}" if number else f"a new {kind(part)}"
 
     def clear_start(self, contacts: Contacts) -> float:
         """Return the t, of contacts all around, at which a closed rail best starts: far from seams and knot lines."""
