@@ -20,7 +20,6 @@ from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.edge_sweep import EdgeSweep, from_edge
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import Blend, folded, hermite
-from cqblend.blends.primaries import Array, Tensor, unit
 from cqblend.blends.problem import Problem
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.skin import Skin, loosened, tied
@@ -46,6 +45,7 @@ from cqblend.occ.topology import replaced_solid
 from cqblend.occ.unified import unified
 from cqblend.occ.verification import check_solid, is_valid
 from cqblend.request import BlendRequest
+from cqblend.surfaces.primaries import Array, Tensor, unit
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape

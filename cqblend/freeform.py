@@ -17,7 +17,6 @@ from cqblend.blends import hermite
 from cqblend.blends.aiming import Aim, on_rails
 from cqblend.blends.checks import ask
 from cqblend.blends.creases import Allowed, check_creases
-from cqblend.blends.primaries import Array
 from cqblend.blends.rails import FIELDS, FieldName, Rail
 from cqblend.blends.regularity import stations
 from cqblend.blends.ribbons import Ribbon
@@ -39,6 +38,7 @@ from cqblend.request import (
 )
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import numbers, whole
+from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face

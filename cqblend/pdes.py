@@ -17,7 +17,6 @@ from cqblend.blends.boundaries import Boundary, DataRibbon
 from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.equations import Parameters
 from cqblend.blends.pde import Ends, Solution
-from cqblend.blends.primaries import Array
 from cqblend.blends.problem import BASES, Problem
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import returns
@@ -40,6 +39,7 @@ from cqblend.request import (
     turn,
 )
 from cqblend.splines import Curve, Surface
+from cqblend.surfaces.primaries import Array
 
 CORNER = 1e-6  # of the size: as near as that, an end section meets a side
 SAMPLES = 65  # across an end section

@@ -19,7 +19,6 @@ from cqblend.blends.checks import as_point
 from cqblend.blends.creases import Allowed, check_creases
 from cqblend.blends.families import Family, Moved, Offset
 from cqblend.blends.meeting import Meeting, point
-from cqblend.blends.primaries import Array
 from cqblend.blends.rails import Rail
 from cqblend.blends.relations import Relation
 from cqblend.blends.relations import relation as relation_of
@@ -31,6 +30,7 @@ from cqblend.freeform import Blend
 from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import finite, number
+from cqblend.surfaces.primaries import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""

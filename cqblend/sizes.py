@@ -8,11 +8,11 @@ from functools import partial
 import numpy as np
 
 from cqblend.blends.contact import Contacts, Solver
-from cqblend.blends.primaries import Array
 from cqblend.errors import CqblendError, SizeError
 from cqblend.occ.joint import Joint
 from cqblend.occ.obstacles import leaving, obstacle
 from cqblend.request import BlendRequest
+from cqblend.surfaces.primaries import Array
 
 Solving = Callable[[Joint, BlendRequest], Solver]
 """What finds the contacts of a blend."""

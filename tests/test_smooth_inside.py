@@ -13,9 +13,9 @@ from OCP.BRep import BRep_Tool
 
 import cqblend
 from cqblend import Curve, Rail, Surface, hermite_blend
-from cqblend.blends.primaries import Tensor
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import bernstein
+from cqblend.surfaces.primaries import Tensor
 
 STATIONS = np.linspace(0.03, 0.97, 7).tolist()
 

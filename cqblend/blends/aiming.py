@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends.bends import Bends, Kinks, Maker
-from cqblend.blends.breaks import NEAR, SAME, merged
-from cqblend.blends.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import Steering, pins
 from cqblend.splines import Curve, fit
+from cqblend.splines.breaks import NEAR, SAME, merged
+from cqblend.surfaces.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit
 
 FEWEST = 16  # spans of a cubic fit
 FINE = (1 / 512, 1 / 512, 1 / 128, 1 / 64)

@@ -11,9 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.primaries import Array
 from cqblend.splines import Curve
 from cqblend.splines.integral import gauss
+from cqblend.surfaces.primaries import Array
 
 SPLINES = 5  # least degree of splines: what they fill is C4
 GAUSS = 4  # points of a span, where an equation is to hold

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates
 from cqblend.blends.ribbons import along
 from cqblend.splines import Curve, fit
 from cqblend.splines.evaluation import Side
+from cqblend.surfaces.primaries import Array, Primary, tangent_coordinates
 
 
 @dataclass(frozen=True)

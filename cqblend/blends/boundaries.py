@@ -15,12 +15,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cqblend.blends.checks import ask
-from cqblend.blends.primaries import Array, Tensor
 from cqblend.blends.rails import Rail
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.knots import interval, number, numbers, whole
+from cqblend.surfaces.primaries import Array, Tensor
 
 Component: TypeAlias = float | Curve | Callable[[Array], Any]
 Given: TypeAlias = Curve | Callable[[Array], Any] | Sequence[Component]

@@ -14,9 +14,9 @@ import numpy as np
 
 from cqblend.blends.curves import TANGENTIAL, Curves, Isoparametric, Phase, Planes
 from cqblend.blends.meeting import OUTSIDE, Meeting, point
-from cqblend.blends.primaries import Array, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface, bernstein
+from cqblend.surfaces.primaries import Array, cross, tangent_coordinates, unit
 
 ROUGH = 1e-4  # of the size, by which the splines of offsets, whose boxes are tested, may be off
 PARTS = 48  # of the common box of both surfaces: as large, at most, is a last part

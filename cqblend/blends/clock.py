@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import in_space
 from cqblend.splines import Curve
 from cqblend.splines.integral import Integral
+from cqblend.surfaces.primaries import Array
 
 SMOOTH = 4  # continuity from which on a function counts as smooth
 

@@ -24,13 +24,13 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from cqblend.blends.breaks import aligned
-from cqblend.blends.primaries import Array, cross
 from cqblend.blends.ribbons import along
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
+from cqblend.splines.breaks import aligned
 from cqblend.splines.evaluation import Side
 from cqblend.splines.knots import extract
+from cqblend.surfaces.primaries import Array, cross
 
 DEGREE = 5  # single knots of a higher one do not survive re-assembly, which keeps amplification of rounding below 50
 SHARED = 3  # values and derivatives taken over at a joint, at most: half the coefficients of a quintic

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Primary, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError, SizeError
+from cqblend.surfaces.primaries import Array, Primary, cross, tangent_coordinates, unit
 
 FLAT = 1e-3  # sine of the angle between the faces below which it does not tell convex from concave
 STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts

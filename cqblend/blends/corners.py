@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cqblend.blends.contact import Solver
-from cqblend.blends.primaries import Array, Primary, Tensor, near_period
+from cqblend.surfaces.primaries import Array, Primary, Tensor, near_period
 
 ROUGH = 3  # continuity, below which a knot line makes corners
 DENSE, SECANTS = 129, 30  # contacts between which crossings are looked for, and steps to find them

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, cross
 from cqblend.blends.ribbons import Ribbon, along
 from cqblend.blends.steering import SLIVER, Turn, turns
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.evaluation import Side
+from cqblend.surfaces.primaries import Array, cross
 
 if TYPE_CHECKING:
     from cqblend.blends.hermite import Blend

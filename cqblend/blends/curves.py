@@ -15,8 +15,8 @@ import numpy as np
 
 from cqblend.blends.contact import newton
 from cqblend.blends.meeting import Meeting
-from cqblend.blends.primaries import Array, cross, unit
 from cqblend.errors import GeometryError
+from cqblend.surfaces.primaries import Array, cross, unit
 
 TANGENTIAL = 1e-5  # sine of the angle between surfaces, below which they touch
 SHORTEST = 1e-3  # step in x

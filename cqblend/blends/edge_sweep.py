@@ -11,10 +11,10 @@ from cqblend.blends.contact import FLAT, Contacts, Side, Stations, intersect, in
 from cqblend.blends.curves import Curves, Planes
 from cqblend.blends.families import Course, Offset
 from cqblend.blends.meeting import Meeting
-from cqblend.blends.primaries import Array
 from cqblend.blends.relations import Relation
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
+from cqblend.surfaces.primaries import Array
 
 ANYWHERE = np.tile([-np.inf, np.inf], (4, 1))
 

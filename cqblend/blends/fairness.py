@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, cross
 from cqblend.splines import Surface
 from cqblend.splines.integral import gauss
+from cqblend.surfaces.primaries import Array, cross
 
 ACROSS, ALONG = 24, 4  # Gauss points across, and along each cell
 CELLS = 128  # along, at least

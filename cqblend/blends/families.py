@@ -25,11 +25,11 @@ import numpy as np
 
 from cqblend.blends.checks import ask
 from cqblend.blends.contact import normal_jet
-from cqblend.blends.primaries import Array, Primary, Tensor, cross, unit
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.evaluation import Side
 from cqblend.splines.knots import number, numbers, whole
+from cqblend.surfaces.primaries import Array, Primary, Tensor, cross, unit
 
 Amount = Callable[[Array], Any]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, cross, tangent_coordinates, unit
 from cqblend.errors import GeometryError
+from cqblend.surfaces.primaries import Array, cross, tangent_coordinates, unit
 
 GRAZING = 1e-6  # share of a vector that is tangent, below which it has no tangent direction
 

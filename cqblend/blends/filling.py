@@ -21,15 +21,15 @@ import numpy as np
 
 from cqblend.blends.across import bubbles
 from cqblend.blends.along import SPLINES
-from cqblend.blends.breaks import aligned
 from cqblend.blends.checks import TooFine
 from cqblend.blends.pde import Solution
-from cqblend.blends.primaries import Array
 from cqblend.blends.sections import Interior, Jets, section, weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.breaks import aligned
 from cqblend.splines.fit import approximate
 from cqblend.splines.knots import extract
+from cqblend.surfaces.primaries import Array
 
 DEGREE = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
 ACROSS = 72  # points across, at least, at which solutions are read

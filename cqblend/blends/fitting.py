@@ -1,7 +1,7 @@
 """From contacts to ribbons: fits the two rails that a blend runs between, and its directions along them.
 
-Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.blends.primaries`), the only place where a blend
-approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
+Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.surfaces.primaries`), the only place where a
+blend approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
 Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
 common axis (degree 2, quarters of a circle, thirds at most of an open arc), else C2 cubic splines through the contacts,
@@ -22,10 +22,10 @@ from cqblend.blends.checks import TooFine
 from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.corners import Crossed, crossed, past
 from cqblend.blends.fields import Along, Field, directions, perpendicular
-from cqblend.blends.primaries import Array, Primary, cross, near_period, unit, unwrapped
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.blends.steering import SLIVER, Pin, Steering, pins
 from cqblend.splines import Curve, fit
+from cqblend.surfaces.primaries import Array, Primary, cross, near_period, unit, unwrapped
 
 OVERLAP = 24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
 EXACT = 2e-13  # residual, relative to the size, up to which a lighter form counts as the same curve

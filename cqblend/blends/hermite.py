@@ -18,16 +18,16 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.breaks import aligned
 from cqblend.blends.compact import compact
 from cqblend.blends.creases import way_out
-from cqblend.blends.primaries import Array, cross, unit
 from cqblend.blends.ribbons import Ribbon, faded, in_space
 from cqblend.blends.sections import Jets, section
 from cqblend.blends.steering import SLIVER, turns
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.breaks import aligned
 from cqblend.splines.evaluation import Side
+from cqblend.surfaces.primaries import Array, cross, unit
 
 Form = Literal["exact", "compact"]
 Fill = Callable[[tuple[Jets, Jets]], Surface]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.families import Course, Family
-from cqblend.blends.primaries import Array
 from cqblend.blends.relations import Relation
 from cqblend.splines import Curve
+from cqblend.surfaces.primaries import Array
 
 OUTSIDE = 1e-9  # of a domain, by which a point may be outside
 

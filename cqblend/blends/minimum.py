@@ -23,9 +23,9 @@ import numpy as np
 from cqblend.blends.across import bubbles, carriers
 from cqblend.blends.along import Basis, Splines, Waves
 from cqblend.blends.equations import Equation
-from cqblend.blends.primaries import Array
 from cqblend.errors import InputError
 from cqblend.splines.integral import gauss
+from cqblend.surfaces.primaries import Array
 
 Minimise: TypeAlias = Literal["residual", "energy"]
 Points: TypeAlias = tuple[int | None, int | None]

@@ -23,7 +23,7 @@ from cqblend.blends.along import Basis, Splines, Waves
 from cqblend.blends.clock import Clock
 from cqblend.blends.equations import Equation
 from cqblend.blends.minimum import NOTHING, Minimise, Minimum, Points
-from cqblend.blends.primaries import Array
+from cqblend.surfaces.primaries import Array
 
 TERMS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
 LIGHT = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free

@@ -13,18 +13,18 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cqblend.blends.along import SPLINES, Basis, Splines, Waves
-from cqblend.blends.breaks import merged
 from cqblend.blends.clock import Clock, speed
 from cqblend.blends.equations import Equation, Parameters, equations
 from cqblend.blends.filling import ACROSS, Bubbles
 from cqblend.blends.hermite import Blend, hermite
 from cqblend.blends.minimum import Minimise
 from cqblend.blends.pde import Data, Ends, Solution, Task
-from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
+from cqblend.splines.breaks import merged
 from cqblend.splines.integral import Integral, gauss
+from cqblend.surfaces.primaries import Array
 
 BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
 BASES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cqblend.blends.primaries import Array
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
+from cqblend.surfaces.primaries import Array
 
 _GUIDES = 129  # stations that the others start from
 _SEEDS = 3  # grid points per patch and direction, at most _GRID in a direction, among which the nearest are looked for

@@ -69,13 +69,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cqblend.blends.bounds import EPS, Norms, Poly, Row, even_weight, largest
-from cqblend.blends.breaks import MOVED, merged, onto
-from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.rounding import Rounding, rounding
 from cqblend.blends.witness import CLOSED_FORM, Witness, pieces
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.breaks import MOVED, merged, onto
+from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
     from cqblend.blends.hermite import Blend

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from cqblend.blends import regularity
 from cqblend.blends.checks import as_point
-from cqblend.blends.crossing import is_closed
-from cqblend.blends.primaries import Array, cross, tangent_coordinates
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import finite
+from cqblend.splines.self_intersection import is_closed
+from cqblend.surfaces.primaries import Array, cross, tangent_coordinates
 
 RailSide: TypeAlias = Literal["left", "right"]
 FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]

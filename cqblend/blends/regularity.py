@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cqblend.blends.crossing import TOUCHING, control_points, self_crossing, size_of
-from cqblend.blends.primaries import Array, cross
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.self_intersection import TOUCHING, control_points, self_crossing, size_of
+from cqblend.surfaces.primaries import Array, cross
 
 SLACK = 1e-9
 """How far a rail may run outside the domain, relative to its width."""

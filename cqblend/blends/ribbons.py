@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Primary
 from cqblend.splines import Curve
 from cqblend.splines.evaluation import Side, quotient
+from cqblend.surfaces.primaries import Array, Primary
 
 FADED = 1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
 RETURNS = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically

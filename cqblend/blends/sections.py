@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cqblend.blends.breaks import aligned
-from cqblend.blends.primaries import Array
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.breaks import aligned
+from cqblend.surfaces.primaries import Array
 
 ROUNDING = 1e-12  # of a weight that is one
 

@@ -12,10 +12,10 @@ from cqblend.blends.checks import TooFine
 from cqblend.blends.filling import Filling
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.sections import Jets, section
 from cqblend.splines import Surface
+from cqblend.surfaces.primaries import Array
 
 SHARE = 1 / 16  # of a tolerance inside, that of the rails
 ACROSS = 24  # points at which the swept surface is read

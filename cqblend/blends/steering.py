@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Crossing, cross, unit
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError
+from cqblend.surfaces.primaries import Array, Crossing, cross, unit
 
 SLIVER = 2e-5  # of the rail: breaks nearer to each other than that are one
 LOOSE = 0.02  # share of a turn by which the fit of its fading may err

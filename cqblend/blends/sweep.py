@@ -21,11 +21,11 @@ from cqblend.blends.contact import Contacts, Solver
 from cqblend.blends.corners import ROUGH
 from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
 from cqblend.blends.meeting import OUTSIDE, Meeting, point
-from cqblend.blends.primaries import Array, Tensor, cross, unit
 from cqblend.blends.ribbons import FADED, Ribbon
 from cqblend.blends.skin import NOWHERE, tied
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
+from cqblend.surfaces.primaries import Array, Tensor, cross, unit
 
 STATIONS, STEPS = 65, 17  # of the table from which solutions start
 OVERLAP = 8  # points by which a closed branch is continued before it is interpolated

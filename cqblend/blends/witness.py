@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.primaries import Array, Frame, Primary, Quadric, Revolution, Ring, Tensor
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.rounding import EPS, Rounding, rounding
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import extract
 from cqblend.splines.surface import BSplineSurface
+from cqblend.surfaces.primaries import Array, Frame, Primary, Quadric, Revolution, Ring, Tensor
 
 CLOSED_FORM = 64 * EPS  # relative error of derivatives of surfaces that OCCT evaluates by formulas
 PARAMETERS = 4 * EPS  # by which a rail's parameters are off where they are evaluated, for each degree and one

@@ -39,7 +39,12 @@ from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.blends.contact import Side
-from cqblend.blends.primaries import (
+from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.errors import GeometryError
+from cqblend.occ import bulk
+from cqblend.occ.convert import ParameterMap, with_parameters
+from cqblend.splines import Curve, Surface, fit
+from cqblend.surfaces.primaries import (
     Array,
     Cone,
     Crossing,
@@ -56,11 +61,6 @@ from cqblend.blends.primaries import (
     tangent_coordinates,
     unwrapped,
 )
-from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.errors import GeometryError
-from cqblend.occ import bulk
-from cqblend.occ.convert import ParameterMap, with_parameters
-from cqblend.splines import Curve, Surface, fit
 
 PCURVE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
 

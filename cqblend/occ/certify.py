@@ -10,7 +10,6 @@ from OCP.BRep import BRep_Tool
 
 from cqblend.blends.fairness import bending_energy
 from cqblend.blends.hermite import Blend, folded
-from cqblend.blends.primaries import Array
 from cqblend.blends.proof import prove
 from cqblend.blends.ribbons import Ribbon, faded
 from cqblend.certificate import Certificate, RailRecord
@@ -22,6 +21,7 @@ from cqblend.occ.knots import crossings, spread
 from cqblend.occ.measure import contact, continuity_between, inner_crease, outline
 from cqblend.occ.surgery import Proposal
 from cqblend.splines import Curve, Surface
+from cqblend.surfaces.primaries import Array
 
 SAMPLES = 400  # points at which each piece of a rail is measured, beside those at its knots
 STATIONS = 1000  # and of a rail that is no edge

@@ -19,12 +19,12 @@ from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from cqblend.blends.primaries import tangent_coordinates
 from cqblend.errors import GeometryError
 from cqblend.occ import bulk
 from cqblend.occ.adapt import face_side
 from cqblend.occ.topology import BUILDER, Index, ends, explore, loosen
 from cqblend.splines import fit
+from cqblend.surfaces.primaries import tangent_coordinates
 
 MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
 COARSE = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again

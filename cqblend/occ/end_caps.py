@@ -16,7 +16,6 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contact import intersect, newton
-from cqblend.blends.primaries import Array, Frame, Plane, unit
 from cqblend.errors import TopologyError
 from cqblend.occ.edge_accuracy import MARGIN
 from cqblend.occ.end_curves import edge_between, end_curve, end_edge, fitted, span_of
@@ -36,6 +35,7 @@ from cqblend.occ.topology import (
     trimmed,
 )
 from cqblend.splines import Curve
+from cqblend.surfaces.primaries import Array, Frame, Plane, unit
 
 if TYPE_CHECKING:
     from cqblend.occ.surgery import Surgery

@@ -9,11 +9,11 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contact import newton, normal_jet
-from cqblend.blends.primaries import Array, Primary, tangent_coordinates
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.occ import bulk
 from cqblend.occ.topology import attach, make_edge, make_vertex
 from cqblend.splines import Curve, Surface, fit
+from cqblend.surfaces.primaries import Array, Primary, tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.occ.surgery import Surgery

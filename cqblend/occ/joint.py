@@ -21,7 +21,6 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OU
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import Contacts, Stations, inward
-from cqblend.blends.primaries import Array, Primary
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side
@@ -38,6 +37,7 @@ from cqblend.occ.topology import (
     location_of,
     parameters_at,
 )
+from cqblend.surfaces.primaries import Array, Primary
 
 SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
 WITHIN, BEHIND = 0.12, 1e-3  # of the legs of a section: a point that it cuts off, and a step out of its plane

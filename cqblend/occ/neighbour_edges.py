@@ -14,7 +14,6 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contact import newton
-from cqblend.blends.primaries import Array, near_period, tangent_coordinates
 from cqblend.errors import SizeError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side
 from cqblend.occ.edge_accuracy import MARGIN, deviation
@@ -34,6 +33,7 @@ from cqblend.occ.topology import (
     seams,
     trimmed,
 )
+from cqblend.surfaces.primaries import Array, near_period, tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.occ.surgery import Surgery

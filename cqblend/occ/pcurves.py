@@ -18,7 +18,6 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends import projection
-from cqblend.blends.primaries import Array
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.occ import bulk
 from cqblend.occ.convert import Arcs, ParameterMap, with_parameters
@@ -26,6 +25,7 @@ from cqblend.occ.topology import explore
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.composition import follow
 from cqblend.splines.evaluation import Side
+from cqblend.surfaces.primaries import Array
 
 PCURVE = 1e-11
 """Largest error of a fitted curve in the parameter plane."""

@@ -11,12 +11,12 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.blends.primaries import Array
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import InputError, SelectionError, UnsupportedError
 from cqblend.occ.joint import Joint, PassedOver, find_joint
 from cqblend.occ.topology import Ancestors, Index, ends, explore
 from cqblend.occ.unified import Unified
+from cqblend.surfaces.primaries import Array
 
 
 class Picks:

@@ -18,7 +18,6 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Wire
 
-from cqblend.blends.primaries import Array, Frame, Sphere
 from cqblend.blends.ribbons import Ribbon
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.topology import (
@@ -34,6 +33,7 @@ from cqblend.occ.topology import (
     make_wire,
     seams,
 )
+from cqblend.surfaces.primaries import Array, Frame, Sphere
 
 WINDOW = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 

@@ -18,10 +18,10 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contact import Stations
-from cqblend.blends.primaries import Array, tangent_coordinates, unit
 from cqblend.errors import SelectionError
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.topology import ends, explore, forward
+from cqblend.surfaces.primaries import Array, tangent_coordinates, unit
 
 TABLE = 65  # points at which the speed along an edge is read
 ROUND = 1e-9  # relative deviation up to which an edge is an arc of a circle

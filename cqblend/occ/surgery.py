@@ -26,7 +26,6 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
 from cqblend.blends.hermite import Blend
-from cqblend.blends.primaries import Array
 from cqblend.blends.ribbons import Ribbon, in_space
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk, end_caps, endings
@@ -58,6 +57,7 @@ from cqblend.occ.topology import (
 )
 from cqblend.splines import Curve
 from cqblend.splines.roots import sign_changes
+from cqblend.surfaces.primaries import Array
 
 SNAP = 1e-9  # relative: a rail end this near to a seam lies on it
 FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)  # of an edge, by the order of continuity

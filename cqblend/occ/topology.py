@@ -39,8 +39,8 @@ from OCP.TopoDS import (
 )
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
-from cqblend.blends.primaries import Array, unit
 from cqblend.errors import GeometryError
+from cqblend.surfaces.primaries import Array, unit
 
 CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
 BUILDER = BRep_Builder()

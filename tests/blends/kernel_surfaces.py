@@ -28,8 +28,8 @@ from OCP.TColStd import (
     TColStd_Array2OfReal,
 )
 
-from cqblend.blends.primaries import Cone, Cylinder, Frame, Plane, Primary, Revolution, Ring, Sphere, Tensor
 from cqblend.splines import Curve, Surface
+from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Revolution, Ring, Sphere, Tensor
 
 ORIGIN = np.array([3.0, -2.0, 5.0])
 SIZE = 12.0

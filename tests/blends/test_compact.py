@@ -18,9 +18,9 @@ from kernel_surfaces import pairs
 import cqblend
 from cqblend.blends.compact import CURVATURE, compact
 from cqblend.blends.hermite import section
-from cqblend.blends.primaries import Primary, Tensor
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
+from cqblend.surfaces.primaries import Primary, Tensor
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import irit_table

@@ -20,9 +20,9 @@ from OCP.Geom import (
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 
 from cqblend.blends.contact import Contacts, Side, Stations, intersect, inward, rolling_ball, set_back
-from cqblend.blends.primaries import Cone, Cylinder, Frame, Plane, Primary, Ring, Sphere, Tensor
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
+from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Ring, Sphere, Tensor
 
 UP = np.eye(3)
 

@@ -11,9 +11,9 @@ from kernel_surfaces import SIZE, Pair, bulges, pairs
 from cqblend.blends import fitting
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fitting import Wanted
-from cqblend.blends.primaries import Cone, Cylinder, Frame, Plane, Primary, Sphere
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import GeometryError
+from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Sphere
 
 FRAME = Frame(np.zeros(3), np.eye(3))
 WALL = Frame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))

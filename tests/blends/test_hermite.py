@@ -9,13 +9,13 @@ import pytest
 from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends import fitting
-from cqblend.blends.breaks import merged
 from cqblend.blends.contact import Contacts
 from cqblend.blends.fitting import Wanted
 from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.primaries import Frame, Plane
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import DegreeError, GeometryError
+from cqblend.splines.breaks import merged
+from cqblend.surfaces.primaries import Frame, Plane
 
 FLOOR = Pair("floor", Plane(Frame(np.array([0, 0, -4.0]), np.eye(3))), None, ((0, 1), (0, 1)))
 NAMES = [

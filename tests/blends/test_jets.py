@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from kernel_surfaces import SIZE, pairs
 
-from cqblend.blends.primaries import Tensor
 from cqblend.blends.ribbons import in_space
 from cqblend.splines import Curve, Surface, interpolate
+from cqblend.surfaces.primaries import Tensor
 
 T = np.array([0.07, 0.31, 0.58, 0.83])
 STEP = 0.02

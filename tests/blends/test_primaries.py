@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from kernel_surfaces import ORIGIN, SIZE, Pair, pairs
 
-from cqblend.blends.primaries import Cone, Plane, Quadric, Sphere, Tensor, tangent_coordinates
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
+from cqblend.surfaces.primaries import Cone, Plane, Quadric, Sphere, Tensor, tangent_coordinates
 
 every = pytest.mark.parametrize("pair", pairs().values(), ids=pairs().keys())
 analytic = pytest.mark.parametrize(

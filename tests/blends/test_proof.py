@@ -11,11 +11,11 @@ import pytest
 from kernel_surfaces import Pair, kernel_surface, pairs
 
 from cqblend.blends.hermite import Blend, hermite, section
-from cqblend.blends.primaries import Cylinder, Frame, Plane, Sphere, Tensor, tangent_coordinates
 from cqblend.blends.proof import COMPOSED, Proof, prove, prove_side
 from cqblend.blends.ribbons import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, fit
+from cqblend.surfaces.primaries import Cylinder, Frame, Plane, Sphere, Tensor, tangent_coordinates
 
 EVERY = [name for name in pairs() if "left-handed" not in name]
 every = pytest.mark.parametrize("name", EVERY)

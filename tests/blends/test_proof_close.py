@@ -7,10 +7,10 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
-from cqblend.blends.breaks import NEAR, aligned, merged
 from cqblend.errors import GeometryError
 from cqblend.occ.knots import crossings, spread
 from cqblend.splines import Curve, Surface
+from cqblend.splines.breaks import NEAR, aligned, merged
 
 
 def sheet(middle, at, *, degree=3, repeats=1, bend=0.0):

@@ -12,10 +12,10 @@ import pytest
 from kernel_surfaces import clamped, kernel_surface
 from OCP.gp import gp_Pnt, gp_Vec
 
-from cqblend.blends.crossing import self_crossing
 from cqblend.blends.rails import FIELDS, Rail
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
+from cqblend.splines.self_intersection import self_crossing
 
 T = np.linspace(0, 1, 243)
 INNER = ([0.2, 0.4, 0.6, 0.8], [0.25, 0.5, 0.75])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.primaries import Tensor
 from cqblend.blends.ribbons import Ribbon
 from cqblend.blends.steering import FADE, LOOSE, Pin, Steering, pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
+from cqblend.surfaces.primaries import Tensor
 
 PINS = (Pin(0.2, 0, 0.5, 0.3, deep=False), Pin(0.26, 1, 0.4, -0.1, deep=True), Pin(0.97, 1, 0.6, 0.2, deep=False))
 

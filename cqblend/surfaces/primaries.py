@@ -37,12 +37,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cqblend.blends.breaks import SAME, aligned
-from cqblend.blends.kinks import shape_order, taylor
 from cqblend.errors import GeometryError
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
+from cqblend.splines.breaks import SAME, aligned
 from cqblend.splines.composition import follow
 from cqblend.splines.evaluation import Side, quotient
+from cqblend.surfaces.knot_line_smoothness import shape_order, taylor
 
 Array = NDArray[Any]
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cqblend.blends.primaries import Array
 from cqblend.splines import Curve, bernstein
+from cqblend.surfaces.primaries import Array
 
 TOUCHING = 1e-9
 """Distance, relative to the curve's size, at which two of its points count as one."""
