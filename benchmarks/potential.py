@@ -17,11 +17,11 @@ from typing import Any
 from OCP.GeomAPI import GeomAPI_IntSS
 
 import cqblend
-from cqblend.blends import hermite
-from cqblend.blends.branches import branches
-from cqblend.blends.meeting import Meeting
-from cqblend.blends.skin import Skin
-from cqblend.blends.sweep import sweep
+from cqblend.blends.potential.family_pair import Meeting
+from cqblend.blends.potential.intersection_branches import branches
+from cqblend.blends.potential.swept_blend import sweep
+from cqblend.blends.potential.swept_section import Skin
+from cqblend.blends.sections import blend_surface
 from cqblend.occ import bulk
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
@@ -66,7 +66,7 @@ def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable
         best(lambda: branches(meeting, 0.5)),
         best(lambda: sweep(meeting, found[0], 0.5)),
         best(lambda: swept.ribbons(allowed)),
-        best(lambda: hermite.hermite(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
+        best(lambda: blend_surface.hermite(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
         best(whole),
         best(lambda: GeomAPI_IntSS(one, two, 1e-7)),
     ]

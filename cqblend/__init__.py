@@ -17,10 +17,10 @@ from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
-    from cqblend.blends.boundaries import Boundary
-    from cqblend.blends.families import Family
-    from cqblend.blends.rails import Rail
-    from cqblend.blends.relations import BezierRelation, Conic, Relation
+    from cqblend.blends.pde.boundary_data import Boundary
+    from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
+    from cqblend.blends.potential.surface_family import Family
+    from cqblend.blends.rails.rail import Rail
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
     from cqblend.front import (
         BlendResult,
@@ -95,22 +95,22 @@ __all__ = [
 ]
 
 _HOME = {
-    "BezierRelation": "blends.relations",
+    "BezierRelation": "blends.potential.relations",
     "Blend": "freeform",
     "BlendResult": "front",
-    "Boundary": "blends.boundaries",
+    "Boundary": "blends.pde.boundary_data",
     "Combination": "freeform",
-    "Conic": "blends.relations",
+    "Conic": "blends.potential.relations",
     "Continuity": "occ.measure",
     "Curve": "splines.curve",
-    "Family": "blends.families",
+    "Family": "blends.potential.surface_family",
     "Guide": "freeform",
     "Normalised": "splines.unit_length",
     "Pattern": "patterns",
     "PdeBlend": "pdes",
     "PotentialBlend": "potentials",
-    "Rail": "blends.rails",
-    "Relation": "blends.relations",
+    "Rail": "blends.rails.rail",
+    "Relation": "blends.potential.relations",
     "Surface": "splines.surface",
     "Verification": "occ.verification",
     "blend_edges": "front",

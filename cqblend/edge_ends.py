@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.contact import Solver, intersect
+from cqblend.blends.contacts.contact_solver import Solver, intersect
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
 from cqblend.occ.end_curves import EndError

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend import sizes
-from cqblend.blends import fields, fitting
-from cqblend.blends.contact import Contacts, Solver, intersect, remembering, rolling_ball, set_back
-from cqblend.blends.creases import Allowed, check_creases
-from cqblend.blends.edge_sweep import EdgeSweep, from_edge
-from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import Blend, folded, hermite
-from cqblend.blends.problem import Problem
-from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.skin import Skin, loosened, tied
+from cqblend.blends.contacts.contact_solver import Contacts, Solver, intersect, remembering, rolling_ball, set_back
+from cqblend.blends.pde.problem import Problem
+from cqblend.blends.potential.edge_sweep import EdgeSweep, from_edge
+from cqblend.blends.potential.swept_section import Skin, loosened, tied
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails import cross_fields, rail_fit
+from cqblend.blends.rails.rail_fit import Wanted
+from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.sections.blend_surface import Blend, folded, hermite
 from cqblend.certificate import Certificate, EndRecord
 from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends
 from cqblend.errors import (
@@ -64,7 +64,11 @@ SAME_FACE = 1e-10  # of the size of a solid: a surface that differs less from a 
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 
-FIELDS = {"parametric": fields.parametric, "perpendicular": fields.perpendicular, "chord": fields.chord}
+FIELDS = {
+    "parametric": cross_fields.parametric,
+    "perpendicular": cross_fields.perpendicular,
+    "chord": cross_fields.chord,
+}
 
 Caps = tuple[float | None, float | None]
 
@@ -305,8 +309,8 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
         return set_back(joint.sides, stations, request.width)
 
     if joint.spine.closed:
-        return fitting.around(remembering(solve), joint.primaries)
-    return fitting.along(remembering(solve), joint.primaries)
+        return rail_fit.around(remembering(solve), joint.primaries)
+    return rail_fit.along(remembering(solve), joint.primaries)
 
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
@@ -360,7 +364,7 @@ def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
             arc = _largest_arc(joint)
-            swept = replace(swept, clock=lambda t: fitting.arc_clock(domain, turn, t, arc)[0])
+            swept = replace(swept, clock=lambda t: rail_fit.arc_clock(domain, turn, t, arc)[0])
         curves, closed = swept, joint.spine.closed
         return loosened(lambda inside: Skin.over(curves, closed, inside).blend(ribbons, *form), _inside(request))
     if request.order is None:
@@ -437,23 +441,23 @@ def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> 
     solve, closed = _solver(joint, request), joint.spine.closed
     wanted = _wanted(request)
     if not closed:
-        rails = fitting.straight(joint.primaries, solve, domain, wanted, joint.extent)
+        rails = rail_fit.straight(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
             return rails
     turn = joint.spine.turn()
     if turn is not None:
-        rails = fitting.circular(joint.primaries, solve, domain, turn, wanted, joint.extent, _largest_arc(joint))
+        rails = rail_fit.circular(joint.primaries, solve, domain, turn, wanted, joint.extent, _largest_arc(joint))
         if rails is not None:
             return rails
     if closed:
         start = joint.clear_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
-    return fitting.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+    return rail_fit.cubic(joint.primaries, solve, domain, wanted, closed=closed)
 
 
 def _largest_arc(joint: Joint) -> float:
     """Return the largest angle of a piece of a circular rail."""
-    return fitting.QUARTER if joint.spine.closed else fitting.THIRD
+    return rail_fit.QUARTER if joint.spine.closed else rail_fit.THIRD
 
 
 def _wanted(request: BlendRequest) -> Wanted:

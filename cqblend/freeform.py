@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends import hermite
-from cqblend.blends.aiming import Aim, on_rails
 from cqblend.blends.checks import ask
-from cqblend.blends.creases import Allowed, check_creases
-from cqblend.blends.rails import FIELDS, FieldName, Rail
-from cqblend.blends.regularity import stations
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails.direction_fit import Aim, on_rails
+from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
+from cqblend.blends.rails.regularity import stations
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.request import (
@@ -93,7 +93,7 @@ Tangents: TypeAlias = FieldName | Guide | Combination
 
 
 @dataclass(frozen=True)
-class Blend(hermite.Blend):
+class Blend(blend_surface.Blend):
     """A blend surface H(t, v) between two rails, v = 0 on the first and 1 on the second.
 
     Attributes
@@ -210,7 +210,7 @@ def hermite_blend(
         leave_out(EXACT, tolerance=(tolerance, TOLERANCE))
     tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
     allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
-    made = hermite.hermite(ribbons, form, tolerance, angular_tolerance)
+    made = blend_surface.hermite(ribbons, form, tolerance, angular_tolerance)
     check_creases(made, allowed)
     return Blend(made.surface, made.ribbons, made.form, rails)
 

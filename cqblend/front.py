@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from cqblend.blends.hermite import Blend
+from cqblend.blends.sections.blend_surface import Blend
 from cqblend.certificate import Certificate, SkippedEdge
 from cqblend.edges import blend_shape, insert_shape
 from cqblend.errors import InputError, shown

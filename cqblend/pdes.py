@@ -1,7 +1,7 @@
 """Blends by partial differential equations: the front door to You and Zhang's method.
 
 Between surfaces along rails, or between boundary data. Thin: checks what it is given, and hands it to
-:mod:`cqblend.blends.problem`.
+:mod:`cqblend.blends.pde.problem`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.boundaries import Boundary, DataRibbon
-from cqblend.blends.creases import Allowed, check_creases
-from cqblend.blends.equations import Parameters
-from cqblend.blends.pde import Ends, Solution
-from cqblend.blends.problem import BASES, Problem
-from cqblend.blends.rails import Rail
-from cqblend.blends.ribbons import returns
+from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
+from cqblend.blends.pde.equations import Parameters
+from cqblend.blends.pde.problem import BASES, Problem
+from cqblend.blends.pde.solution import Ends, Solution
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import returns
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails, check_untied

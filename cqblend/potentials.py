@@ -1,7 +1,8 @@
 """Potential blends: the front door to Lee, Bedi and Dubey's method.
 
 Surfaces are reshaped, a relation tells how far together, and the curves in which they meet are the blend. Thin: checks
-what it is given, and hands it to :mod:`cqblend.blends.meeting` and :mod:`cqblend.blends.sweep`.
+what it is given, and hands it to :mod:`cqblend.blends.potential.family_pair` and
+:mod:`cqblend.blends.potential.swept_blend`.
 """
 
 from __future__ import annotations
@@ -13,18 +14,18 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends import hermite
-from cqblend.blends.branches import Branch, branches, nearest_approach
 from cqblend.blends.checks import as_point
-from cqblend.blends.creases import Allowed, check_creases
-from cqblend.blends.families import Family, Moved, Offset
-from cqblend.blends.meeting import Meeting, point
-from cqblend.blends.rails import Rail
-from cqblend.blends.relations import Relation
-from cqblend.blends.relations import relation as relation_of
-from cqblend.blends.ribbons import Ribbon, faded
-from cqblend.blends.skin import Skin, loosened
-from cqblend.blends.sweep import Sweep, sweep
+from cqblend.blends.potential.family_pair import Meeting, point
+from cqblend.blends.potential.intersection_branches import Branch, branches, nearest_approach
+from cqblend.blends.potential.relations import Relation
+from cqblend.blends.potential.relations import relation as relation_of
+from cqblend.blends.potential.surface_family import Family, Moved, Offset
+from cqblend.blends.potential.swept_blend import Sweep, sweep
+from cqblend.blends.potential.swept_section import Skin, loosened
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import Ribbon, faded
+from cqblend.blends.sections import blend_surface
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.freeform import Blend
 from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
@@ -86,7 +87,7 @@ class PotentialBlend(Blend):
     def hermite(self) -> Blend:
         """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = hermite.hermite((first, second), self.form, TOLERANCE, ANGLE)
+        made = blend_surface.hermite((first, second), self.form, TOLERANCE, ANGLE)
         return Blend(made.surface, self.ribbons, made.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
@@ -353,7 +354,7 @@ def potential_blend(
 
 def _made(
     swept: Sweep, form: str, tolerance: float, angular_tolerance: float, skin: float | None
-) -> tuple[hermite.Blend, Skin]:
+) -> tuple[blend_surface.Blend, Skin]:
     """Blend up to a swept surface, within a skin, or within the least of the default ones for which that goes."""
     if skin is not None and skin < FINEST * swept.width:
         raise InputError(
@@ -361,7 +362,7 @@ def _made(
             "rails: it would take too many spans"
         )
 
-    def make(allowed: float) -> tuple[hermite.Blend, Skin]:
+    def make(allowed: float) -> tuple[blend_surface.Blend, Skin]:
         ribbons = swept.ribbons(allowed)
         fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
         return fill.blend(ribbons, form, tolerance, angular_tolerance), fill

@@ -17,7 +17,7 @@ from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
 
-    from cqblend.blends.relations import Conic
+    from cqblend.blends.potential.relations import Conic
 
 Continuity = Literal["G0", "G1", "G2", "G3"]
 Tangents = Literal["parametric", "perpendicular", "chord"]
@@ -255,7 +255,7 @@ def _refuse(section: Section, **given: object) -> None:
 
 def _potential(a: object, b: object, lam: Any) -> "Conic":
     """Return the relation of a potential section; each of a and b is the other one if it is left out."""
-    from cqblend.blends.relations import Conic  # which takes NumPy: ``import cqblend`` does not
+    from cqblend.blends.potential.relations import Conic  # which takes NumPy: ``import cqblend`` does not
 
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.contact import Contacts, Solver
+from cqblend.blends.contacts.contact_solver import Contacts, Solver
 from cqblend.errors import CqblendError, SizeError
 from cqblend.occ.joint import Joint
 from cqblend.occ.obstacles import leaving, obstacle

@@ -351,7 +351,7 @@ def test_parameters_too_steep_for_the_tolerance_are_refused_and_nothing_is_lost(
 
 
 def test_fairness_of_known_shapes():
-    from cqblend.blends.fairness import bending_energy
+    from cqblend.blends.quality.fairness import bending_energy
 
     for face, energy in (
         (cq.Solid.makeCylinder(3, 7).faces("%CYLINDER"), 2 * math.pi * 7 / 3),

@@ -15,7 +15,7 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
 
 import cqblend
-from cqblend.blends.contact import intersect, rolling_ball, set_back
+from cqblend.blends.contacts.contact_solver import intersect, rolling_ball, set_back
 from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, UnsupportedError
 from cqblend.occ.selection import Picks
 from cqblend.occ.step import read_step

@@ -38,8 +38,8 @@ from OCP.gp import gp_Ax3
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from cqblend.blends.contact import Side
-from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.contacts.contact_solver import Side
+from cqblend.blends.rails.ribbon import Ribbon, in_space
 from cqblend.errors import GeometryError
 from cqblend.occ import bulk
 from cqblend.occ.convert import ParameterMap, with_parameters

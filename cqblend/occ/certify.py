@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 from OCP.BRep import BRep_Tool
 
-from cqblend.blends.fairness import bending_energy
-from cqblend.blends.hermite import Blend, folded
-from cqblend.blends.proof import prove
-from cqblend.blends.ribbons import Ribbon, faded
+from cqblend.blends.quality.fairness import bending_energy
+from cqblend.blends.quality.proof import prove
+from cqblend.blends.rails.ribbon import Ribbon, faded
+from cqblend.blends.sections.blend_surface import Blend, folded
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.occ import bulk
 from cqblend.occ.adapt import PCURVE

@@ -15,7 +15,7 @@ from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contact import intersect, newton
+from cqblend.blends.contacts.contact_solver import intersect, newton
 from cqblend.errors import TopologyError
 from cqblend.occ.edge_accuracy import MARGIN
 from cqblend.occ.end_curves import edge_between, end_curve, end_edge, fitted, span_of

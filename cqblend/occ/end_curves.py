@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contact import newton, normal_jet
+from cqblend.blends.contacts.contact_solver import newton, normal_jet
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.occ import bulk
 from cqblend.occ.topology import attach, make_edge, make_vertex

@@ -20,7 +20,7 @@ from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
-from cqblend.blends.contact import Contacts, Stations, inward
+from cqblend.blends.contacts.contact_solver import Contacts, Stations, inward
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side

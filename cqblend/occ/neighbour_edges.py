@@ -13,7 +13,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
-from cqblend.blends.contact import newton
+from cqblend.blends.contacts.contact_solver import newton
 from cqblend.errors import SizeError, TopologyError
 from cqblend.occ.adapt import FaceSide, face_side
 from cqblend.occ.edge_accuracy import MARGIN, deviation

@@ -10,7 +10,7 @@ from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON
 
-from cqblend.blends.contact import Contacts
+from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.occ.adapt import face_side
 from cqblend.occ.joint import Joint
 from cqblend.occ.topology import Ancestors, distinct, explore

@@ -17,7 +17,7 @@ from OCP.GeomConvert import GeomConvert
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from cqblend.blends import projection
+from cqblend.blends.rails import projection
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.occ import bulk
 from cqblend.occ.convert import Arcs, ParameterMap, with_parameters
@@ -105,7 +105,7 @@ def edge_of(curve: Curve) -> TopoDS_Edge:
 def projected(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1e-7) -> Curve:
     """Return the projection of an edge, or of a curve of dim 3, into the parameter plane of a surface.
 
-    See :func:`cqblend.blends.projection.projected`.
+    See :func:`cqblend.blends.rails.projection.projected`.
 
     Raises
     ------

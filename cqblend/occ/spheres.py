@@ -18,7 +18,7 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Wire
 
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.topology import (
     attach,

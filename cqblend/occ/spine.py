@@ -17,7 +17,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contact import Stations
+from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.errors import SelectionError
 from cqblend.occ.adapt import FaceSide
 from cqblend.occ.topology import ends, explore, forward

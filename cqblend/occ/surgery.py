@@ -25,8 +25,8 @@ from OCP.gp import gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
-from cqblend.blends.hermite import Blend
-from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.sections.blend_surface import Blend
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.occ import bulk, end_caps, endings
 from cqblend.occ.adapt import FaceSide, pcurve

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.aiming import FINE, Aim, on_rails, thirds
-from cqblend.blends.rails import Rail
-from cqblend.blends.ribbons import in_space
+from cqblend.blends.rails.direction_fit import FINE, Aim, on_rails, thirds
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import in_space
 from cqblend.splines import Curve, Surface
 
 CUBIC = Curve.bezier([[0.1, 0.2], [0.4, 0.7], [0.6, 0.1], [0.9, 0.6]])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from cqblend import reshape, to_surface
-from cqblend.blends.branches import branches
-from cqblend.blends.meeting import Meeting
-from cqblend.blends.relations import Conic
+from cqblend.blends.potential.family_pair import Meeting
+from cqblend.blends.potential.intersection_branches import branches
+from cqblend.blends.potential.relations import Conic
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from kernel_surfaces import pairs
 
 import cqblend
-from cqblend.blends.compact import CURVATURE, compact
-from cqblend.blends.hermite import section
+from cqblend.blends.sections.blend_surface import section
+from cqblend.blends.sections.compact_form import CURVATURE, compact
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import Primary, Tensor

@@ -19,7 +19,7 @@ from OCP.Geom import (
 )
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 
-from cqblend.blends.contact import Contacts, Side, Stations, intersect, inward, rolling_ball, set_back
+from cqblend.blends.contacts.contact_solver import Contacts, Side, Stations, intersect, inward, rolling_ball, set_back
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
 from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Ring, Sphere, Tensor

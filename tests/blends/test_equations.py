@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from cqblend.blends.equations import Equation, equations
+from cqblend.blends.pde.equations import Equation, equations
 from cqblend.errors import InputError
 
 GOOD = [

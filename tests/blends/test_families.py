@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cqblend import reshape, to_surface
-from cqblend.blends.families import closes, own_normals
+from cqblend.blends.potential.surface_family import closes, own_normals
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
 

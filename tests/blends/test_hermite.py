@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
-from cqblend.blends import fitting
-from cqblend.blends.contact import Contacts
-from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.contacts.contact_solver import Contacts
+from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.rail_fit import Wanted
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections.blend_surface import Blend, hermite
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines.breaks import merged
 from cqblend.surfaces.primaries import Frame, Plane
@@ -43,9 +43,9 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
         return Contacts(t, (first + second) / 2, (flat, uv), np.tile(np.linalg.norm(first - second, axis=1), (2, 1)))
 
     primaries = (FLOOR.primary, pair.primary)
-    return fitting.cubic(
+    return rail_fit.cubic(
         primaries,
-        fitting.along(solve, primaries),
+        rail_fit.along(solve, primaries),
         (0.0, 1.0),
         Wanted(1e-2, 1e-2, 1e-1, bulges=bulges(bulge)),
         closed=False,
@@ -168,7 +168,7 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
         at = np.stack([x, np.full_like(x, setback)], -1)
         return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
-    made = fitting.straight(primaries, solve, (0.0, 1.0), Wanted(), 10.0)
+    made = rail_fit.straight(primaries, solve, (0.0, 1.0), Wanted(), 10.0)
     assert made is not None
     blend = hermite(made, "auto", 1e-7, 1e-5)
     assert blend.surface.to_bspline()[2].shape == (2, 4, 3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from kernel_surfaces import SIZE, pairs
 
-from cqblend.blends.ribbons import in_space
+from cqblend.blends.rails.ribbon import in_space
 from cqblend.splines import Curve, Surface, interpolate
 from cqblend.surfaces.primaries import Tensor
 

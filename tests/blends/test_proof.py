@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from kernel_surfaces import Pair, kernel_surface, pairs
 
-from cqblend.blends.hermite import Blend, hermite, section
-from cqblend.blends.proof import COMPOSED, Proof, prove, prove_side
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.quality.proof import COMPOSED, Proof, prove, prove_side
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections.blend_surface import Blend, hermite, section
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import Cylinder, Frame, Plane, Sphere, Tensor, tangent_coordinates

@@ -12,7 +12,7 @@ import pytest
 from kernel_surfaces import clamped, kernel_surface
 from OCP.gp import gp_Pnt, gp_Vec
 
-from cqblend.blends.rails import FIELDS, Rail
+from cqblend.blends.rails.rail import FIELDS, Rail
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
 from cqblend.splines.self_intersection import self_crossing

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cqblend.blends.relations import BezierRelation, Conic, Relation, relation
+from cqblend.blends.potential.relations import BezierRelation, Conic, Relation, relation
 from cqblend.errors import InputError
 from cqblend.splines import Curve
 

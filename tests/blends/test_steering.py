@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.ribbons import Ribbon
-from cqblend.blends.steering import FADE, LOOSE, Pin, Steering, pins
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.steering import FADE, LOOSE, Pin, Steering, pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.primaries import Tensor

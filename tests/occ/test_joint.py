@@ -12,7 +12,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cqblend.blends.contact import Contacts
+from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.errors import SelectionError
 from cqblend.occ.joint import find_joint
 from cqblend.occ.obstacles import leaving

@@ -14,7 +14,7 @@ from OCP.gp import gp_Ax2d, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
-from cqblend.blends.rails import Rail
+from cqblend.blends.rails.rail import Rail
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.occ.convert import to_face, to_surface, with_parameters
 from cqblend.occ.pcurves import curve_of, curve_on, projected

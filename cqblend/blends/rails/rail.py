@@ -16,8 +16,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends import regularity
 from cqblend.blends.checks import as_point
+from cqblend.blends.rails import regularity
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import finite

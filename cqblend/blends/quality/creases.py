@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from cqblend.blends.ribbons import Ribbon, along
-from cqblend.blends.steering import SLIVER, Turn, turns
+from cqblend.blends.rails.ribbon import Ribbon, along
+from cqblend.blends.rails.steering import SLIVER, Turn, turns
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.evaluation import Side
 from cqblend.surfaces.primaries import Array, cross
 
 if TYPE_CHECKING:
-    from cqblend.blends.hermite import Blend
+    from cqblend.blends.sections.blend_surface import Blend
 
 ROUNDING = 1e-9  # rad: below that a crease is rounding, even where none is allowed
 ACROSS = 33  # points of each section, at which normals are compared

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.curves import TANGENTIAL, Curves, Isoparametric, Phase, Planes
-from cqblend.blends.meeting import OUTSIDE, Meeting, point
+from cqblend.blends.potential.continuation import TANGENTIAL, Curves, Isoparametric, Phase, Planes
+from cqblend.blends.potential.family_pair import OUTSIDE, Meeting, point
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface, bernstein
 from cqblend.surfaces.primaries import Array, cross, tangent_coordinates, unit

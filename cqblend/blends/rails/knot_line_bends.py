@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.ribbons import along
+from cqblend.blends.rails.ribbon import along
 from cqblend.splines import Curve, fit
 from cqblend.splines.evaluation import Side
 from cqblend.surfaces.primaries import Array, Primary, tangent_coordinates

@@ -5,7 +5,7 @@ line u = u0, by D, the jet's derivative along the rail jumps by r^k u' D, and th
 section through the crossing. It vanishes if r = 0 there: if the direction is parallel to the knot line. Where the
 surface is one order less smooth still, the second direction must be parallel as well. All of that is about the shape of
 the surface: where only its parameters have a kink, directions get the kink that makes up for it
-(:mod:`cqblend.blends.bends`).
+(:mod:`cqblend.blends.rails.knot_line_bends`).
 
 Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and fades between
 them: nothing changes about how the blend meets its surface.
@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.rails.ribbon import Ribbon, in_space
 from cqblend.errors import GeometryError
 from cqblend.surfaces.primaries import Array, Crossing, cross, unit
 

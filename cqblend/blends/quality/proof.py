@@ -3,10 +3,10 @@ r"""What the coefficients of a finished blend prove: bounds that hold along the 
 They hold for the surface that is returned, the doubles in it, as OCCT evaluates them. Along one of its two boundaries a
 blend H(t, v) has the rows of poles X, V, W: the homogeneous H, H_v and H_vv there. The primary gives, for the same t,
 the jets P(c), DP d, .. of the ribbon and a normal N of its tangent plane, worked out on a way of its own
-(:mod:`cqblend.blends.witness`). Everything below is made of polynomials in t on every piece between knots of the blend
-and places where the rail crosses knot lines, formed by exact products and bounded by the hull of their coefficients
-(:mod:`cqblend.blends.bounds`). With a = H_t and b = H_v in space, n = N/|N|, theta the angle between a and b,
-A = |n.a|/|a| and B = |n.b|/|b|:
+(:mod:`cqblend.blends.quality.rail_reevaluation`). Everything below is made of polynomials in t on every piece between
+knots of the blend and places where the rail crosses knot lines, formed by exact products and bounded by the hull of
+their coefficients (:mod:`cqblend.blends.quality.error_bounds`). With a = H_t and b = H_v in space, n = N/|N|, theta the
+angle between a and b, A = |n.a|/|a| and B = |n.b|/|b|:
 
 *Gap.* D = H(t, 0) - S(c(t)) = (X w_S - P w_H)/(w_H w_S): the hull of the numerator over the least weights.
 
@@ -47,8 +47,8 @@ The gauge of rational blends drops out: what it adds to H_ij is a combination of
 4 p^2 |D|/h^2. G_ij needs no quotients of differences: II(G_t, G_t) and II(G_t + x G_v, G_t + x G_v) come from second
 derivatives along c' and c' + x d, whatever c', d and x are.
 
-*Evaluation.* Where derivatives are evaluated with errors of up to E_a, E_b, E_ij (:mod:`cqblend.blends.rounding`), the
-plane of a and b turns by at most
+*Evaluation.* Where derivatives are evaluated with errors of up to E_a, E_b, E_ij
+(:mod:`cqblend.blends.quality.rounding`), the plane of a and b turns by at most
 
 .. math:: \psi = \frac{1}{\sin\theta} \Big(\frac{E_a}{|a|} + \frac{E_b}{|b|}\Big),
 
@@ -68,17 +68,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cqblend.blends.bounds import EPS, Norms, Poly, Row, even_weight, largest
-from cqblend.blends.ribbons import Ribbon
-from cqblend.blends.rounding import Rounding, rounding
-from cqblend.blends.witness import CLOSED_FORM, Witness, pieces
+from cqblend.blends.quality.error_bounds import EPS, Norms, Poly, Row, even_weight, largest
+from cqblend.blends.quality.rail_reevaluation import CLOSED_FORM, Witness, pieces
+from cqblend.blends.quality.rounding import Rounding, rounding
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.breaks import MOVED, merged, onto
 from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
-    from cqblend.blends.hermite import Blend
+    from cqblend.blends.sections.blend_surface import Blend
 
 COMPOSED = 8 * EPS  # error of P(c) and its like, relative to the largest coefficient of a piece; below 2 EPS measured
 EVEN = 256 * EPS  # weights that differ by less, relatively, count as one, and the difference as an error

@@ -15,8 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cqblend.blends.checks import ask
-from cqblend.blends.rails import Rail
-from cqblend.blends.ribbons import Ribbon
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.knots import interval, number, numbers, whole

@@ -9,11 +9,11 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 
 from cqblend.blends.checks import TooFine
-from cqblend.blends.filling import Filling
-from cqblend.blends.fitting import Wanted
-from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.ribbons import Ribbon
-from cqblend.blends.sections import Jets, section
+from cqblend.blends.rails.rail_fit import Wanted
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections.blend_surface import Blend, hermite
+from cqblend.blends.sections.hermite_section import Jets, section
+from cqblend.blends.sections.interior import Filling
 from cqblend.splines import Surface
 from cqblend.surfaces.primaries import Array
 
@@ -71,7 +71,7 @@ class Skin(Filling):
         Raises
         ------
         CqblendError
-            As :func:`cqblend.blends.hermite.hermite`, and TooFine.
+            As :func:`cqblend.blends.sections.blend_surface.hermite`, and TooFine.
         """
         return hermite(ribbons, form, min(tolerance, self.tolerance / 8), angular_tolerance, self)
 

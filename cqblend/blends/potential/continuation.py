@@ -13,8 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from cqblend.blends.contact import newton
-from cqblend.blends.meeting import Meeting
+from cqblend.blends.contacts.contact_solver import newton
+from cqblend.blends.potential.family_pair import Meeting
 from cqblend.errors import GeometryError
 from cqblend.surfaces.primaries import Array, cross, unit
 

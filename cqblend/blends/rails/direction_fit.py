@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.bends import Bends, Kinks, Maker
-from cqblend.blends.rails import Rail
-from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.steering import Steering, pins
+from cqblend.blends.rails.knot_line_bends import Bends, Kinks, Maker
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.rails.steering import Steering, pins
 from cqblend.splines import Curve, fit
 from cqblend.splines.breaks import NEAR, SAME, merged
 from cqblend.surfaces.primaries import Array, Primary, Tensor, cross, tangent_coordinates, unit

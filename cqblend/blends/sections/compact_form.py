@@ -24,7 +24,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from cqblend.blends.ribbons import along
+from cqblend.blends.rails.ribbon import along
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
 from cqblend.splines.breaks import aligned

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cqblend.blends.checks import ask
-from cqblend.blends.contact import normal_jet
+from cqblend.blends.contacts.contact_solver import normal_jet
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.evaluation import Side

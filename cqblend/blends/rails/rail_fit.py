@@ -16,14 +16,14 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.aiming import DIRECTION, FEWEST, LENGTH, aim, thirds, through
-from cqblend.blends.bends import Bends, Kinks, Maker
 from cqblend.blends.checks import TooFine
-from cqblend.blends.contact import Contacts, Solver
-from cqblend.blends.corners import Crossed, crossed, past
-from cqblend.blends.fields import Along, Field, directions, perpendicular
-from cqblend.blends.ribbons import Ribbon, in_space
-from cqblend.blends.steering import SLIVER, Pin, Steering, pins
+from cqblend.blends.contacts.contact_solver import Contacts, Solver
+from cqblend.blends.contacts.knot_line_crossings import Crossed, crossed, past
+from cqblend.blends.rails.cross_fields import Along, Field, directions, perpendicular
+from cqblend.blends.rails.direction_fit import DIRECTION, FEWEST, LENGTH, aim, thirds, through
+from cqblend.blends.rails.knot_line_bends import Bends, Kinks, Maker
+from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.rails.steering import SLIVER, Pin, Steering, pins
 from cqblend.splines import Curve, fit
 from cqblend.surfaces.primaries import Array, Primary, cross, near_period, unit, unwrapped
 

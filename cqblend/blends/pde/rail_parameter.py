@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.ribbons import in_space
+from cqblend.blends.rails.ribbon import in_space
 from cqblend.splines import Curve
 from cqblend.splines.integral import Integral
 from cqblend.surfaces.primaries import Array

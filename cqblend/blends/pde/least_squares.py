@@ -1,13 +1,14 @@
 r"""The sums of squares whose minimum solves an equation between two rails, and their minimum, by QR factorisations.
 
-Unknown are the coefficients of bubbles across (:mod:`cqblend.blends.across`) times functions along. Two sums are there:
+Unknown are the coefficients of bubbles across (:mod:`cqblend.blends.sections.cross_basis`) times functions along. Two
+sums are there:
 
 - the *residual* of the equation at collocation points, You and Zhang's eq. 11 and 12. Waves do not mix, and are solved
   one by one;
 - the *energy*: forms f of half the order whose squares add up to the equation's symbol
-  (:meth:`cqblend.blends.equations.Equation.squares`). Its minimum solves the equation weakly. Open rails need that: at
-  the corners of the blend solutions are singular, their residual is not square integrable, and its minimum is something
-  else.
+  (:meth:`cqblend.blends.pde.equations.Equation.squares`). Its minimum solves the equation weakly. Open rails need that:
+  at the corners of the blend solutions are singular, their residual is not square integrable, and its minimum is
+  something else.
 
 Normal equations are never formed. This module must not know where data come from.
 """
@@ -20,9 +21,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.across import bubbles, carriers
-from cqblend.blends.along import Basis, Splines, Waves
-from cqblend.blends.equations import Equation
+from cqblend.blends.pde.equations import Equation
+from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
+from cqblend.blends.sections.cross_basis import bubbles, carriers
 from cqblend.errors import InputError
 from cqblend.splines.integral import gauss
 from cqblend.surfaces.primaries import Array

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.contact import Solver
+from cqblend.blends.contacts.contact_solver import Solver
 from cqblend.surfaces.primaries import Array, Primary, Tensor, near_period
 
 ROUGH = 3  # continuity, below which a knot line makes corners

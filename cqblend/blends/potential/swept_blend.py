@@ -14,15 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends import fitting
-from cqblend.blends.branches import Branch
 from cqblend.blends.checks import TooFine
-from cqblend.blends.contact import Contacts, Solver
-from cqblend.blends.corners import ROUGH
-from cqblend.blends.curves import Curves, Isoparametric, Phase, Planes
-from cqblend.blends.meeting import OUTSIDE, Meeting, point
-from cqblend.blends.ribbons import FADED, Ribbon
-from cqblend.blends.skin import NOWHERE, tied
+from cqblend.blends.contacts.contact_solver import Contacts, Solver
+from cqblend.blends.contacts.knot_line_crossings import ROUGH
+from cqblend.blends.potential.continuation import Curves, Isoparametric, Phase, Planes
+from cqblend.blends.potential.family_pair import OUTSIDE, Meeting, point
+from cqblend.blends.potential.intersection_branches import Branch
+from cqblend.blends.potential.swept_section import NOWHERE, tied
+from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.ribbon import FADED, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 from cqblend.surfaces.primaries import Array, Tensor, cross, unit
@@ -198,13 +198,13 @@ class Sweep:
         """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of what is between."""
         self._check_sides()
         first, second = (family.primary for family in self.curves.meeting.families)
-        around: Callable[..., Solver] = fitting.around if self.closed else fitting.along
+        around: Callable[..., Solver] = rail_fit.around if self.closed else rail_fit.along
         solve = around(self.contacts, (first, second))
         wanted = tied(tolerance, self.width)
-        found = None if self.closed else fitting.straight((first, second), solve, self.domain, wanted, self.width)
+        found = None if self.closed else rail_fit.straight((first, second), solve, self.domain, wanted, self.width)
         at, orders = self.kinks
         try:
-            one, two = found or fitting.cubic(
+            one, two = found or rail_fit.cubic(
                 (first, second), solve, self.domain, wanted, closed=self.closed, corners=at[orders < ROUGH]
             )
         except TooFine as error:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.contact import FLAT, Contacts, Side, Stations, intersect, inward
-from cqblend.blends.curves import Curves, Planes
-from cqblend.blends.families import Course, Offset
-from cqblend.blends.meeting import Meeting
-from cqblend.blends.relations import Relation
+from cqblend.blends.contacts.contact_solver import FLAT, Contacts, Side, Stations, intersect, inward
+from cqblend.blends.potential.continuation import Curves, Planes
+from cqblend.blends.potential.family_pair import Meeting
+from cqblend.blends.potential.relations import Relation
+from cqblend.blends.potential.surface_family import Course, Offset
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
 from cqblend.surfaces.primaries import Array

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.families import Course, Family
-from cqblend.blends.relations import Relation
+from cqblend.blends.potential.relations import Relation
+from cqblend.blends.potential.surface_family import Course, Family
 from cqblend.splines import Curve
 from cqblend.surfaces.primaries import Array
 

@@ -12,14 +12,14 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.along import SPLINES, Basis, Splines, Waves
-from cqblend.blends.clock import Clock, speed
-from cqblend.blends.equations import Equation, Parameters, equations
-from cqblend.blends.filling import ACROSS, Bubbles
-from cqblend.blends.hermite import Blend, hermite
-from cqblend.blends.minimum import Minimise
-from cqblend.blends.pde import Data, Ends, Solution, Task
-from cqblend.blends.ribbons import Ribbon, in_space
+from cqblend.blends.pde.equations import Equation, Parameters, equations
+from cqblend.blends.pde.least_squares import Minimise
+from cqblend.blends.pde.rail_basis import SPLINES, Basis, Splines, Waves
+from cqblend.blends.pde.rail_parameter import Clock, speed
+from cqblend.blends.pde.solution import Data, Ends, Solution, Task
+from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.sections.blend_surface import Blend, hermite
+from cqblend.blends.sections.interior import ACROSS, Bubbles
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
 from cqblend.splines.breaks import merged
@@ -50,7 +50,7 @@ class Problem:
     order : tuple of int
         Of the equations of x, y and z.
     parameters
-        As :func:`cqblend.blends.equations.equations` takes them.
+        As :func:`cqblend.blends.pde.equations.equations` takes them.
     terms : int or None
         Number of bubbles across; None for as many as it takes.
     basis : str
@@ -94,7 +94,7 @@ class Problem:
         Parameters
         ----------
         ribbons, form, tolerance, angular_tolerance
-            As :func:`cqblend.blends.hermite.hermite` takes them.
+            As :func:`cqblend.blends.sections.blend_surface.hermite` takes them.
         closed
             Whether both ribbons are.
         by_length
@@ -108,7 +108,7 @@ class Problem:
         InputError
             The parameters are degenerate, there are too few collocation points, or the basis does not suit the rails.
         CqblendError
-            As :func:`cqblend.blends.hermite.hermite`, and where the interior takes too many spans.
+            As :func:`cqblend.blends.sections.blend_surface.hermite`, and where the interior takes too many spans.
         """
         task = self.task(ribbons, closed=closed, by_length=by_length, ends=ends, accuracy=tolerance / 10)
         solution, clock = task.solve(self.terms), task.clock

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.ribbons import Ribbon
-from cqblend.blends.rounding import EPS, Rounding, rounding
+from cqblend.blends.quality.rounding import EPS, Rounding, rounding
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import extract
 from cqblend.splines.surface import BSplineSurface

@@ -19,11 +19,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.across import bubbles
-from cqblend.blends.along import SPLINES
 from cqblend.blends.checks import TooFine
-from cqblend.blends.pde import Solution
-from cqblend.blends.sections import Interior, Jets, section, weights
+from cqblend.blends.pde.rail_basis import SPLINES
+from cqblend.blends.pde.solution import Solution
+from cqblend.blends.sections.cross_basis import bubbles
+from cqblend.blends.sections.hermite_section import Interior, Jets, section, weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.breaks import aligned

@@ -1,8 +1,8 @@
 """Cross directions of a fitted rail: Kim and Elber's fields T1 to T3 as numbers, on any primary.
 
 A field tells, at each station, in which tangent direction a blend leaves its surface; a ribbon is then fitted to it in
-the parameter plane (:mod:`cqblend.blends.aiming`). Only directions count here: lengths are chosen apart from them. On
-rails that are given, on splines, all five fields are those of :class:`cqblend.blends.rails.Rail`.
+the parameter plane (:mod:`cqblend.blends.rails.direction_fit`). Only directions count here: lengths are chosen apart
+from them. On rails that are given, on splines, all five fields are those of :class:`cqblend.blends.rails.rail.Rail`.
 """
 
 from __future__ import annotations

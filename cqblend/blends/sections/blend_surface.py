@@ -7,7 +7,8 @@ G1 on both sides
 
 whose four rows of poles across are C1, C1 + T1/3, C2 + T2/3, C2: both fields point into the blend. Other orders of
 continuity, on either side, take as many jets more or less. The *exact* form takes C = P(c) and T = DP(c) d as they are,
-of any degree. The *compact* form replaces them by quintics within a tolerance (:mod:`cqblend.blends.compact`).
+of any degree. The *compact* form replaces them by quintics within a tolerance
+(:mod:`cqblend.blends.sections.compact_form`).
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.compact import compact
-from cqblend.blends.creases import way_out
-from cqblend.blends.ribbons import Ribbon, faded, in_space
-from cqblend.blends.sections import Jets, section
-from cqblend.blends.steering import SLIVER, turns
+from cqblend.blends.quality.creases import way_out
+from cqblend.blends.rails.ribbon import Ribbon, faded, in_space
+from cqblend.blends.rails.steering import SLIVER, turns
+from cqblend.blends.sections.compact_form import compact
+from cqblend.blends.sections.hermite_section import Jets, section
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.breaks import aligned

@@ -1,0 +1,1 @@
+"""Blends by partial differential equations, after You and Zhang."""

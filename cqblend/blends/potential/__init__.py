@@ -1,0 +1,1 @@
+"""Potential blends of reshaped surfaces, after Lee, Bedi and Dubey."""

@@ -1,0 +1,1 @@
+"""What is known of a finished blend: proven bounds, fairness, creases inside."""

@@ -1,0 +1,1 @@
+"""Sections: the surface between two ribbons, exact or compact."""
