@@ -15,8 +15,8 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
 from benchmarks.bodies import FAMILIES, draw
-from cqblend.occ.step import read_step
-from cqblend.occ.verification import subshapes
+from cqblend.brep.step_files import read_step
+from cqblend.brep.verification.soundness import subshapes
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from cqblend.blends.potential.intersection_branches import branches
 from cqblend.blends.potential.swept_blend import sweep
 from cqblend.blends.potential.swept_section import Skin
 from cqblend.blends.sections import blend_surface
-from cqblend.occ import bulk
+from cqblend.brep.read import spline_arrays
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 REPEATS = 5
@@ -60,7 +60,8 @@ def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable
     fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
     s1, s2 = meeting.s(0.5)
     one, two = (
-        bulk.surface_from_arrays(*family(s, 1e-4).to_bspline()) for family, s in zip(families, (s1, s2), strict=True)
+        spline_arrays.surface_from_arrays(*family(s, 1e-4).to_bspline())
+        for family, s in zip(families, (s1, s2), strict=True)
     )
     times = [
         best(lambda: branches(meeting, 0.5)),

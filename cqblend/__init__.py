@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
     from cqblend.blends.rails.rail import Rail
+    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.verification.soundness import Verification
     from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
     from cqblend.front import (
         BlendResult,
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
         to_surface,
         verify,
     )
-    from cqblend.occ.measure import Continuity
-    from cqblend.occ.verification import Verification
     from cqblend.patterns import Pattern, unroll
     from cqblend.pdes import PdeBlend, pde_blend
     from cqblend.potentials import PotentialBlend, potential_blend, reshape
@@ -101,7 +101,7 @@ _HOME = {
     "Boundary": "blends.pde.boundary_data",
     "Combination": "freeform",
     "Conic": "blends.potential.relations",
-    "Continuity": "occ.measure",
+    "Continuity": "brep.verification.edge_continuity",
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
     "Guide": "freeform",
@@ -112,7 +112,7 @@ _HOME = {
     "Rail": "blends.rails.rail",
     "Relation": "blends.potential.relations",
     "Surface": "splines.surface",
-    "Verification": "occ.verification",
+    "Verification": "brep.verification.soundness",
     "blend_edges": "front",
     "change_of_parameter": "splines.retiming",
     "continuity": "front",

@@ -175,7 +175,7 @@ def _explained(options: argparse.Namespace, result: int) -> int:
     if file is None:
         _say("error", f"OCCT has crashed ({cause})")
         return FAILED
-    code = "from cqblend.occ.step import read_step; read_step(sys.argv[1])"
+    code = "from cqblend.brep.step_files import read_step; read_step(sys.argv[1])"
     again = subprocess.run(fresh_interpreter(code, str(file)), capture_output=True, check=False)  # noqa: S603  (as above)
     if again.returncode not in range(256):
         _say("error", f"{file}: damaged: OCCT crashes when it reads the file ({cause})")
@@ -334,9 +334,9 @@ def _attached(arguments: Sequence[str]) -> list[str]:
 
 
 def _blend(options: argparse.Namespace) -> None:
+    from cqblend.brep.select.nearest import nearest_edge
+    from cqblend.brep.step_files import read_step, write_step
     from cqblend.edges import blend_shape
-    from cqblend.occ.picking import nearest_edge
-    from cqblend.occ.step import read_step, write_step
     from cqblend.request import BlendRequest
 
     request = BlendRequest.checked(
@@ -366,9 +366,9 @@ def _blend(options: argparse.Namespace) -> None:
 
 
 def _continuity(options: argparse.Namespace) -> None:
-    from cqblend.occ.measure import continuity
-    from cqblend.occ.picking import nearest_edge
-    from cqblend.occ.step import read_step
+    from cqblend.brep.select.nearest import nearest_edge
+    from cqblend.brep.step_files import read_step
+    from cqblend.brep.verification.edge_continuity import continuity
 
     with _step(f"reading {options.input}"):
         shape = read_step(options.input)
@@ -380,9 +380,9 @@ def _continuity(options: argparse.Namespace) -> None:
 
 
 def _unroll(options: argparse.Namespace) -> None:
+    from cqblend.brep.select.nearest import nearest_face
+    from cqblend.brep.step_files import read_step, write_step
     from cqblend.developables.files import checked_path
-    from cqblend.occ.picking import nearest_face
-    from cqblend.occ.step import read_step, write_step
     from cqblend.patterns import unroll
 
     checked_path(options.output)
@@ -434,7 +434,7 @@ class _Progress:
 
 def _demo(options: argparse.Namespace) -> None:
     from cqblend import demo
-    from cqblend.occ.step import write_step
+    from cqblend.brep.step_files import write_step
 
     step, picture = options.output / "teapot.step", options.output / "teapot.png"
     _make_folder(options.output)

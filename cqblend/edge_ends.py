@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Solver, intersect
+from cqblend.brep.rewrite.end_curve import EndError
+from cqblend.brep.select.edge_joint import Joint
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
-from cqblend.occ.end_curves import EndError
-from cqblend.occ.joint import Joint
 from cqblend.request import EndWanted
 
 BEFORE = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches

@@ -23,6 +23,15 @@ from cqblend.blends.rails import cross_fields, rail_fit
 from cqblend.blends.rails.rail_fit import Wanted
 from cqblend.blends.rails.ribbon import Ribbon, in_space
 from cqblend.blends.sections.blend_surface import Blend, folded, hermite
+from cqblend.brep.read.face_surface import FaceSide
+from cqblend.brep.rewrite.end_curve import EndError
+from cqblend.brep.rewrite.shell_edit import Proposal, RailsTooShort, Surgery
+from cqblend.brep.select.edge_joint import Joint
+from cqblend.brep.select.selection import Picks
+from cqblend.brep.select.united_faces import unified
+from cqblend.brep.topology import replaced_solid
+from cqblend.brep.verification.certify import certify
+from cqblend.brep.verification.soundness import check_solid, is_valid
 from cqblend.certificate import Certificate, EndRecord
 from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends
 from cqblend.errors import (
@@ -35,15 +44,6 @@ from cqblend.errors import (
     UnsupportedError,
     VerificationError,
 )
-from cqblend.occ.adapt import FaceSide
-from cqblend.occ.certify import certify
-from cqblend.occ.end_curves import EndError
-from cqblend.occ.joint import Joint
-from cqblend.occ.selection import Picks
-from cqblend.occ.surgery import Proposal, RailsTooShort, Surgery
-from cqblend.occ.topology import replaced_solid
-from cqblend.occ.unified import unified
-from cqblend.occ.verification import check_solid, is_valid
 from cqblend.request import BlendRequest
 from cqblend.surfaces.primaries import Array, Tensor, unit
 

@@ -112,7 +112,7 @@ class Blend(blend_surface.Blend):
     @cached_property
     def certificate(self) -> Certificate:
         """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients."""
-        from cqblend.occ.certify import certify_surfaces
+        from cqblend.brep.verification.certify import certify_surfaces
 
         return certify_surfaces(self, self.traces)
 
@@ -123,7 +123,7 @@ class Blend(blend_surface.Blend):
 
     def face(self) -> TopoDS_Face:
         """Return the face that covers it, of the same parameters. Wrap it with ``cadquery.Face(...)``."""
-        from cqblend.occ.convert import to_face
+        from cqblend.brep.read.spline_conversion import to_face
 
         return to_face(self.surface)
 
@@ -278,8 +278,8 @@ def curve_on(face: Any, edge: Any) -> Curve:
     GeometryError
         Its curve in the parameter plane cannot be followed.
     """
+    from cqblend.brep.read import pcurves
     from cqblend.native import edge_of, face_of
-    from cqblend.occ import pcurves
 
     return pcurves.curve_on(face_of(face, "face"), edge_of(edge))
 
@@ -299,11 +299,11 @@ def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
     GeometryError
         A point of the curve has no foot inside the surface; the message names t.
     """
+    from cqblend.brep.read import pcurves, spline_conversion
     from cqblend.native import edge_of, face_of
-    from cqblend.occ import convert, pcurves
 
     if not isinstance(surface, Surface):
-        surface = convert.to_surface(face_of(surface, "surface"))
+        surface = spline_conversion.to_surface(face_of(surface, "surface"))
     if not isinstance(curve, Curve):
         curve = edge_of(curve)
     return pcurves.projected(surface, curve, positive("tolerance", tolerance))

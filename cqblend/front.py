@@ -9,20 +9,21 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from cqblend.blends.sections.blend_surface import Blend
+from cqblend.brep.read import pcurves, spline_conversion
+from cqblend.brep.verification import edge_continuity, soundness
 from cqblend.certificate import Certificate, SkippedEdge
 from cqblend.edges import blend_shape, insert_shape
 from cqblend.errors import InputError, shown
 from cqblend.largest import largest_size
 from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
-from cqblend.occ import convert, measure, pcurves, verification
 from cqblend.request import STEER, BlendRequest, choice, positive
 from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-    from cqblend.occ.measure import Continuity
-    from cqblend.occ.verification import Verification
+    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.verification.soundness import Verification
 
 
 @dataclass(frozen=True, slots=True)
@@ -346,7 +347,7 @@ def continuity(shape: Any, edge: Any) -> "Continuity":
     >>> round(cqblend.continuity(box, box.Edges()[0]).angle, 6)
     1.570796
     """
-    return measure.continuity(to_topods(native_shape(shape)), edge_of(edge))
+    return edge_continuity.continuity(to_topods(native_shape(shape)), edge_of(edge))
 
 
 def verify(shape: Any, faces: Any = None) -> "Verification":
@@ -373,7 +374,7 @@ def verify(shape: Any, faces: Any = None) -> "Verification":
     >>> cqblend.verify(cadquery.Solid.makeBox(30, 20, 10)).ok
     True
     """
-    return verification.verify(to_topods(native_shape(shape)), None if faces is None else faces_of(faces))
+    return soundness.verify(to_topods(native_shape(shape)), None if faces is None else faces_of(faces))
 
 
 def to_surface(face: Any) -> "Surface":
@@ -395,7 +396,7 @@ def to_surface(face: Any) -> "Surface":
     >>> cqblend.to_surface(cadquery.Solid.makeBox(30, 20, 10).Faces()[0]).degree
     (1, 1)
     """
-    return convert.to_surface(face_of(face, "face"))
+    return spline_conversion.to_surface(face_of(face, "face"))
 
 
 def to_face(surface: "Surface") -> "TopoDS_Face":
@@ -410,7 +411,7 @@ def to_face(surface: "Surface") -> "TopoDS_Face":
     """
     if not isinstance(surface, Surface) or surface.dim != 3:
         raise InputError(f"a face covers a Surface of dim 3, not {shown(surface)}")
-    return convert.to_face(surface)
+    return spline_conversion.to_face(surface)
 
 
 def to_curve(edge: Any) -> "Curve":

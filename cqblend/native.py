@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from cqblend.brep.shape_kinds import children, downcast, is_topods, kind
 from cqblend.errors import InputError, reason, shown, with_article
-from cqblend.occ.kinds import children, downcast, is_topods, kind
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape

@@ -89,7 +89,7 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.occ.patterns import planar_faces
+        from cqblend.brep.pattern_shapes import planar_faces
 
         if flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
@@ -98,7 +98,7 @@ class Pattern:
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.occ.patterns import strips_3d
+        from cqblend.brep.pattern_shapes import strips_3d
 
         trims = [source.trim() for source in self._unrolled.sources]
         return wrapped_like(self._model, strips_3d(trims, _SEWING * self.report.tolerance))
@@ -108,7 +108,7 @@ class Pattern:
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.occ.patterns import sections
+        from cqblend.brep.pattern_shapes import sections
 
         rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
         return [wrapped_like(self._model, former) for former in sections(rails)]
@@ -392,7 +392,7 @@ def unroll(
 
         model, skin = cadquery.Compound.makeCompound([]), natural(shape)
     else:
-        from cqblend.occ.patches import read
+        from cqblend.brep.read.trimmed_patches import read
 
         model, parts, whole = skins_of(shape)
         try:

@@ -75,7 +75,7 @@ class PdeBlend(Blend):
         Against boundary data, the angle is that to the plane of their tangents, the jump that of the curvature that
         they have; nan where derivatives are not given.
         """
-        from cqblend.occ.certify import certify_surfaces
+        from cqblend.brep.verification.certify import certify_surfaces
 
         made = certify_surfaces(self, self.traces)
         records = tuple(

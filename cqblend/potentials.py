@@ -173,8 +173,8 @@ def reshape(
     """
     outward = 1.0
     if not isinstance(surface, Surface):
+        from cqblend.brep.read.spline_conversion import outward_sign, to_surface
         from cqblend.native import face_of
-        from cqblend.occ.convert import outward_sign, to_surface
 
         face = face_of(surface, "surface")
         surface, outward = to_surface(face), outward_sign(face)

@@ -14,8 +14,8 @@ from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 import cqblend
-from cqblend.occ.step import read_step
-from cqblend.occ.verification import check_solid, is_valid
+from cqblend.brep.step_files import read_step
+from cqblend.brep.verification.soundness import check_solid, is_valid
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 SCREW, PART = "bd__M6-1x12-countersunk-screw.step", "nist__nist_ctc_05_asme1_ap242-e1.stp"

@@ -477,7 +477,7 @@ def test_a_full_disk_behind_standard_output_is_one_line(box):
 def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch, suffix):
     """The disk is full when the file is to be put in its place."""
     from cqblend import picture
-    from cqblend.occ.step import write_step
+    from cqblend.brep.step_files import write_step
 
     def full(descriptor):
         raise OSError(28, "No space left on device")

@@ -291,7 +291,7 @@ def test_the_teapot_in_both_forms():
 def test_a_real_edge_on_which_native_fillet_fails(name, number, order):
     from OCP.TopoDS import TopoDS
 
-    from cqblend.occ.verification import check_solid
+    from cqblend.brep.verification.soundness import check_solid
 
     shape, edges = part(name)
     radius = next(trial["radius"] for trial in listed(name, number)["trials"] if trial["native"] != "ok")

@@ -21,8 +21,8 @@ from OCP.TopoDS import TopoDS_Shape
 import cqblend
 from cqblend import Boundary, Combination, Conic, Curve, Guide, Rail, Surface
 from cqblend import __main__ as cli
+from cqblend.brep.step_files import write_step
 from cqblend.errors import CqblendError, InputError
-from cqblend.occ.step import write_step
 from cqblend.request import STEER
 
 OPERATORS = (

@@ -16,9 +16,9 @@ from OCP.gp import gp_Pnt
 
 import cqblend
 from cqblend.blends.contacts.contact_solver import intersect, rolling_ball, set_back
+from cqblend.brep.select.selection import Picks
+from cqblend.brep.step_files import read_step
 from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, UnsupportedError
-from cqblend.occ.selection import Picks
-from cqblend.occ.step import read_step
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 V = cq.Vector

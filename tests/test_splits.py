@@ -12,9 +12,9 @@ from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import TopAbs_EDGE
 
 import cqblend
+from cqblend.brep.topology import Index
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import SelectionError
-from cqblend.occ.topology import Index
 
 V = cq.Vector
 W = cq.Workplane

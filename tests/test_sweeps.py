@@ -17,8 +17,8 @@ from OCP.BRep import BRep_Tool
 from spline_witness import along_edge
 
 import cqblend
+from cqblend.brep.verification.soundness import flaws
 from cqblend.errors import CqblendError
-from cqblend.occ.verification import flaws
 
 PATH = Path(__file__).parents[1] / "benchmarks" / "bodies.py"
 DRAWS = 8

@@ -20,8 +20,8 @@ from spline_witness import along_edge
 
 import cqblend
 from cqblend import demo, teapot
+from cqblend.brep.step_files import read_step, write_step
 from cqblend.errors import GeometryError
-from cqblend.occ.step import read_step, write_step
 
 STATIONS = 1000
 KNOT_LINE = 0.9

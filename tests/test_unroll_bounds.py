@@ -202,6 +202,6 @@ def test_every_bound_holds_on_solids(name, away):
 
 def source_face(source):
     """The strip or plane of a piece, trimmed, as a face of its own."""
-    from cqblend.occ.patterns import strips_3d
+    from cqblend.brep.pattern_shapes import strips_3d
 
     return strips_3d([source.trim()], 1e-6)

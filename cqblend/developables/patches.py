@@ -1,8 +1,8 @@
 """Trimmed faces as unrolling sees them: surfaces, loops in their parameter planes, and the edges that patches share.
 
-Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.occ.patches` fills these
-objects from OCCT, and everything after works on splines and arrays. Must not know OCCT, nor how patches are cut into
-strips.
+Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.brep.read.trimmed_patches`
+fills these objects from OCCT, and everything after works on splines and arrays. Must not know OCCT, nor how patches are
+cut into strips.
 """
 
 from collections.abc import Callable

@@ -23,7 +23,7 @@ is tangent to it: approximation errors in c and d move a rail or turn a directio
 plane. A component of d along c itself is the scalar gauge of a rational Hermite blend; :meth:`Primary.push` chooses it
 so that the weight starts flat.
 
-Nothing here knows OCCT; :mod:`cqblend.occ.adapt` reads a face into a primary.
+Nothing here knows OCCT; :mod:`cqblend.brep.read.face_surface` reads a face into a primary.
 """
 
 from __future__ import annotations

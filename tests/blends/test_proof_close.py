@@ -7,8 +7,8 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
+from cqblend.brep.verification.measuring_places import crossings, spread
 from cqblend.errors import GeometryError
-from cqblend.occ.knots import crossings, spread
 from cqblend.splines import Curve, Surface
 from cqblend.splines.breaks import NEAR, aligned, merged
 
@@ -124,7 +124,7 @@ def test_samples_lie_in_every_span(apart):
 
 
 def test_crossings_are_found_to_rounding_however_close():
-    from cqblend.occ.bulk import surface_from_arrays
+    from cqblend.brep.read.spline_arrays import surface_from_arrays
 
     surface = surface_from_arrays(*sheet((0.5, 0.5 + 1e-9), [0, 0, 0], degree=5).to_bspline())
     rail = Curve.bezier([(0.1, 0.2), (0.2, 0.4), (0.9, 0.9)])

@@ -21,8 +21,8 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.brep.read.face_surface import face_side, pcurve
 from cqblend.errors import CqblendError
-from cqblend.occ.adapt import face_side, pcurve
 from cqblend.splines import fit
 
 V = cq.Vector

@@ -10,8 +10,8 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TColgp import TColgp_HArray1OfPnt
 
+from cqblend.brep.read import spline_arrays
 from cqblend.errors import CqblendError, DegreeError, InputError
-from cqblend.occ import bulk
 
 RNG_SEED = 20240611
 
@@ -58,15 +58,18 @@ def test_surface_round_trip_is_bit_exact(degrees, rational):
     knots = tuple(clamped(n, d, rng) for n, d in zip(shape, degrees, strict=True))
     weights = rng.uniform(0.1, 3, shape) if rational else None
     arrays = (degrees, knots, rng.normal(size=(*shape, 3)) * 37.0, weights)
-    surface = bulk.surface_from_arrays(*arrays)
+    surface = spline_arrays.surface_from_arrays(*arrays)
     assert isinstance(surface, Geom_BSplineSurface)
-    assert_same_arrays(bulk.surface_to_arrays(surface), arrays)
+    assert_same_arrays(spline_arrays.surface_to_arrays(surface), arrays)
 
 
 @pytest.mark.parametrize("rational", [False, True])
 @pytest.mark.parametrize(
     ("dimension", "into", "out"),
-    [(3, bulk.curve_from_arrays, bulk.curve_to_arrays), (2, bulk.curve2d_from_arrays, bulk.curve2d_to_arrays)],
+    [
+        (3, spline_arrays.curve_from_arrays, spline_arrays.curve_to_arrays),
+        (2, spline_arrays.curve2d_from_arrays, spline_arrays.curve2d_to_arrays),
+    ],
 )
 @pytest.mark.parametrize("degree", [1, 3, 25])
 def test_curve_round_trip_is_bit_exact(dimension, into, out, degree, rational):
@@ -84,9 +87,9 @@ def test_occt_evaluates_what_the_arrays_define(rational):
     knots = repeated([0, 1, 3, 4], [4, 1, 2, 4]), repeated([-2, 0, 5], [3, 2, 3])
     poles = rng.normal(size=(*shape, 3))
     weights = rng.uniform(0.5, 2, shape) if rational else np.ones(shape)
-    surface = bulk.surface_from_arrays((p, q), knots, poles, weights if rational else None)
-    curve = bulk.curve_from_arrays(p, knots[0], poles[:, 0], weights[:, 0] if rational else None)
-    flat = bulk.curve2d_from_arrays(p, knots[0], poles[:, 0, :2], weights[:, 0] if rational else None)
+    surface = spline_arrays.surface_from_arrays((p, q), knots, poles, weights if rational else None)
+    curve = spline_arrays.curve_from_arrays(p, knots[0], poles[:, 0], weights[:, 0] if rational else None)
+    flat = spline_arrays.curve2d_from_arrays(p, knots[0], poles[:, 0, :2], weights[:, 0] if rational else None)
     for u, v in zip(rng.uniform(0, 4, 20), rng.uniform(-2, 5, 20), strict=True):
         bu, bv = basis(knots[0], p, u), basis(knots[1], q, v)
         blend = weights * np.outer(bu, bv)
@@ -100,18 +103,18 @@ def test_occt_evaluates_what_the_arrays_define(rational):
 
 def test_equal_weights_come_back_polynomial():
     knots = repeated([0, 1], [2, 2])
-    surface = bulk.surface_from_arrays((1, 1), (knots, knots), np.ones((2, 2, 3)), np.full((2, 2), 3.0))
-    assert bulk.surface_to_arrays(surface)[3] is None
+    surface = spline_arrays.surface_from_arrays((1, 1), (knots, knots), np.ones((2, 2, 3)), np.full((2, 2), 3.0))
+    assert spline_arrays.surface_to_arrays(surface)[3] is None
 
 
 def test_unclamped_surface_comes_back_clamped():
     rng = np.random.default_rng(RNG_SEED)
     knots = np.arange(10.0), repeated([0, 1, 2, 3, 4, 5, 6], [1, 1, 2, 1, 1, 1, 1])
-    surface = bulk.surface_from_arrays((3, 2), knots, rng.normal(size=(6, 5, 3)))
-    (p, q), (knots_u, knots_v), *points = bulk.surface_to_arrays(surface)
+    surface = spline_arrays.surface_from_arrays((3, 2), knots, rng.normal(size=(6, 5, 3)))
+    (p, q), (knots_u, knots_v), *points = spline_arrays.surface_to_arrays(surface)
     np.testing.assert_array_equal(knots_u, repeated([3, 4, 5, 6], [4, 1, 1, 4]))
     np.testing.assert_array_equal(knots_v, repeated([2, 3, 4], [3, 1, 3]))
-    again = bulk.surface_from_arrays((p, q), (knots_u, knots_v), *points)
+    again = spline_arrays.surface_from_arrays((p, q), (knots_u, knots_v), *points)
     for u, v in zip(rng.uniform(3, 6, 30), rng.uniform(2, 4, 30), strict=True):
         assert surface.Value(u, v).Distance(again.Value(u, v)) < 1e-14
 
@@ -120,11 +123,11 @@ def test_periodic_torus_comes_back_clamped_over_one_period():
     torus = GeomConvert.SurfaceToBSplineSurface_s(Geom_ToroidalSurface(gp_Ax3(), 7, 2))
     assert torus.IsUPeriodic()
     assert torus.IsVPeriodic()
-    arrays = bulk.surface_to_arrays(torus)
+    arrays = spline_arrays.surface_to_arrays(torus)
     for degree, knots in zip(arrays[0], arrays[1], strict=True):
         assert (knots[0], knots[-1]) == (0, 2 * math.pi)
         assert (knots[degree], knots[-degree - 1]) == (0, 2 * math.pi)
-    again = bulk.surface_from_arrays(*arrays)
+    again = spline_arrays.surface_from_arrays(*arrays)
     assert not again.IsUPeriodic()
     rng = np.random.default_rng(RNG_SEED)
     for u, v in rng.uniform(0, 2 * math.pi, (50, 2)):
@@ -154,8 +157,8 @@ def test_periodic_curve_comes_back_clamped_over_one_period(curve, origin):
     curve = curve.Copy()
     curve.SetOrigin(min(origin, curve.NbKnots() - 1))
     assert curve.IsPeriodic()
-    degree, knots, poles, weights = bulk.curve_to_arrays(curve)
-    again = bulk.curve_from_arrays(degree, knots, poles, weights)
+    degree, knots, poles, weights = spline_arrays.curve_to_arrays(curve)
+    again = spline_arrays.curve_from_arrays(degree, knots, poles, weights)
     assert (again.FirstParameter(), again.LastParameter()) == (curve.FirstParameter(), curve.LastParameter())
     assert (knots[degree], knots[-degree - 1]) == (knots[0], knots[-1])
     for t in np.random.default_rng(RNG_SEED).uniform(knots[0], knots[-1], 50):
@@ -167,7 +170,7 @@ def test_degree_above_25_is_refused_before_occt_sees_it(degrees, name):
     shape = (degrees[0] + 1, degrees[1] + 1)
     knots = tuple(repeated([0, 1], [n, n]) for n in shape)
     with pytest.raises(DegreeError, match=rf"surface, {name}: degree {max(degrees)} is above 25"):
-        bulk.surface_from_arrays(degrees, knots, np.zeros((*shape, 3)))
+        spline_arrays.surface_from_arrays(degrees, knots, np.zeros((*shape, 3)))
 
 
 LINE = repeated([0, 1], [2, 2])
@@ -191,7 +194,7 @@ BAD_CURVES = {
 def test_bad_arrays_are_refused_with_the_reason(case):
     *arrays, message = BAD_CURVES[case]
     with pytest.raises(InputError, match=message):
-        bulk.curve_from_arrays(*arrays)
+        spline_arrays.curve_from_arrays(*arrays)
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -201,7 +204,7 @@ def test_refuses_or_builds_but_never_lets_occt_raise(seed):
     degree, count = int(rng.integers(1, 5)), int(rng.integers(2, 9))
     knots = np.sort(rng.integers(0, 6, count + degree + 1)) / 3.0
     try:
-        curve = bulk.curve_from_arrays(degree, knots, rng.normal(size=(count, 3)))
+        curve = spline_arrays.curve_from_arrays(degree, knots, rng.normal(size=(count, 3)))
     except CqblendError:
         return
     assert curve.Degree() == degree

@@ -42,9 +42,16 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.spline_conversion import (
+    OFFSET_TOLERANCE,
+    Arcs,
+    ParameterMap,
+    to_face,
+    to_surface,
+    with_parameters,
+)
 from cqblend.errors import DegreeError, GeometryError, InputError
-from cqblend.occ import bulk
-from cqblend.occ.convert import OFFSET_TOLERANCE, Arcs, ParameterMap, to_face, to_surface, with_parameters
 from cqblend.splines.surface import Surface
 
 PI = math.pi
@@ -83,7 +90,7 @@ def bspline_surface(rational: bool, seed: int = 5):
     knots_v = np.repeat([0.0, 0.5, 2.0], [3, 1, 3])
     poles = np.stack(np.meshgrid(np.linspace(-9, 9, 7), np.linspace(-5, 5, 4), [0.0], indexing="ij"), -1)[:, :, 0]
     weights = rng.uniform(0.5, 2, (7, 4)) if rational else None
-    return bulk.surface_from_arrays((3, 2), (knots_u, knots_v), poles + rng.normal(size=poles.shape), weights)
+    return spline_arrays.surface_from_arrays((3, 2), (knots_u, knots_v), poles + rng.normal(size=poles.shape), weights)
 
 
 def bezier_surface():
@@ -270,7 +277,7 @@ def test_a_scaled_location_keeps_the_parameters_of_the_face():
 
 def test_polynomial_bspline_passes_bit_for_bit():
     geometry = bspline_surface(False)
-    before = bulk.surface_to_arrays(geometry)
+    before = spline_arrays.surface_to_arrays(geometry)
     after = to_surface(face_of(geometry)).to_bspline()
     np.testing.assert_array_equal(after[2], before[2])
     assert after[3] is None

@@ -18,9 +18,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 import cqblend
-from cqblend.occ.edge_accuracy import deviation
-from cqblend.occ.step import read_step
-from cqblend.occ.topology import Index, ends, explore, location_of
+from cqblend.brep.rewrite.edge_accuracy import deviation
+from cqblend.brep.step_files import read_step
+from cqblend.brep.topology import Index, ends, explore, location_of
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 V = cq.Vector

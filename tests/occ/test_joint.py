@@ -13,9 +13,9 @@ from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.blends.contacts.contact_solver import Contacts
+from cqblend.brep.select.edge_joint import find_joint
+from cqblend.brep.select.rail_obstacles import leaving
 from cqblend.errors import SelectionError
-from cqblend.occ.joint import find_joint
-from cqblend.occ.obstacles import leaving
 
 V = cq.Vector
 

@@ -17,8 +17,14 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cqblend.brep.verification.edge_continuity import (
+    continuity,
+    edge_samples,
+    edge_sides,
+    inner_crease,
+    sample_parameters,
+)
 from cqblend.errors import InputError, SelectionError
-from cqblend.occ.measure import continuity, edge_samples, edge_sides, inner_crease, sample_parameters
 
 
 def subshapes(shape, kind):

@@ -21,11 +21,11 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_OUT
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.read.spline_conversion import to_face
+from cqblend.brep.read.trimmed_patches import read
+from cqblend.brep.topology import Index, ends, explore, forward, make_edge, make_wire
 from cqblend.developables.coplanar import polygon
 from cqblend.errors import InputError, SelectionError, TopologyError
-from cqblend.occ.convert import to_face
-from cqblend.occ.patches import read
-from cqblend.occ.topology import Index, ends, explore, forward, make_edge, make_wire
 from cqblend.splines import Surface
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"

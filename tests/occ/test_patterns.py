@@ -17,14 +17,14 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
 
+from cqblend.brep.pattern_shapes import planar_faces, sections, strips_3d
+from cqblend.brep.read.trimmed_patches import read
+from cqblend.brep.topology import Index
 from cqblend.developables.division import divide
 from cqblend.developables.patches import Trim
 from cqblend.developables.paths import Path
 from cqblend.developables.pieces import Piece, Run
 from cqblend.errors import GeometryError, InputError
-from cqblend.occ.patches import read
-from cqblend.occ.patterns import planar_faces, sections, strips_3d
-from cqblend.occ.topology import Index
 from cqblend.splines import Curve, Surface
 
 W = cq.Workplane

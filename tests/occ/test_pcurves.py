@@ -15,10 +15,10 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
 from cqblend.blends.rails.rail import Rail
+from cqblend.brep.read.pcurves import curve_of, curve_on, projected
+from cqblend.brep.read.spline_conversion import to_face, to_surface, with_parameters
+from cqblend.brep.topology import explore
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
-from cqblend.occ.convert import to_face, to_surface, with_parameters
-from cqblend.occ.pcurves import curve_of, curve_on, projected
-from cqblend.occ.topology import explore
 from cqblend.splines import Curve, Surface
 
 SPAN = np.linspace(0, 1, 201)

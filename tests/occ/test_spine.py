@@ -10,9 +10,9 @@ import pytest
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GCPnts import GCPnts_AbscissaPoint
 
+from cqblend.brep.read.face_surface import face_side
+from cqblend.brep.select.spine import EdgeSpine, chain
 from cqblend.errors import SelectionError
-from cqblend.occ.adapt import face_side
-from cqblend.occ.spine import EdgeSpine, chain
 
 V = cq.Vector
 

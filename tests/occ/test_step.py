@@ -30,9 +30,9 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.step_files import read_step, write_step
 from cqblend.errors import DamagedFileWarning, StepError
-from cqblend.occ import bulk
-from cqblend.occ.step import read_step, write_step
 
 CASES = Path(__file__).resolve().parents[3] / "shared" / "cases"
 
@@ -52,7 +52,7 @@ def wavy_face():
     poles = np.stack(np.meshgrid(np.linspace(-20, 20, 6), np.linspace(-15, 15, 6), [0.0], indexing="ij"), -1)[:, :, 0]
     poles = poles + rng.normal(size=poles.shape)
     weights = rng.uniform(0.5, 2, (6, 6))
-    surface = bulk.surface_from_arrays((3, 3), (knots, knots), poles, weights)
+    surface = spline_arrays.surface_from_arrays((3, 3), (knots, knots), poles, weights)
     return BRepBuilderAPI_MakeFace(surface, 1e-7).Face()
 
 
@@ -110,8 +110,8 @@ def test_bspline_keeps_fifteen_digits(tmp_path):
     face = wavy_face()
     write_step(face, tmp_path / "face.step")
     (again,) = faces(read_step(tmp_path / "face.step"))
-    before = bulk.surface_to_arrays(BRepAdaptor_Surface(face).BSpline())
-    after = bulk.surface_to_arrays(BRepAdaptor_Surface(again).BSpline())
+    before = spline_arrays.surface_to_arrays(BRepAdaptor_Surface(face).BSpline())
+    after = spline_arrays.surface_to_arrays(BRepAdaptor_Surface(again).BSpline())
     assert before[0] == after[0]
     for old, new in [*zip(before[1], after[1], strict=True), *zip(before[2:], after[2:], strict=True)]:
         np.testing.assert_allclose(new, old, rtol=2e-15)

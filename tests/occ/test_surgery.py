@@ -10,9 +10,9 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopLoc import TopLoc_Location
 
 import cqblend
+from cqblend.brep.rewrite.shell_edit import traced
+from cqblend.brep.topology import Index, ends, explore, flipped, forward
 from cqblend.errors import TopologyError
-from cqblend.occ.surgery import traced
-from cqblend.occ.topology import Index, ends, explore, flipped, forward
 
 V = cq.Vector
 

@@ -18,8 +18,8 @@ from OCP.Geom2d import Geom2d_BezierCurve, Geom2d_Circle, Geom2d_Ellipse, Geom2d
 from OCP.gp import gp_Ax2, gp_Ax2d, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d
 
-from cqblend.occ import bulk
-from cqblend.occ.tracks import track
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.sampled_curve import track
 
 AXES = gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1))
 AXIS = gp_Ax2d(gp_Pnt2d(1, 2), gp_Dir2d(1, 1))
@@ -35,7 +35,7 @@ def bezier(kind, array, point, poles):
 
 
 def periodic():
-    curve = bulk.curve_from_arrays(*RING)
+    curve = spline_arrays.curve_from_arrays(*RING)
     curve.SetPeriodic()
     return curve
 
@@ -49,7 +49,7 @@ CURVES = {
     "parabola": (Geom_Parabola(AXES, 1.5), -1.0, 2.5),
     "bezier": (bezier(Geom_BezierCurve, TColgp_Array1OfPnt, gp_Pnt, [(0, 0, 0), (1, 3, 0), (2, 0, 4)]), 0.25, 1.0),
     "trimmed": (Geom_TrimmedCurve(Geom_Circle(AXES, 3.0), 1.0, 3.0), 1.25, 2.0),
-    "spline": (bulk.curve_from_arrays(*RING), 0.5, 4.25),
+    "spline": (spline_arrays.curve_from_arrays(*RING), 0.5, 4.25),
     "periodic": (periodic(), 3.5, 8.25),
     "offset": (Geom_OffsetCurve(Geom_Circle(AXES, 3.0), 0.5, gp_Dir(1, 1, 1)), 0.0, 2.0),
     "flat line": (Geom2d_Line(AXIS), -1.0, 2.0),

@@ -15,9 +15,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 from test_measure import bspline
 
+from cqblend.brep.shape_kinds import children
+from cqblend.brep.verification.soundness import check_solid, flaws, subshapes, verify, volume_of
 from cqblend.errors import InputError, SelectionError
-from cqblend.occ.kinds import children
-from cqblend.occ.verification import check_solid, flaws, subshapes, verify, volume_of
 
 
 def wrapped(workplane: cq.Workplane) -> TopoDS_Shape:

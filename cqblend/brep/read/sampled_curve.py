@@ -33,8 +33,8 @@ from OCP.Geom2dConvert import Geom2dConvert
 from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
-from cqblend.occ import bulk
-from cqblend.occ.convert import Arcs
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.spline_conversion import Arcs
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
@@ -133,7 +133,7 @@ def _spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curv
         curve = curve.Copy()
         curve.Segment(first, last)
         start, stop = first, last
-    read = bulk.curve_to_arrays if isinstance(curve, Geom_BSplineCurve) else bulk.curve2d_to_arrays
+    read = spline_arrays.curve_to_arrays if isinstance(curve, Geom_BSplineCurve) else spline_arrays.curve2d_to_arrays
     spline = Curve.from_bspline(*read(curve))
     inside = max(first, start), min(last, stop)
     return spline if inside == (start, stop) else spline.clip(*inside)

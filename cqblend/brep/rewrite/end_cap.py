@@ -16,12 +16,11 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import intersect, newton
-from cqblend.errors import TopologyError
-from cqblend.occ.edge_accuracy import MARGIN
-from cqblend.occ.end_curves import edge_between, end_curve, end_edge, fitted, span_of
-from cqblend.occ.endings import Ending
-from cqblend.occ.neighbour_edges import Cut, border_in_plane, foot_on
-from cqblend.occ.topology import (
+from cqblend.brep.rewrite.edge_accuracy import MARGIN
+from cqblend.brep.rewrite.end_curve import edge_between, end_curve, end_edge, fitted, span_of
+from cqblend.brep.rewrite.end_on_face import Ending
+from cqblend.brep.rewrite.neighbour_edges import Cut, border_in_plane, foot_on
+from cqblend.brep.topology import (
     BUILDER,
     attach,
     ends,
@@ -34,11 +33,12 @@ from cqblend.occ.topology import (
     make_wire,
     trimmed,
 )
+from cqblend.errors import TopologyError
 from cqblend.splines import Curve
 from cqblend.surfaces.primaries import Array, Frame, Plane, unit
 
 if TYPE_CHECKING:
-    from cqblend.occ.surgery import Surgery
+    from cqblend.brep.rewrite.shell_edit import Surgery
 
 
 def in_cap(surgery: Surgery, end: int, t: float) -> Ending:

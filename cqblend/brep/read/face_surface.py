@@ -40,9 +40,9 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.blends.contacts.contact_solver import Side
 from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.spline_conversion import ParameterMap, with_parameters
 from cqblend.errors import GeometryError
-from cqblend.occ import bulk
-from cqblend.occ.convert import ParameterMap, with_parameters
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import (
     Array,
@@ -152,7 +152,7 @@ def _primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Primary
             return swept
     closed = (bool(surface.IsUClosed()), bool(surface.IsVClosed()))
     if isinstance(surface, Geom_BSplineSurface):  # all of it: rails may run past the face's end
-        return Tensor.of(Surface.from_bspline(*bulk.surface_to_arrays(surface)), closed)
+        return Tensor.of(Surface.from_bspline(*spline_arrays.surface_to_arrays(surface)), closed)
     spline, parameters = with_parameters(face)
     whole = [
         flag and width > 0.999 * (high - low)
@@ -304,7 +304,7 @@ def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor 
         basis = Geom_TrimmedCurve(basis, low, high)
     elif not isinstance(basis, Geom_BoundedCurve):
         return None
-    degree, knots, poles, weights = bulk.curve_to_arrays(GeomConvert.CurveToBSplineCurve_s(basis))
+    degree, knots, poles, weights = spline_arrays.curve_to_arrays(GeomConvert.CurveToBSplineCurve_s(basis))
     profile = Curve.from_bspline(degree, knots, (poles - frame.origin) @ frame.axes.T, weights)
     return Revolution.turning(frame, profile, closed=bool(basis.IsClosed()))
 

@@ -18,14 +18,10 @@ from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopAbs import TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, TopoDS_Wire
 
-from cqblend.developables.patches import Trim
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece
-from cqblend.errors import GeometryError, InputError, PatternWarning, warn
-from cqblend.occ import bulk
-from cqblend.occ.convert import to_face
-from cqblend.occ.kinds import downcast
-from cqblend.occ.topology import (
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.spline_conversion import to_face
+from cqblend.brep.shape_kinds import downcast
+from cqblend.brep.topology import (
     BUILDER,
     CONFUSION,
     attach,
@@ -38,6 +34,10 @@ from cqblend.occ.topology import (
     make_vertex,
     make_wire,
 )
+from cqblend.developables.patches import Trim
+from cqblend.developables.paths import Path
+from cqblend.developables.pieces import Piece
+from cqblend.errors import GeometryError, InputError, PatternWarning, warn
 from cqblend.splines import Curve, Surface, hermite
 from cqblend.splines.bernstein import Array
 
@@ -100,7 +100,7 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
     if lowered:
         warn(
             PatternWarning(
-                f"{len(lowered)} strips or edges have a degree above {bulk.MAX_DEGREE}, which OCCT cannot hold: they "
+                f"{len(lowered)} strips or edges have a degree above {spline_arrays.MAX_DEGREE}, which OCCT cannot hold: they "
                 f"are approximated by quintic splines within {max(lowered):.1g} mm"
             )
         )
@@ -163,7 +163,7 @@ def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoD
     >>> [former.ShapeType().name for former in sections([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
     ['TopAbs_FACE']
     """
-    rails = [rail if rail.degree <= bulk.MAX_DEGREE else _lowered([rail])[0][0] for rail in rails]
+    rails = [rail if rail.degree <= spline_arrays.MAX_DEGREE else _lowered([rail])[0][0] for rail in rails]
     chains = _chains(_distinct([rail for rail in rails if _extent(rail) > tolerance], tolerance), tolerance)
     return [_former(chain, tolerance) for chain in chains]
 
@@ -171,7 +171,7 @@ def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoD
 def _trimmed(trim: Trim, number: int, lowered: list[float]) -> TopoDS_Face:
     """Make a face whose edges are images of curves in the parameter plane; add how far lower degrees are off."""
     surface = trim.surface
-    if surface.degree[0] > bulk.MAX_DEGREE:
+    if surface.degree[0] > spline_arrays.MAX_DEGREE:
         rails, off = _lowered([surface.isoparametric(v=v) for v in surface.domain[1]])
         surface = Surface.from_rows(rails, surface.domain[1])
         lowered.append(off)
@@ -182,7 +182,7 @@ def _trimmed(trim: Trim, number: int, lowered: list[float]) -> TopoDS_Face:
         return to_face(surface)
     if area < 0:
         loops = [[curve.reverse() for curve in loop[::-1]] for loop in loops]
-    face = make_face(bulk.surface_from_arrays(*surface.to_bspline()))
+    face = make_face(spline_arrays.surface_from_arrays(*surface.to_bspline()))
     for loop in loops:
         BUILDER.Add(face, make_wire(_loop_edges(face, surface, loop, lowered)))
     return _checked(face, f"strip {number}")
@@ -209,7 +209,7 @@ def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered:
     images = []
     for curve in loop:
         image, off = surface.compose(curve), 0.0
-        if image.degree > bulk.MAX_DEGREE:
+        if image.degree > spline_arrays.MAX_DEGREE:
             (image,), off = _lowered([image])
             lowered.append(off)
         images.append((image, off))
@@ -223,7 +223,7 @@ def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered:
         if _extent(image) <= CONFUSION:
             edges[i] = make_pole(face, start, pcurve, curve.domain)
             continue
-        edges[i] = make_edge(bulk.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain, off)
+        edges[i] = make_edge(spline_arrays.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain, off)
         for j in range(i + 1, len(loop)):
             back = loop[j].reverse().reparametrized(*curve.domain)
             if j not in edges and _same_in_space(surface, back, image):
@@ -277,7 +277,7 @@ def _same_in_space(surface: Surface, curve: Curve, image: Curve) -> bool:
 
 
 def _plane_curve(curve: Curve) -> Geom2d_BSplineCurve:
-    return bulk.curve2d_from_arrays(*curve.to_bspline())
+    return spline_arrays.curve2d_from_arrays(*curve.to_bspline())
 
 
 def _path_edges(path: Path) -> list[TopoDS_Edge]:
@@ -345,7 +345,7 @@ def _former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_Wire:
     closed = bool(np.linalg.norm(end - location_of(starts[0])) <= tolerance)
     stops = [*starts[1:], starts[0] if closed else make_vertex(end, tolerance)]
     wire = make_wire(
-        make_edge(bulk.curve_from_arrays(*curve.to_bspline()), pair, curve.domain, tolerance)
+        make_edge(spline_arrays.curve_from_arrays(*curve.to_bspline()), pair, curve.domain, tolerance)
         for curve, pair in zip(chain, zip(starts, stops, strict=True), strict=True)
     )
     wire.Closed(closed)

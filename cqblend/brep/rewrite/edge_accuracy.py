@@ -19,10 +19,10 @@ from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.face_surface import face_side
+from cqblend.brep.topology import BUILDER, Index, ends, explore, loosen
 from cqblend.errors import GeometryError
-from cqblend.occ import bulk
-from cqblend.occ.adapt import face_side
-from cqblend.occ.topology import BUILDER, Index, ends, explore, loosen
 from cqblend.splines import fit
 from cqblend.surfaces.primaries import tangent_coordinates
 
@@ -83,7 +83,7 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
     if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
         return strays
     degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
-    BUILDER.UpdateEdge(use, bulk.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
+    BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
     strays_now = deviation(use, face)
     if strays_now < strays / 2:
         return strays_now

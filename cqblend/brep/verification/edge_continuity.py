@@ -37,8 +37,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
-from cqblend.errors import GeometryError, InputError, SelectionError
-from cqblend.occ.knots import (
+from cqblend.brep.verification.measuring_places import (
     ALONG,
     AROUND,
     INSIDE,
@@ -50,6 +49,7 @@ from cqblend.occ.knots import (
     sharpened,
     spread,
 )
+from cqblend.errors import GeometryError, InputError, SelectionError
 
 Array = NDArray[np.float64]
 Kind = Literal["convex", "concave", "smooth"]

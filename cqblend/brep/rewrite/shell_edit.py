@@ -27,15 +27,15 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 
 from cqblend.blends.rails.ribbon import Ribbon, in_space
 from cqblend.blends.sections.blend_surface import Blend
-from cqblend.errors import GeometryError, SizeError, TopologyError
-from cqblend.occ import bulk, end_caps, endings
-from cqblend.occ.adapt import FaceSide, pcurve
-from cqblend.occ.edge_accuracy import MARGIN, settle
-from cqblend.occ.end_curves import EndError
-from cqblend.occ.neighbour_edges import trim_neighbours
-from cqblend.occ.spheres import boundary, respun
-from cqblend.occ.spine import EdgeSpine
-from cqblend.occ.topology import (
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.face_surface import FaceSide, pcurve
+from cqblend.brep.rewrite import end_cap, end_on_face
+from cqblend.brep.rewrite.edge_accuracy import MARGIN, settle
+from cqblend.brep.rewrite.end_curve import EndError
+from cqblend.brep.rewrite.neighbour_edges import trim_neighbours
+from cqblend.brep.rewrite.sphere_axis import boundary, respun
+from cqblend.brep.select.spine import EdgeSpine
+from cqblend.brep.topology import (
     BUILDER,
     CONFUSION,
     Ancestors,
@@ -55,6 +55,7 @@ from cqblend.occ.topology import (
     trimmed,
     with_faces,
 )
+from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.splines import Curve
 from cqblend.splines.roots import sign_changes
 from cqblend.surfaces.primaries import Array
@@ -113,10 +114,10 @@ class Surgery:
         self.gone = [vertex for edge in self.spine.edges for vertex in ends(edge)]
         self.remains: dict[int, list[TopoDS_Edge]] = {self.edges.of(edge): [] for edge in self.spine.edges}
         self.rewrites: dict[int, Rewrite] = {}
-        self.surface: Geom_BSplineSurface = bulk.surface_from_arrays(*self.blend.surface.to_bspline())
+        self.surface: Geom_BSplineSurface = spline_arrays.surface_from_arrays(*self.blend.surface.to_bspline())
         self.face = make_face(self.surface)
         self.rows = [self.blend.surface.isoparametric(v=v) for v in (0.0, 1.0)]
-        self.curves = [bulk.curve_from_arrays(*row.to_bspline()) for row in self.rows]
+        self.curves = [spline_arrays.curve_from_arrays(*row.to_bspline()) for row in self.rows]
         if self.spine.closed:
             pairs = zip(self.sides, self.blend.ribbons, strict=True)
             first, second = (respun(side, rail, self.spine.edges) or side for side, rail in pairs)
@@ -292,7 +293,7 @@ class Surgery:
         needed = (min(low.t), max(high.t))
         if needed[0] < self.domain[0] or needed[1] > self.domain[1]:
             raise RailsTooShort(needed)
-        self.remains = end_caps.remains(self, low, high, caps)
+        self.remains = end_cap.remains(self, low, high, caps)
         kept = [vertex for vertex, cap in zip(self.spine.vertices, caps, strict=True) if cap is not None]
         self.gone = [vertex for vertex in self.gone if not any(vertex.IsSame(one) for one in kept)]
         rails = []
@@ -306,10 +307,10 @@ class Surgery:
         made = [ending.cap for ending in (low, high) if ending.cap is not None]
         return self._assemble(make_wire(uses), (rails[0], rails[1]), made)
 
-    def _ending(self, end: int, cap: float | None) -> endings.Ending:
+    def _ending(self, end: int, cap: float | None) -> end_on_face.Ending:
         """End the blend at one end of the edge."""
         try:
-            return endings.on_neighbour(self, end) if cap is None else end_caps.in_cap(self, end, cap)
+            return end_on_face.on_neighbour(self, end) if cap is None else end_cap.in_cap(self, end, cap)
         except (SizeError, TopologyError, GeometryError) as error:
             raise EndError(end, error) from error
 
@@ -396,4 +397,4 @@ def traced(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]
 def curve2d(curve: Curve, shift: Array) -> Geom2d_Curve:
     """Return a parameter curve as an OCCT pcurve, shifted by whole periods."""
     degree, knots, poles, weights = curve.to_bspline()
-    return bulk.curve2d_from_arrays(degree, knots, poles + shift, weights)
+    return spline_arrays.curve2d_from_arrays(degree, knots, poles + shift, weights)

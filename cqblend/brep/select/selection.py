@@ -11,11 +11,11 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.select.edge_joint import Joint, PassedOver, find_joint
+from cqblend.brep.select.united_faces import Unified
+from cqblend.brep.topology import Ancestors, Index, ends, explore
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import InputError, SelectionError, UnsupportedError
-from cqblend.occ.joint import Joint, PassedOver, find_joint
-from cqblend.occ.topology import Ancestors, Index, ends, explore
-from cqblend.occ.unified import Unified
 from cqblend.surfaces.primaries import Array
 
 
@@ -80,7 +80,7 @@ class Picks:
         Raises
         ------
         SelectionError
-            It is not a joint of two faces; see :func:`cqblend.occ.joint.find_joint`.
+            It is not a joint of two faces; see :func:`cqblend.brep.select.edge_joint.find_joint`.
         """
         try:
             return self._joint(shape, [self._edge(n) for n in self._waiting], self._waiting[0])

@@ -1,4 +1,4 @@
-"""Where an open blend ends: on the face across its end. The other way, flat caps, is in :mod:`cqblend.occ.end_caps`.
+"""Where an open blend ends: on the face across its end. The other way, flat caps, is in :mod:`cqblend.brep.rewrite.end_cap`.
 
 Either way the end curve X of the blend surface is solved point by point on the surface it ends on. On a neighbour face,
 X replaces the corner, and the two edges there are cut short, or lengthened, to where X starts and stops.
@@ -13,14 +13,14 @@ import numpy as np
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
+from cqblend.brep.read.face_surface import face_side
+from cqblend.brep.rewrite.end_curve import end_curve, end_edge, span_of
+from cqblend.brep.rewrite.neighbour_edges import Cut, face_across
+from cqblend.brep.topology import Ancestors, ends, ends_uv, explore, flipped, location_of, parameters_at
 from cqblend.errors import TopologyError
-from cqblend.occ.adapt import face_side
-from cqblend.occ.end_curves import end_curve, end_edge, span_of
-from cqblend.occ.neighbour_edges import Cut, face_across
-from cqblend.occ.topology import Ancestors, ends, ends_uv, explore, flipped, location_of, parameters_at
 
 if TYPE_CHECKING:
-    from cqblend.occ.surgery import Surgery
+    from cqblend.brep.rewrite.shell_edit import Surgery
 
 TANGENT = 1e-3  # rad: faces that meet at less go on smoothly into each other
 

@@ -26,10 +26,10 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID,
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_MapOfShape
 
-from cqblend.occ.joint import SMOOTH, Joint
-from cqblend.occ.kinds import downcast
-from cqblend.occ.measure import continuity_between
-from cqblend.occ.topology import CONFUSION, Ancestors, Index, distinct, ends, explore, forward, seams, trimmed
+from cqblend.brep.select.edge_joint import SMOOTH, Joint
+from cqblend.brep.shape_kinds import downcast
+from cqblend.brep.topology import CONFUSION, Ancestors, Index, distinct, ends, explore, forward, seams, trimmed
+from cqblend.brep.verification.edge_continuity import continuity_between
 
 BESIDE = 1.1  # how much further than its rails a blend may touch something
 SAME_AREA = 1e-4  # relative: OCCT integrates spline faces at few points

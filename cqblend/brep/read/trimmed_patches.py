@@ -30,14 +30,14 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.read.sampled_curve import Track, track
+from cqblend.brep.read.spline_conversion import ParameterMap, with_parameters
+from cqblend.brep.read.unshared_edges import joined
+from cqblend.brep.shape_kinds import is_topods
+from cqblend.brep.topology import Index, compound_of, ends, explore, forward, location_of
 from cqblend.developables import coplanar
 from cqblend.developables.patches import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
 from cqblend.errors import CqblendError, InputError, SelectionError, TopologyError, shown
-from cqblend.occ.convert import ParameterMap, with_parameters
-from cqblend.occ.kinds import is_topods
-from cqblend.occ.loose import joined
-from cqblend.occ.topology import Index, compound_of, ends, explore, forward, location_of
-from cqblend.occ.tracks import Track, track
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 

@@ -15,8 +15,8 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cqblend.brep.verification.edge_continuity import continuity_between, edge_sides
 from cqblend.errors import CqblendError, SelectionError
-from cqblend.occ.measure import continuity_between, edge_sides
 
 Point = tuple[float, float, float]
 

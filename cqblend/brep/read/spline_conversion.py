@@ -52,8 +52,8 @@ from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
+from cqblend.brep.read import spline_arrays
 from cqblend.errors import GeometryError, InputError, UnsupportedError, with_article
-from cqblend.occ import bulk
 from cqblend.splines.surface import Surface
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -255,7 +255,7 @@ def to_face(surface: Surface) -> TopoDS_Face:
     """
     if surface.dim != 3:
         raise InputError(f"a face needs a surface in space; this one has dimension {surface.dim}")
-    maker = BRepBuilderAPI_MakeFace(bulk.surface_from_arrays(*surface.to_bspline()), CONFUSION)
+    maker = BRepBuilderAPI_MakeFace(spline_arrays.surface_from_arrays(*surface.to_bspline()), CONFUSION)
     if not maker.IsDone():
         raise GeometryError(f"OCCT cannot make a face of the surface ({maker.Error().name})")
     face = maker.Face()
@@ -320,7 +320,7 @@ def _spline_patch(surface: Geom_BSplineSurface, u: Window, v: Window) -> _Patch:
     if (*u, *v) != surface.Bounds():
         surface = surface.Copy()
         surface.Segment(*u, *v)
-    return _Patch(*bulk.surface_to_arrays(surface))
+    return _Patch(*spline_arrays.surface_to_arrays(surface))
 
 
 def _elementary_patch(surface: Geom_ElementarySurface, u: Window, v: Window) -> _Patch:
@@ -358,7 +358,7 @@ def _offset_patch(surface: Geom_OffsetSurface, u: Window, v: Window) -> _Patch:
     smooth = GeomAbs_Shape.GeomAbs_C1
     approximation = GeomConvert_ApproxSurface(trimmed, tolerance / 10, smooth, smooth, 14, 14, 100, 0)
     if approximation.HasResult():
-        patch = _Patch(*bulk.surface_to_arrays(approximation.Surface()))
+        patch = _Patch(*spline_arrays.surface_to_arrays(approximation.Surface()))
         if _deviation(surface, patch, u, v) <= tolerance:
             return patch
     raise GeometryError(
@@ -394,7 +394,7 @@ def _strand(curve: Geom_Curve, window: Window) -> _Strand:
     if window != (curve.FirstParameter(), curve.LastParameter()):
         curve = curve.Copy()
         curve.Segment(*window)
-    degree, knots, poles, weights = bulk.curve_to_arrays(curve)
+    degree, knots, poles, weights = spline_arrays.curve_to_arrays(curve)
     weights = np.ones(len(poles)) if weights is None else weights
     return _Strand(degree, knots, np.column_stack([poles * weights[:, np.newaxis], weights]))
 

@@ -18,9 +18,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
+from cqblend.brep.read.face_surface import FaceSide
+from cqblend.brep.topology import ends, explore, forward
 from cqblend.errors import SelectionError
-from cqblend.occ.adapt import FaceSide
-from cqblend.occ.topology import ends, explore, forward
 from cqblend.surfaces.primaries import Array, tangent_coordinates, unit
 
 TABLE = 65  # points at which the speed along an edge is read

@@ -9,14 +9,14 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import newton, normal_jet
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.topology import attach, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
-from cqblend.occ import bulk
-from cqblend.occ.topology import attach, make_edge, make_vertex
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import Array, Primary, tangent_coordinates
 
 if TYPE_CHECKING:
-    from cqblend.occ.surgery import Surgery
+    from cqblend.brep.rewrite.shell_edit import Surgery
 
 FITTED = 1e-9  # mm: such curves are fitted until they lie on both their faces to this, if they can
 MOST = 64  # times six spans of such a curve
@@ -163,7 +163,7 @@ def edge_between(
 ) -> TopoDS_Edge:
     """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
     degree, knots, poles, _ = curve.to_bspline()
-    edge = make_edge(bulk.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
-    attach(edge, first, bulk.curve2d_from_arrays(degree, knots, poles[:, :2]))
-    attach(edge, second, bulk.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+    edge = make_edge(spline_arrays.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
+    attach(edge, first, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, :2]))
+    attach(edge, second, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
     return edge

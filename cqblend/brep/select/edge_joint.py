@@ -21,22 +21,13 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OU
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, inward
+from cqblend.brep.read.face_surface import FaceSide, face_side
+from cqblend.brep.rewrite.neighbour_edges import border_in_plane, face_across, faces_beside
+from cqblend.brep.select.spine import EdgeSpine, chain
+from cqblend.brep.shape_kinds import kind
+from cqblend.brep.topology import CONFUSION, Ancestors, Index, direction_from, ends, explore, location_of, parameters_at
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
-from cqblend.occ.adapt import FaceSide, face_side
-from cqblend.occ.kinds import kind
-from cqblend.occ.neighbour_edges import border_in_plane, face_across, faces_beside
-from cqblend.occ.spine import EdgeSpine, chain
-from cqblend.occ.topology import (
-    CONFUSION,
-    Ancestors,
-    Index,
-    direction_from,
-    ends,
-    explore,
-    location_of,
-    parameters_at,
-)
 from cqblend.surfaces.primaries import Array, Primary
 
 SMOOTH = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge

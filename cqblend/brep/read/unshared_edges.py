@@ -18,8 +18,8 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
 
+from cqblend.brep.topology import Index, compound_of, explore
 from cqblend.errors import PatternWarning, warn
-from cqblend.occ.topology import Index, compound_of, explore
 from cqblend.splines.bernstein import Array
 
 _PLACES = (np.arange(9) + 0.5) / 9

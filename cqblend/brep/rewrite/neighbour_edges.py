@@ -14,12 +14,11 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import newton
-from cqblend.errors import SizeError, TopologyError
-from cqblend.occ.adapt import FaceSide, face_side
-from cqblend.occ.edge_accuracy import MARGIN, deviation
-from cqblend.occ.end_curves import EndError, edge_between, fitted
-from cqblend.occ.spine import EdgeSpine
-from cqblend.occ.topology import (
+from cqblend.brep.read.face_surface import FaceSide, face_side
+from cqblend.brep.rewrite.edge_accuracy import MARGIN, deviation
+from cqblend.brep.rewrite.end_curve import EndError, edge_between, fitted
+from cqblend.brep.select.spine import EdgeSpine
+from cqblend.brep.topology import (
     CONFUSION,
     Ancestors,
     direction_from,
@@ -33,10 +32,11 @@ from cqblend.occ.topology import (
     seams,
     trimmed,
 )
+from cqblend.errors import SizeError, TopologyError
 from cqblend.surfaces.primaries import Array, near_period, tangent_coordinates
 
 if TYPE_CHECKING:
-    from cqblend.occ.surgery import Surgery
+    from cqblend.brep.rewrite.shell_edit import Surgery
 
 
 GOES_ON = 0.15  # rad: a joint that turns by less at a vertex goes on there

@@ -198,7 +198,7 @@ def _damaged(path: Path, failed: list[_Failure]) -> StepError:
 
 def _survives(path: Path) -> bool:
     """Whether a process that translates the file comes back."""
-    code = "from cqblend.occ.step import translate; translate(sys.argv[1])"
+    code = "from cqblend.brep.step_files import translate; translate(sys.argv[1])"
     command = fresh_interpreter(code, str(path))
     try:
         done = subprocess.run(command, capture_output=True, check=False, timeout=_PATIENCE)  # noqa: S603  (our own code)

@@ -1,4 +1,4 @@
-"""The certificate of a blend: measured on what is finished by :mod:`cqblend.occ.measure`, which knows no blends."""
+"""The certificate of a blend: measured on what is finished by :mod:`cqblend.brep.verification.edge_continuity`, which knows no blends."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from cqblend.blends.quality.fairness import bending_energy
 from cqblend.blends.quality.proof import prove
 from cqblend.blends.rails.ribbon import Ribbon, faded
 from cqblend.blends.sections.blend_surface import Blend, folded
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.face_surface import PCURVE
+from cqblend.brep.read.spline_conversion import to_face
+from cqblend.brep.rewrite.shell_edit import Proposal
+from cqblend.brep.select.edge_joint import Joint
+from cqblend.brep.verification.edge_continuity import contact, continuity_between, inner_crease, outline
+from cqblend.brep.verification.measuring_places import crossings, spread
 from cqblend.certificate import Certificate, RailRecord
-from cqblend.occ import bulk
-from cqblend.occ.adapt import PCURVE
-from cqblend.occ.convert import to_face
-from cqblend.occ.joint import Joint
-from cqblend.occ.knots import crossings, spread
-from cqblend.occ.measure import contact, continuity_between, inner_crease, outline
-from cqblend.occ.surgery import Proposal
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.primaries import Array
 
@@ -67,7 +67,7 @@ def certify_surfaces(blend: Blend, rails: Sequence[tuple[Surface, Curve]]) -> Ce
     face = to_face(blend.surface)
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
-        other = bulk.surface_from_arrays(*surface.to_bspline())
+        other = spline_arrays.surface_from_arrays(*surface.to_bspline())
         breaks = [blend.surface.breaks[0], curve.breaks, crossings(curve, *curve.domain, other)]
         t = spread(np.unique(np.concatenate(breaks)), STATIONS)
         t = t[_tied(ribbon, t)]

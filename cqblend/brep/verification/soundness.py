@@ -2,8 +2,8 @@
 
 ``BRepCheck`` alone does not know: it calls solids valid that are inside out, whose blend bulges outside, or that fall
 apart when cut or sent through STEP. So everything is tried that a user will do next, and measured with OCCT's own
-means. Like :mod:`cqblend.occ.measure`, this module reads finished shapes of whatever origin and must not know how
-cqblend makes them.
+means. Like :mod:`cqblend.brep.verification.edge_continuity`, this module reads finished shapes of whatever origin and
+must not know how cqblend makes them.
 
 Volumes are OCCT's, by Gauss-Kronrod integration over knot spans from a skew plane: measured on solids of known
 volume, it is as accurate as it says. OCCT's default is off by 1e-4 on freeform bodies and by 1 % on a screw, its
@@ -63,9 +63,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
-from cqblend.errors import CqblendError, InputError, SelectionError
-from cqblend.occ.knots import knot_lines
-from cqblend.occ.measure import (
+from cqblend.brep.step_files import read_step, write_step
+from cqblend.brep.verification.edge_continuity import (
     Side,
     edge_samples,
     face_normals,
@@ -73,7 +72,8 @@ from cqblend.occ.measure import (
     sample_parameters,
     uses_of,
 )
-from cqblend.occ.step import read_step, write_step
+from cqblend.brep.verification.measuring_places import knot_lines
+from cqblend.errors import CqblendError, InputError, SelectionError
 
 Array = NDArray[np.float64]
 

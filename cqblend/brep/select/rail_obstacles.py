@@ -11,9 +11,9 @@ from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON
 
 from cqblend.blends.contacts.contact_solver import Contacts
-from cqblend.occ.adapt import face_side
-from cqblend.occ.joint import Joint
-from cqblend.occ.topology import Ancestors, distinct, explore
+from cqblend.brep.read.face_surface import face_side
+from cqblend.brep.select.edge_joint import Joint
+from cqblend.brep.topology import Ancestors, distinct, explore
 
 OPPOSITE = -0.9  # cosine between the outward normals of two faces from which on they are both sides of a wall
 HALVINGS = 40

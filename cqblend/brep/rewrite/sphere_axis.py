@@ -19,8 +19,8 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Wire
 
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.occ.adapt import FaceSide
-from cqblend.occ.topology import (
+from cqblend.brep.read.face_surface import FaceSide
+from cqblend.brep.topology import (
     attach,
     ends,
     explore,

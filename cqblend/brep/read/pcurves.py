@@ -1,8 +1,9 @@
 """Edges of OCCT as symbolic curves: in the parameter plane of a face's spline surface, and in space.
 
-The parameters are those of :func:`cqblend.occ.convert.to_surface`, in which the rails of freeform blends live. On
-planes, B-splines and extrusions they are the face's own, and a pcurve is taken as it is; on analytic faces an angle
-becomes the parameter of a rational arc, and a pcurve that mixes directions is fitted. Decides nothing about blends.
+The parameters are those of :func:`cqblend.brep.read.spline_conversion.to_surface`, in which the rails of freeform
+blends live. On planes, B-splines and extrusions they are the face's own, and a pcurve is taken as it is; on analytic
+faces an angle becomes the parameter of a rational arc, and a pcurve that mixes directions is fitted. Decides nothing
+about blends.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.rails import projection
+from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.spline_conversion import Arcs, ParameterMap, with_parameters
+from cqblend.brep.topology import explore
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
-from cqblend.occ import bulk
-from cqblend.occ.convert import Arcs, ParameterMap, with_parameters
-from cqblend.occ.topology import explore
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.composition import follow
 from cqblend.splines.evaluation import Side
@@ -80,7 +81,7 @@ def curve_of(edge: TopoDS_Edge) -> Curve:
     if curve is None:
         raise SelectionError("the edge has no curve in space: it is degenerate, or has curves on faces only")
     spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, *BRep_Tool.Range_s(edge)))
-    result = Curve.from_bspline(*bulk.curve_to_arrays(spline))
+    result = Curve.from_bspline(*spline_arrays.curve_to_arrays(spline))
     return result.reverse() if edge.Orientation() == TopAbs_REVERSED else result
 
 
@@ -96,7 +97,7 @@ def edge_of(curve: Curve) -> TopoDS_Edge:
     """
     if curve.dim != 3:
         raise InputError(f"an edge needs a curve in space; this one has dimension {curve.dim}")
-    maker = BRepBuilderAPI_MakeEdge(bulk.curve_from_arrays(*curve.to_bspline()))
+    maker = BRepBuilderAPI_MakeEdge(spline_arrays.curve_from_arrays(*curve.to_bspline()))
     if not maker.IsDone():
         raise GeometryError(f"OCCT cannot make an edge of the curve ({maker.Error().name}): has it no length?")
     return maker.Edge()
@@ -128,7 +129,7 @@ def _plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
     whole = (first, last) == (curve.FirstParameter(), curve.LastParameter())
     if not (whole and isinstance(curve, Geom2d_BSplineCurve)):
         curve = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
-    return Curve.from_bspline(*bulk.curve2d_to_arrays(curve))
+    return Curve.from_bspline(*spline_arrays.curve2d_to_arrays(curve))
 
 
 def _in_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:

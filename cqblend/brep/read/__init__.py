@@ -1,0 +1,1 @@
+"""Out of OCCT: faces, edges and their curves as symbolic splines and arrays."""
