@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend import teapot
-from cqblend.developables.division import divide
+from cqblend.patterns.strips.division import divide
 from cqblend.splines import Surface
 
 Array = NDArray[np.float64]

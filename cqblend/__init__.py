@@ -17,6 +17,7 @@ from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
+    from cqblend.api.flat_pattern import Pattern, unroll
     from cqblend.blends.pde.boundary_data import Boundary
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
         to_surface,
         verify,
     )
-    from cqblend.patterns import Pattern, unroll
     from cqblend.pdes import PdeBlend, pde_blend
     from cqblend.potentials import PotentialBlend, potential_blend, reshape
     from cqblend.splines.curve import Curve
@@ -106,7 +106,7 @@ _HOME = {
     "Family": "blends.potential.surface_family",
     "Guide": "freeform",
     "Normalised": "splines.unit_length",
-    "Pattern": "patterns",
+    "Pattern": "api.flat_pattern",
     "PdeBlend": "pdes",
     "PotentialBlend": "potentials",
     "Rail": "blends.rails.rail",
@@ -130,7 +130,7 @@ _HOME = {
     "to_edge": "front",
     "to_face": "front",
     "to_surface": "front",
-    "unroll": "patterns",
+    "unroll": "api.flat_pattern",
     "verify": "front",
     "with_end_speeds": "splines.retiming",
 }

@@ -158,7 +158,7 @@ def _stopped(child: "subprocess.Popen[bytes]", number: int) -> int:
 
 
 def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
-    from cqblend.developables.writing import remove_unfinished
+    from cqblend.whole_files import remove_unfinished
 
     for path in (getattr(options, name, None) for name in ("output", "strips")):
         if path is not None:
@@ -380,10 +380,10 @@ def _continuity(options: argparse.Namespace) -> None:
 
 
 def _unroll(options: argparse.Namespace) -> None:
+    from cqblend.api.flat_pattern import unroll
     from cqblend.brep.select.nearest import nearest_face
     from cqblend.brep.step_files import read_step, write_step
-    from cqblend.developables.files import checked_path
-    from cqblend.patterns import unroll
+    from cqblend.patterns.write.pattern_files import checked_path
 
     checked_path(options.output)
     if options.tab_width is not None and not options.tabs:
@@ -458,7 +458,7 @@ def _demo(options: argparse.Namespace) -> None:
 
 def _check_step(path: Path) -> None:
     """Raise an error if a STEP file cannot be written there."""
-    from cqblend.developables.writing import checked_target
+    from cqblend.whole_files import checked_target
 
     checked_target(path, _STEP, "STEP files")
 

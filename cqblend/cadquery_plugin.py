@@ -12,8 +12,8 @@ from cqblend.errors import SelectionError
 from cqblend.request import STEER, callback
 
 if TYPE_CHECKING:
+    from cqblend.api.flat_pattern import Pattern
     from cqblend.front import BlendResult
-    from cqblend.patterns import Pattern
 
 
 def blend(
@@ -147,10 +147,10 @@ def unroll(
     3 seams
     3
     """
-    from cqblend import patterns
+    from cqblend.api import flat_pattern
 
     callback("report", report, "the pattern")
-    pattern = patterns.unroll(
+    pattern = flat_pattern.unroll(
         self,
         tolerance,
         method=method,  # type: ignore[arg-type]

@@ -9,8 +9,8 @@ import warnings
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cqblend.developables.assembly import Failure
-    from cqblend.patterns import Pattern
+    from cqblend.api.flat_pattern import Pattern
+    from cqblend.patterns.assembly import Failure
 
 
 class CqblendError(Exception):

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cqblend.developables.writing import written_beside
 from cqblend.errors import InstallationError
+from cqblend.whole_files import written_beside
 
 if TYPE_CHECKING:
     import cadquery

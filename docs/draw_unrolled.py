@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 import cqblend
 from cqblend import Pattern, demo, picture
 from cqblend.brep.pattern_shapes import strips_3d
-from cqblend.developables import drawing, sheets
-from cqblend.developables.drawing import Layer
+from cqblend.patterns.stock import sheets
+from cqblend.patterns.write import drawing
+from cqblend.patterns.write.drawing import Layer
 from cqblend.picture import Colour, Part, Strokes, View
 
 DOCS = Path(__file__).resolve().parent

@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.outline.plane_path import Path
 
 
 def polyhedron(vertices, faces) -> Pieces:

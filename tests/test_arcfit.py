@@ -7,9 +7,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cqblend.developables.arcfit import fitted
-from cqblend.developables.paths import Path, bulges
 from cqblend.errors import InputError
+from cqblend.patterns.outline.arc_fit import fitted
+from cqblend.patterns.outline.plane_path import Path, bulges
 
 
 def dense(path, count):

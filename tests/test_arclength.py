@@ -9,8 +9,8 @@ from developable_strips import EDGE, circle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cqblend.developables.arclength import ArcLength
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.flatten.arc_length import ArcLength
 from cqblend.splines import Curve
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from cqblend.developables.cells import Lines, Side, cut
 from cqblend.errors import GeometryError
+from cqblend.patterns.trim.domain_cells import Lines, Side, cut
 
 
 def loop(points, uses=None):

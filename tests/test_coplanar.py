@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import shapely
 
-from cqblend.developables.coplanar import in_plane, merged, planar_patch, polygon
-from cqblend.developables.patches import Edge, EdgeUse, Frame, Patch, Skin
+from cqblend.patterns.trim.coplanar_patches import in_plane, merged, planar_patch, polygon
+from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Frame, Patch, Skin
 from cqblend.splines import Curve
 
 TILT = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])

@@ -5,8 +5,8 @@ import pytest
 from spline_witness import dot, norm, normal, surface_jet
 
 from benchmarks.strips import revolved, sphere, torus
-from cqblend.developables.curvature import maxima, squared_curvature
 from cqblend.errors import GeometryError
+from cqblend.patterns.strips.normal_curvature import maxima, squared_curvature
 from cqblend.splines import Surface
 
 KNOTS = np.array([0, 0, 0, 0, 0.4, 1, 1, 1, 1])

@@ -6,10 +6,10 @@ import numpy as np
 import pieces_cases as cases
 import pytest
 
-from cqblend.developables.cutting import split, within
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Place, Run, Score
 from cqblend.errors import GeometryError, InputError, SizeError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Score
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.split_pieces import split, within
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 

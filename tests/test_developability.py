@@ -21,8 +21,8 @@ from developable_strips import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cqblend.developables.developability import apex, classify, ruling_direction, sigma, twist, twist_between
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.strips.developability import apex, classify, ruling_direction, sigma, twist, twist_between
 from cqblend.splines import Curve, Surface, change_of_parameter, reparameterise
 
 

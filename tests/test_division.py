@@ -10,8 +10,8 @@ from spline_witness import surface_jet
 
 import cqblend
 from benchmarks.strips import diagonal, models, patches, pawn, revolved, sphere, torus
-from cqblend.developables.division import divide
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.strips.division import divide
 from cqblend.splines import Curve, Surface
 
 BEZIER = {degree: np.repeat([0.0, 1.0], degree + 1) for degree in (1, 2, 3)}

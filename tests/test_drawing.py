@@ -7,13 +7,13 @@ import pieces_cases as cases
 import pytest
 import shapely
 
-from cqblend.developables.drawing import FIT, STYLES, Layer, beside, draw
-from cqblend.developables.kerf import compensated
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Run
-from cqblend.developables.sheets import arrange
-from cqblend.developables.tabs import with_tabs
 from cqblend.errors import InputError, SizeError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.kerf import compensated
+from cqblend.patterns.stock.sheets import arrange
+from cqblend.patterns.stock.tabs import with_tabs
+from cqblend.patterns.write.drawing import FIT, STYLES, Layer, beside, draw
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 

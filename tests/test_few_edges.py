@@ -6,8 +6,8 @@ import pytest
 from shapely.geometry import Polygon
 
 import cqblend
-from cqblend.developables.cells import Lines, Side, cut
 from cqblend.errors import GeometryError
+from cqblend.patterns.trim.domain_cells import Lines, Side, cut
 
 
 def lens(width: float, height: float) -> cq.Workplane:

@@ -17,10 +17,10 @@ from developable_strips import (
     tangent_strip,
 )
 
-from cqblend.developables.development import Motion, develop
-from cqblend.developables.flattening import flatten
-from cqblend.developables.paths import Path
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.flatten.development import Motion, develop
+from cqblend.patterns.flatten.flat_strip import flatten
+from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines import Curve, Surface, change_of_parameter, hermite, reparameterise
 from cqblend.teapot import poles
 

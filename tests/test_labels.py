@@ -10,10 +10,10 @@ import pytest
 import shapely
 from pieces_cases import box, cone, cylinder, frustum, gores, lattice, tower
 
-from cqblend.developables.labels import GLYPHS, label_strokes, labels, text_strokes, text_width, underlined
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Run
 from cqblend.errors import InputError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.labels import GLYPHS, label_strokes, labels, text_strokes, text_width, underlined
 
 MODELS = [box, cylinder, tower, frustum, cone, gores]
 

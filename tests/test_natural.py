@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cqblend.developables.natural import natural
 from cqblend.errors import InputError
+from cqblend.patterns.trim.bare_surface import natural
 from cqblend.splines import Surface
 
 LINE = [0.0, 0.0, 1.0, 1.0]

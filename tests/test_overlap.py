@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pieces_cases import arc, box, circle, cone, cylinder, frustum, gores, lattice, tower
 
-from cqblend.developables.overlap import covered_wrongly, overlap
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Run
 from cqblend.errors import GeometryError
+from cqblend.patterns.outline.overlap import covered_wrongly, overlap
+from cqblend.patterns.outline.pieces import Piece, Run
+from cqblend.patterns.outline.plane_path import Path
 
 
 def sector(radius: float, angle: float) -> Path:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from developable_strips import CYLINDER, EDGE, SADDLE, moved, tangent_strip
 
-from cqblend.developables.developability import classify, twist_between
-from cqblend.developables.flattening import flatten
-from cqblend.developables.pairing import pair
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.flatten.flat_strip import flatten
+from cqblend.patterns.strips.developability import classify, twist_between
+from cqblend.patterns.strips.ruling_pairing import pair
 from cqblend.splines import Curve, change_of_parameter, reparameterise
 
 LOWER = Curve.bezier([[0.0, 0, 0], [1, 0, 1], [2, 0, 0]])

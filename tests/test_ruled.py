@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cqblend.developables.ruled import Strip
 from cqblend.errors import InputError
+from cqblend.patterns.strips.ruled_strip import Strip
 from cqblend.splines import Curve, Surface
 
 FIRST = Curve.bezier([[0.0, 0, 0], [4, 1, 0], [9, 0, 2]], [1.0, 3.0, 2.0])

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cqblend.developables.cells import Lines
-from cqblend.developables.patches import Edge, EdgeUse
-from cqblend.developables.sampling import SNAP, crossings, merged, refined, sample, snapped
 from cqblend.errors import GeometryError
+from cqblend.patterns.trim.domain_cells import Lines
+from cqblend.patterns.trim.shared_vertices import SNAP, crossings, merged, refined, sample, snapped
+from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse
 
 NO_LINES = Lines(1, np.array([]))
 UNIT = (1.0, 1.0)

@@ -7,11 +7,11 @@ import pieces_cases as cases
 import pytest
 import shapely
 
-from cqblend.developables import nesting
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Run
-from cqblend.developables.sheets import Sheets, arrange, verify
 from cqblend.errors import GeometryError, InputError, InstallationError, SizeError, VerificationError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock import nesting
+from cqblend.patterns.stock.sheets import Sheets, arrange, verify
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores, cases.lattice]
 

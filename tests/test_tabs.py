@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pieces_cases import arc, box, circle, cone, cylinder, frustum, gores, lattice, tower, valley
 
-from cqblend.developables.parallels import Track
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Place, Run, Seam
-from cqblend.developables.tabs import fitted_tabs, with_tabs
 from cqblend.errors import InputError
+from cqblend.patterns.outline.parallel_path import Track
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.tabs import fitted_tabs, with_tabs
 
 MODELS = [box, valley, cylinder, tower, frustum, cone, gores]
 STYLES = ["one", "alternating", "both", "strips", "allowance"]

@@ -190,7 +190,7 @@ def test_every_bound_holds_on_solids(name, away):
     report, faces, rng = pattern.report, faces_of(shape.wrapped), np.random.default_rng(5)
     rounding = 1e-15 * away  # of the points themselves, which are doubles
     for source, record in zip(pattern._unrolled.sources, report.pieces, strict=True):
-        strip = cqblend.patterns.wrapped_like(shape, source_face(source))
+        strip = cqblend.api.flat_pattern.wrapped_like(shape, source_face(source))
         for point in points_on(faces_of(strip.wrapped)[0], 3, rng):
             assert min(distance(point, faces[k - 1]) for k in record.faces) <= record.bound + 4 * rounding
     for areas in report.areas:

@@ -14,10 +14,11 @@ import pytest
 from unroll_witness import distance, is_drawn_well, links_are_sound, polygon, seam_gap, seam_mismatch
 
 import cqblend
-from cqblend.developables import drawing, sheets
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Pieces, Run
 from cqblend.errors import InputError, PatternWarning, UnrollError, VerificationError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock import sheets
+from cqblend.patterns.write import drawing
 from cqblend.splines import Surface
 
 CASES = File(__file__).parents[2] / "shared" / "cases"

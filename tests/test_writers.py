@@ -14,15 +14,15 @@ import pytest
 import shapely
 
 import cqblend
-from cqblend.developables.cutting import within
-from cqblend.developables.drawing import FIT, Layer, beside, draw
-from cqblend.developables.files import export
-from cqblend.developables.labels import label_strokes
-from cqblend.developables.paths import Path
-from cqblend.developables.pdf import PAPERS, printable, write_pdf
-from cqblend.developables.pieces import Piece, Pieces, Run
-from cqblend.developables.sheets import arrange
 from cqblend.errors import InputError
+from cqblend.patterns.outline.pieces import Piece, Pieces, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.labels import label_strokes
+from cqblend.patterns.stock.sheets import arrange
+from cqblend.patterns.stock.split_pieces import within
+from cqblend.patterns.write.drawing import FIT, Layer, beside, draw
+from cqblend.patterns.write.pattern_files import export
+from cqblend.patterns.write.pdf_file import PAPERS, printable, write_pdf
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 POINT = 25.4 / 72
@@ -357,7 +357,9 @@ def test_files_are_whole_or_not_there(tmp_path, monkeypatch):
     target = tmp_path / "a.svg"
     export(sheets, target)
     before = target.read_bytes()
-    monkeypatch.setattr("cqblend.developables.files.write_svg", lambda drawing, path: path.write_text("x") and 1 / 0)
+    monkeypatch.setattr(
+        "cqblend.patterns.write.pattern_files.write_svg", lambda drawing, path: path.write_text("x") and 1 / 0
+    )
     with pytest.raises(ZeroDivisionError):
         export(sheets, target)
     assert target.read_bytes() == before

@@ -34,10 +34,10 @@ from cqblend.brep.topology import (
     make_vertex,
     make_wire,
 )
-from cqblend.developables.patches import Trim
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece
 from cqblend.errors import GeometryError, InputError, PatternWarning, warn
+from cqblend.patterns.outline.pieces import Piece
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.trim.trimmed_patch import Trim
 from cqblend.splines import Curve, Surface, hermite
 from cqblend.splines.bernstein import Array
 

@@ -34,9 +34,9 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cqblend.developables.writing import written_beside
 from cqblend.errors import DamagedFileWarning, StepError, shown, warn
 from cqblend.installation import fresh_interpreter
+from cqblend.whole_files import written_beside
 
 _GEOMETRY: Final = ("StepShape_", "StepGeom_")
 """OCCT's classes of STEP entities without which a shape is incomplete; notes, colours and tolerances are others."""

@@ -24,8 +24,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from cqblend.brep.read.spline_conversion import to_face
 from cqblend.brep.read.trimmed_patches import read
 from cqblend.brep.topology import Index, ends, explore, forward, make_edge, make_wire
-from cqblend.developables.coplanar import polygon
 from cqblend.errors import InputError, SelectionError, TopologyError
+from cqblend.patterns.trim.coplanar_patches import polygon
 from cqblend.splines import Surface
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"

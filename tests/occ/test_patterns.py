@@ -20,11 +20,11 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
 from cqblend.brep.pattern_shapes import planar_faces, sections, strips_3d
 from cqblend.brep.read.trimmed_patches import read
 from cqblend.brep.topology import Index
-from cqblend.developables.division import divide
-from cqblend.developables.patches import Trim
-from cqblend.developables.paths import Path
-from cqblend.developables.pieces import Piece, Run
 from cqblend.errors import GeometryError, InputError
+from cqblend.patterns.outline.pieces import Piece, Run
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.strips.division import divide
+from cqblend.patterns.trim.trimmed_patch import Trim
 from cqblend.splines import Curve, Surface
 
 W = cq.Workplane

@@ -35,9 +35,9 @@ from cqblend.brep.read.spline_conversion import ParameterMap, with_parameters
 from cqblend.brep.read.unshared_edges import joined
 from cqblend.brep.shape_kinds import is_topods
 from cqblend.brep.topology import Index, compound_of, ends, explore, forward, location_of
-from cqblend.developables import coplanar
-from cqblend.developables.patches import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
 from cqblend.errors import CqblendError, InputError, SelectionError, TopologyError, shown
+from cqblend.patterns.trim import coplanar_patches
+from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Frame, Kind, Loop, Mapping, Patch, Skin
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 
@@ -142,7 +142,7 @@ def read(
         except CqblendError as error:
             refused[number] = type(error)(f"face {number}: {error}")
     skin = reader.skin(patches, refused)
-    return coplanar.merged(skin) if merge else skin
+    return coplanar_patches.merged(skin) if merge else skin
 
 
 class _Reader:
@@ -165,8 +165,10 @@ class _Reader:
             raise TopologyError("it has no boundary")
         area = _area(chart.face)
         if chart.frame is not None:
-            return coplanar.planar_patch((number,), chart.frame, loops, area, chart.off)
-        return Patch((number,), chart.kind, chart.surface, chart.outward, coplanar.outer_first(loops), area=area)
+            return coplanar_patches.planar_patch((number,), chart.frame, loops, area, chart.off)
+        return Patch(
+            (number,), chart.kind, chart.surface, chart.outward, coplanar_patches.outer_first(loops), area=area
+        )
 
     def skin(self, patches: list[Patch], refused: dict[int, CqblendError]) -> Skin:
         """Return patches with all their edges, measured."""
@@ -191,7 +193,7 @@ class _Reader:
             at = flat = _on_face(number, use, chart.face)
             breaks = flat.breaks
         else:
-            at = coplanar.in_plane(chart.frame, space or self._points[number])
+            at = coplanar_patches.in_plane(chart.frame, space or self._points[number])
             breaks = np.array(BRep_Tool.Range_s(use)) if space is None else space.breaks
         start, stop = (self._vertices.of(vertex) for vertex in ends(use))
         along, degenerate = use.Orientation() == TopAbs_FORWARD, bool(BRep_Tool.Degenerated_s(use))

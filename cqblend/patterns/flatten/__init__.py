@@ -1,0 +1,1 @@
+"""Development: ruled strips laid flat, rulings straight and lengths kept."""

@@ -1,0 +1,1 @@
+"""Outlines: plane curves of segments and arcs, and the pieces that they bound."""

@@ -1,0 +1,1 @@
+"""From pieces to flat stock: split, tabs, flaps, labels, kerf, nesting on sheets."""

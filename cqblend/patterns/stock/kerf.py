@@ -1,0 +1,99 @@
+"""Kerf: what a beam takes away is given back, by cutting half its width outside the outline.
+
+Exists beside tabs because the offset here goes all round, and must not change the shape that is left: convex corners
+are gone round at the distance, so that they stay sharp. Must not know pieces.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+
+from cqblend.errors import SizeError
+from cqblend.patterns.checks import millimetres
+from cqblend.patterns.outline.arc_fit import fitted
+from cqblend.patterns.outline.overlap import region
+from cqblend.patterns.outline.plane_path import Path
+
+LEAST = 1e-4
+"""Tolerance of offset arcs if none is given, mm."""
+
+UNCUT = 0.25
+"""How far a beam may stay away from the outline, in kerfs.
+
+A beam of width k stays (1 / sin(a / 2) - 1) k / 2 away from the tip of a notch with the angle a: 0.21 k if it is right.
+"""
+
+LIMITS = 0.5, 1.5
+"""How far it may stay away in any case, and at most, mm."""
+
+
+def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
+    """Return the lines along which a beam as wide as the kerf cuts what lies within outlines.
+
+    Parameters
+    ----------
+    outlines
+        Closed: the outer one first, counterclockwise, then holes, clockwise.
+    kerf
+        Width of the beam, mm.
+    tolerance
+        Of the arcs of the result, mm; 0 takes :data:`LEAST`.
+    name
+        Of the piece, for messages.
+
+    Returns
+    -------
+    tuple of Path
+        In the same order and with the same directions: outer lines are further out, holes smaller, by kerf / 2.
+
+    Raises
+    ------
+    InputError
+        If the kerf or the tolerance is negative or not a number.
+    SizeError
+        If a hole, a slit or a notch is narrower than the kerf, so that the beam cannot go round it: it would vanish, or
+        too much of its depth would not be cut (:data:`UNCUT`, :data:`LIMITS`).
+
+    Examples
+    --------
+    >>> square = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    >>> (line,) = compensated([square], 0.2, 1e-3, name="1")
+    >>> round(line.area, 2), round(100 + 4 * 10 * 0.1 + np.pi * 0.1**2, 2)
+    (104.03, 104.03)
+    """
+    kerf = millimetres("the kerf", kerf, zero=True)
+    tolerance = millimetres("the tolerance of fitted arcs", tolerance, zero=True) or LEAST
+    if kerf == 0:
+        return tuple(fitted(path, tolerance) for path in outlines)
+    polygon = region(outlines, tolerance / 4)
+    # a quarter of a circle of radius kerf / 2 in so many parts that their sagitta is a quarter of the tolerance
+    parts = int(np.ceil(np.pi / 4 / np.arccos(max(1 - tolerance / (2 * kerf), 0.0))))
+    outside = shapely.buffer(polygon, kerf / 2, quad_segs=parts)
+    allowed = float(np.clip(UNCUT * kerf, *LIMITS))
+    if (
+        outside.geom_type != "Polygon"
+        or len(outside.interiors) != len(outlines) - 1
+        or _uncut(outlines, shapely.buffer(outside, -kerf / 2, quad_segs=parts), tolerance) > allowed
+    ):
+        raise SizeError(
+            f"piece {name} has a hole or a slit that is narrower than the kerf of {kerf:g} mm: "
+            "lower the kerf, or divide the face the other way with direction="
+        )
+    outside = shapely.orient_polygons(outside)
+    rings = [outside.exterior, *outside.interiors]
+    holes = [shapely.Polygon(ring) for ring in rings[1:]]
+    order = [0]
+    for path in outlines[1:]:
+        inner = shapely.Polygon(path.sampled(tolerance / 4))
+        order.append(1 + next(k for k, hole in enumerate(holes) if inner.contains(hole.representative_point())))
+    return tuple(fitted(Path.straight(shapely.get_coordinates(rings[k])), tolerance / 2) for k in order)
+
+
+def _uncut(outlines: Sequence[Path], left: Any, tolerance: float) -> float:
+    """Return how far outlines are from the border of what is left when they have been cut, at most."""
+    points = np.concatenate([path.sampled(tolerance / 4) for path in outlines])
+    border = shapely.boundary(left)
+    shapely.prepare(border)
+    return float(shapely.distance(shapely.points(points), border).max())

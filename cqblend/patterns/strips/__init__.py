@@ -1,0 +1,1 @@
+"""Strips: a surface divided into ruled surfaces, as few as a tolerance allows."""

@@ -1,0 +1,105 @@
+"""A bare surface as something to unroll: its four sides are edges, and it may meet itself or have poles.
+
+Exists so that a surface without a kernel's face goes the same way as faces of solids. Must not know what is done next.
+"""
+
+import numpy as np
+
+from cqblend.errors import InputError
+from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Mapping, Patch, Skin
+from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
+from cqblend.splines.integral import gauss
+
+_CLOSED = 1e-9
+"""Sides that are closer together than this, relative to the size, are one."""
+
+
+def natural(surface: Surface) -> Skin:
+    """Return a surface, bounded by its parameter domain, as one patch whose outer side is that of Su x Sv.
+
+    Raises
+    ------
+    InputError
+        It is not in space.
+
+    Examples
+    --------
+    >>> knots = [0, 0, 1, 1]
+    >>> sheet = Surface.from_bspline((1, 1), (knots, knots), [[[0, 0, 0], [0, 2, 0]], [[3, 0, 0], [3, 2, 1]]])
+    >>> len(natural(sheet).edges)
+    4
+    """
+    if surface.dim != 3:
+        raise InputError(f"a surface to be unrolled is in space; this one has dimension {surface.dim}")
+    (u0, u1), (v0, v1) = surface.domain
+    sides = [(1, v0, True), (0, u1, True), (1, v1, False), (0, u0, False)]  # counterclockwise: axis, value, rising
+    curves = [surface.isoparametric(**{"uv"[axis]: value}) for axis, value, _ in sides]
+    samples = [curve(np.linspace(*curve.domain, 65)) for curve in curves]
+    size = float(np.ptp(np.concatenate(samples), axis=0).max())
+    points = [float(np.abs(sample - sample[0]).max()) <= _CLOSED * size for sample in samples]
+    numbers = [1, 2, 3, 4]
+    for here, there in ((0, 2), (1, 3)):
+        if float(np.abs(samples[here] - samples[there]).max()) <= _CLOSED * size and not points[here]:
+            numbers[there] = numbers[here]
+    uses = []
+    for number, (axis, value, rising), curve, point in zip(numbers, sides, curves, points, strict=True):
+        uses.append(EdgeUse(number, rising, _line(axis, value), curve.breaks, point))
+    edges = {
+        number: Edge(
+            index=number,
+            points=curve,
+            breaks=curve.breaks,
+            curve=None if point else curve,
+            parameter=_same,
+            vertices=(0, 0),
+            faces=(1,) * numbers.count(number),
+            angle=_angle(surface, sides[number - 1][0]) if numbers.count(number) == 2 else np.nan,
+            gap=0.0,
+            degenerate=point,
+        )
+        for number, curve, point in reversed(list(zip(numbers, curves, points, strict=True)))
+    }
+    patch = Patch((1,), "freeform", surface, True, (tuple(uses),), area=_area(surface))
+    return Skin((patch,), edges, {0: curves[0](curves[0].domain[0])})
+
+
+def _area(surface: Surface) -> float:
+    """Return the area, by 16-point Gauss in every piece."""
+    nodes, weights = gauss(16)
+    u, v = ((breaks[:-1, None] + np.diff(breaks)[:, None] * nodes).ravel() for breaks in surface.breaks)
+    along, across = ((np.diff(breaks)[:, None] * weights).ravel() for breaks in surface.breaks)
+    normals = np.cross(surface.grid(u, v, 1, 0), surface.grid(u, v, 0, 1))
+    return float(along @ np.linalg.norm(normals, axis=-1) @ across)
+
+
+def _angle(surface: Surface, axis: int) -> float:
+    """Return by how much the normal turns in the middle of the seam at which a surface meets itself.
+
+    It is the side on which u (axis 0) or v (axis 1) begins.
+    """
+    middle = [sum(domain) / 2 for domain in surface.domain]
+    places = ((end, middle[1]) if axis == 0 else (middle[0], end) for end in surface.domain[axis])
+    after, before = (surface.jet(u, v, 1) for u, v in places)
+    normals = np.array([np.cross(jet[1, 0], jet[0, 1]) for jet in (before, after)])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not lengths.all():
+        return np.nan
+    first, second = normals / lengths
+    across = after[(1, 0) if axis == 0 else (0, 1)]
+    angle = np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)
+    return float(np.copysign(angle, (second - first) @ across))
+
+
+def _same(t: Array) -> Array:
+    return t
+
+
+def _line(axis: int, value: float) -> Mapping:
+    """Return the parameter line on which u (axis 0) or v (axis 1) is fixed."""
+
+    def line(t: Array) -> Array:
+        fixed = np.full(np.shape(t), value)
+        return np.stack([fixed, t] if axis == 0 else [t, fixed], axis=-1)
+
+    return line

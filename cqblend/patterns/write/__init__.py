@@ -1,0 +1,1 @@
+"""Patterns to files: drawings, and their writers."""

@@ -1,0 +1,132 @@
+"""Everything known of a pattern as JSON: for other programs, and for checking.
+
+Exists because drawings forget which run is joined to which, and where in space it is. Must not compute anything.
+"""
+
+import json
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from cqblend.patterns.outline.pieces import Piece, Seam
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.stock.sheets import Sheets
+
+SCHEMA = "cqblend.pattern/1"
+
+
+def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Return a pattern as plain lists and dictionaries.
+
+    Lengths are in mm, angles in rad, indices count from 0; what is not known is null::
+
+        {"schema": "cqblend.pattern/1", "units": "mm",
+         "sheet": {"size": [w, h], "count": n, "margin": m, "gap": g},
+         "pieces": [{"name": .., "sheet": index, "area": mm^2,
+                     "loops": [[{"kind": "rail" | "end" | "trim" | "cut", "seam": index | null, "length": mm,
+                                 "path": PATH, "space": [[x, y, z], ..]}, ..], ..],
+                     "tabs": [PATH, ..] | null,
+                     "scores": [{"fold": "mountain" | "valley", "path": PATH}, ..]}, ..],
+         "seams": [{"label": .., "sides": [{"piece": i, "loop": j, "run": k}, {..}], "opposed": bool,
+                    "angle": rad | null, "length": mm}, ..],
+         "report": {..} | null}
+
+    where PATH is ``{"points": [[x, y], ..], "bulges": [..]}``, with one bulge less than points: the tangent of a
+    quarter of each arc's angle, 0 for straight, positive to the left. The first loop is the outer one,
+    counterclockwise; runs have the material to their left. The places in space of vertices are on the strips, those of
+    vertices that are made by cutting to the sheet on the face. Numbers are exact: reading them gives the same doubles.
+    """
+    return {
+        "schema": SCHEMA,
+        "units": "mm",
+        "sheet": {"size": list(sheets.size), "count": sheets.count, "margin": sheets.margin, "gap": sheets.gap},
+        "pieces": [_piece(p, number) for p, number in zip(sheets.pieces.pieces, sheets.numbers, strict=True)],
+        "seams": [_seam(seam, sheets) for seam in sheets.pieces.seams],
+        "report": None if report is None else _plain(report),
+    }
+
+
+def on_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
+    """Return what of the `record` of a pattern is on one sheet.
+
+    Indices are those of the pieces and seams that are left. The side of a seam that is on another sheet has no piece,
+    but the name of it, and the index of that sheet.
+    """
+    kept = [i for i, piece in enumerate(whole["pieces"]) if piece["sheet"] == number]
+    place = {i: k for k, i in enumerate(kept)}
+    seams = [i for i, seam in enumerate(whole["seams"]) if any(side["piece"] in place for side in seam["sides"])]
+    mark = {i: k for k, i in enumerate(seams)}
+
+    def elsewhere(side: dict[str, Any]) -> dict[str, Any]:
+        piece = whole["pieces"][side["piece"]]
+        named = {} if side["piece"] in place else {"name": piece["name"], "sheet": piece["sheet"]}
+        return {**side, "piece": place.get(side["piece"]), **named}
+
+    pieces = [
+        {**piece, "loops": [[{**run, "seam": mark.get(run["seam"])} for run in loop] for loop in piece["loops"]]}
+        for piece in (whole["pieces"][i] for i in kept)
+    ]
+    sided = [
+        {**seam, "sides": [elsewhere(side) for side in seam["sides"]]} for seam in (whole["seams"][i] for i in seams)
+    ]
+    return {**whole, "pieces": pieces, "seams": sided}
+
+
+def write_json(whole: Mapping[str, Any], path: File) -> None:
+    """Write the `record` of a pattern, or what of it is on one sheet."""
+    text = json.dumps(whole, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    path.write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def _piece(piece: Piece, number: int) -> dict[str, Any]:
+    loops = [
+        [
+            {
+                "kind": run.kind,
+                "seam": run.seam,
+                "length": run.path.length,
+                "path": _path(run.path),
+                "space": run.space.tolist(),
+            }
+            for run in loop
+        ]
+        for loop in piece.loops
+    ]
+    return {
+        "name": piece.name,
+        "sheet": number,
+        "area": piece.area,
+        "loops": loops,
+        "tabs": None if piece.tabs is None else [_path(path) for path in piece.tabs],
+        "scores": [{"fold": score.fold, "path": _path(score.path)} for score in piece.scores],
+    }
+
+
+def _seam(seam: Seam, sheets: Sheets) -> dict[str, Any]:
+    return {
+        "label": seam.label,
+        "sides": [{"piece": side.piece, "loop": side.loop, "run": side.run} for side in seam.sides],
+        "opposed": seam.opposed,
+        "angle": _plain(seam.angle),
+        "length": max(sheets.pieces.run(side).path.length for side in seam.sides),
+    }
+
+
+def _path(path: Path) -> dict[str, Any]:
+    return {"points": path.points.tolist(), "bulges": path.bulges.tolist()}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON knows it: arrays as lists, numbers that are not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value
