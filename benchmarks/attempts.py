@@ -23,11 +23,11 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
+from cqblend.blend_options import BlendRequest
 from cqblend.brep.verification.edge_continuity import continuity_between, edge_sides
 from cqblend.brep.verification.soundness import check_solid, skew_plane, subshapes, volume_of
-from cqblend.edges import blend_shape
 from cqblend.errors import CqblendError
-from cqblend.request import BlendRequest
+from cqblend.solid_blends.edge_blend import blend_shape
 
 SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
 REPEATS = 3  # of an operation, to take the median of its times

@@ -18,14 +18,9 @@ from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern, unroll
-    from cqblend.blends.pde.boundary_data import Boundary
-    from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
-    from cqblend.blends.potential.surface_family import Family
-    from cqblend.blends.rails.rail import Rail
-    from cqblend.brep.verification.edge_continuity import Continuity
-    from cqblend.brep.verification.soundness import Verification
-    from cqblend.freeform import Blend, Combination, Guide, curve_on, hermite_blend, projected
-    from cqblend.front import (
+    from cqblend.api.pde_surface import PdeBlend, pde_blend
+    from cqblend.api.potential_surface import PotentialBlend, potential_blend, reshape
+    from cqblend.api.solid_blend import (
         BlendResult,
         blend_edges,
         continuity,
@@ -37,8 +32,13 @@ if TYPE_CHECKING:
         to_surface,
         verify,
     )
-    from cqblend.pdes import PdeBlend, pde_blend
-    from cqblend.potentials import PotentialBlend, potential_blend, reshape
+    from cqblend.api.surface_blend import Blend, Combination, Guide, curve_on, hermite_blend, projected
+    from cqblend.blends.pde.boundary_data import Boundary
+    from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
+    from cqblend.blends.potential.surface_family import Family
+    from cqblend.blends.rails.rail import Rail
+    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.verification.soundness import Verification
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
@@ -96,42 +96,42 @@ __all__ = [
 
 _HOME = {
     "BezierRelation": "blends.potential.relations",
-    "Blend": "freeform",
-    "BlendResult": "front",
+    "Blend": "api.surface_blend",
+    "BlendResult": "api.solid_blend",
     "Boundary": "blends.pde.boundary_data",
-    "Combination": "freeform",
+    "Combination": "api.surface_blend",
     "Conic": "blends.potential.relations",
     "Continuity": "brep.verification.edge_continuity",
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
-    "Guide": "freeform",
+    "Guide": "api.surface_blend",
     "Normalised": "splines.unit_length",
     "Pattern": "api.flat_pattern",
-    "PdeBlend": "pdes",
-    "PotentialBlend": "potentials",
+    "PdeBlend": "api.pde_surface",
+    "PotentialBlend": "api.potential_surface",
     "Rail": "blends.rails.rail",
     "Relation": "blends.potential.relations",
     "Surface": "splines.surface",
     "Verification": "brep.verification.soundness",
-    "blend_edges": "front",
+    "blend_edges": "api.solid_blend",
     "change_of_parameter": "splines.retiming",
-    "continuity": "front",
-    "curve_on": "freeform",
-    "hermite_blend": "freeform",
-    "insert_blend": "front",
-    "max_size": "front",
+    "continuity": "api.solid_blend",
+    "curve_on": "api.surface_blend",
+    "hermite_blend": "api.surface_blend",
+    "insert_blend": "api.solid_blend",
+    "max_size": "api.solid_blend",
     "normalise": "splines.unit_length",
-    "pde_blend": "pdes",
-    "potential_blend": "potentials",
-    "projected": "freeform",
+    "pde_blend": "api.pde_surface",
+    "potential_blend": "api.potential_surface",
+    "projected": "api.surface_blend",
     "reparameterise": "splines.retiming",
-    "reshape": "potentials",
-    "to_curve": "front",
-    "to_edge": "front",
-    "to_face": "front",
-    "to_surface": "front",
+    "reshape": "api.potential_surface",
+    "to_curve": "api.solid_blend",
+    "to_edge": "api.solid_blend",
+    "to_face": "api.solid_blend",
+    "to_surface": "api.solid_blend",
     "unroll": "api.flat_pattern",
-    "verify": "front",
+    "verify": "api.solid_blend",
     "with_end_speeds": "splines.retiming",
 }
 

@@ -334,10 +334,10 @@ def _attached(arguments: Sequence[str]) -> list[str]:
 
 
 def _blend(options: argparse.Namespace) -> None:
+    from cqblend.blend_options import BlendRequest
     from cqblend.brep.select.nearest import nearest_edge
     from cqblend.brep.step_files import read_step, write_step
-    from cqblend.edges import blend_shape
-    from cqblend.request import BlendRequest
+    from cqblend.solid_blends.edge_blend import blend_shape
 
     request = BlendRequest.checked(
         options.radius,

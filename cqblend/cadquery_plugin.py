@@ -8,12 +8,12 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from cqblend.blend_options import STEER, callback
 from cqblend.errors import SelectionError
-from cqblend.request import STEER, callback
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern
-    from cqblend.front import BlendResult
+    from cqblend.api.solid_blend import BlendResult
 
 
 def blend(
@@ -71,7 +71,7 @@ def blend(
     exact
     1
     """
-    from cqblend.front import blend_edges
+    from cqblend.api.solid_blend import blend_edges
 
     callback("report", report, "the result")
     edges = self.edges().vals()

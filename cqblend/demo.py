@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cqblend import picture, teapot
-from cqblend.front import BlendResult, blend_edges
+from cqblend.api.solid_blend import BlendResult, blend_edges
 from cqblend.picture import Part, View
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from cqblend.blend_options import LARGEST, SMALLEST, BlendRequest
 from cqblend.errors import InputError, SizeError, UnsupportedError
-from cqblend.request import LARGEST, SMALLEST, BlendRequest
 
 checked = BlendRequest.checked
 

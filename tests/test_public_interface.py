@@ -21,9 +21,9 @@ from OCP.TopoDS import TopoDS_Shape
 import cqblend
 from cqblend import Boundary, Combination, Conic, Curve, Guide, Rail, Surface
 from cqblend import __main__ as cli
+from cqblend.blend_options import STEER
 from cqblend.brep.step_files import write_step
 from cqblend.errors import CqblendError, InputError
-from cqblend.request import STEER
 
 OPERATORS = (
     "__call__", "__getitem__", "__neg__", "__add__", "__radd__", "__sub__", "__rsub__", "__mul__", "__rmul__",

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from cqblend.api.host_shapes import skins_of, wrapped_like
 from cqblend.api.pattern_report import Report
+from cqblend.blend_options import callback, choice, flag, is_default, leave_out, positive
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
-from cqblend.native import skins_of, wrapped_like
 from cqblend.patterns import assembly
 from cqblend.patterns.assembly import Unrolled
 from cqblend.patterns.checks import millimetres
@@ -27,7 +28,6 @@ from cqblend.patterns.trim.bare_surface import natural
 from cqblend.patterns.write import pattern_files
 from cqblend.patterns.write.drawing import LABELS
 from cqblend.patterns.write.pdf_file import paper
-from cqblend.request import callback, choice, flag, is_default, leave_out, positive
 from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
 

@@ -6,7 +6,7 @@ poles, and the shell is put together again. A closed edge may cross seams: rail 
 traced anew. An open edge ends on a neighbour face at each end: the end curve of the blend on that face is solved point
 by point.
 
-The result is a proposal: :mod:`cqblend.edges` verifies it before anybody sees it.
+The result is a proposal: :mod:`cqblend.solid_blends.edge_blend` verifies it before anybody sees it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What is selected: an edge between two faces of a solid, checked, measured and read into primaries.
 
-A joint is the input of the whole pipeline in :mod:`cqblend.edges`: which solid, which edges, which faces on which side,
-and the questions about them that only the topology can answer.
+A joint is the input of the whole pipeline in :mod:`cqblend.solid_blends.edge_blend`: which solid, which edges, which
+faces on which side, and the questions about them that only the topology can answer.
 """
 
 from __future__ import annotations

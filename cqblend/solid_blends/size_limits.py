@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import Contacts, Solver
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.rail_obstacles import leaving, obstacle
 from cqblend.errors import CqblendError, SizeError
-from cqblend.request import BlendRequest
 from cqblend.surfaces.primaries import Array
 
 Solving = Callable[[Joint, BlendRequest], Solver]

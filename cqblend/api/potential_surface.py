@@ -14,6 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.api.surface_blend import Blend
+from cqblend.blend_options import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
 from cqblend.blends.checks import as_point
 from cqblend.blends.potential.family_pair import Meeting, point
 from cqblend.blends.potential.intersection_branches import Branch, branches, nearest_approach
@@ -27,8 +29,6 @@ from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, faded
 from cqblend.blends.sections import blend_surface
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.freeform import Blend
-from cqblend.request import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import finite, number
 from cqblend.surfaces.primaries import Array
@@ -173,8 +173,8 @@ def reshape(
     """
     outward = 1.0
     if not isinstance(surface, Surface):
+        from cqblend.api.host_shapes import face_of
         from cqblend.brep.read.spline_conversion import outward_sign, to_surface
-        from cqblend.native import face_of
 
         face = face_of(surface, "surface")
         surface, outward = to_surface(face), outward_sign(face)

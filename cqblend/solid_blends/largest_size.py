@@ -6,10 +6,10 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cqblend import sizes
-from cqblend.edges import blend_shape, cheap_trial
+from cqblend.blend_options import BlendRequest
 from cqblend.errors import CqblendError
-from cqblend.request import BlendRequest
+from cqblend.solid_blends import size_limits
+from cqblend.solid_blends.edge_blend import blend_shape, cheap_trial
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
@@ -23,7 +23,7 @@ def largest_size(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: Ble
     Raises
     ------
     CqblendError
-        As :func:`cqblend.edges.blend_shape`, where none succeeds.
+        As :func:`cqblend.solid_blends.edge_blend.blend_shape`, where none succeeds.
     """
     promising, extent = cheap_trial(shape, edges, request)
     refusals: list[tuple[float, CqblendError]] = []
@@ -39,7 +39,7 @@ def largest_size(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: Ble
         return True
 
     size = max(request.lengths)
-    end = sizes.end_of_working(works, promising, extent / size, tolerance)
+    end = size_limits.end_of_working(works, promising, extent / size, tolerance)
     if not end and not refusals and works(SMALL * extent / size):
         return SMALL * extent / size
     if not end:

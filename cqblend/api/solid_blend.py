@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
+from cqblend.api.host_shapes import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
+from cqblend.blend_options import STEER, BlendRequest, choice, positive
 from cqblend.blends.sections.blend_surface import Blend
 from cqblend.brep.read import pcurves, spline_conversion
 from cqblend.brep.verification import edge_continuity, soundness
 from cqblend.certificate import Certificate, SkippedEdge
-from cqblend.edges import blend_shape, insert_shape
 from cqblend.errors import InputError, shown
-from cqblend.largest import largest_size
-from cqblend.native import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
-from cqblend.request import STEER, BlendRequest, choice, positive
+from cqblend.solid_blends.edge_blend import blend_shape, insert_shape
+from cqblend.solid_blends.largest_size import largest_size
 from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:

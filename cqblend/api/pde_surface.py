@@ -13,17 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
-from cqblend.blends.pde.equations import Parameters
-from cqblend.blends.pde.problem import BASES, Problem
-from cqblend.blends.pde.solution import Ends, Solution
-from cqblend.blends.quality.creases import Allowed, check_creases
-from cqblend.blends.rails.rail import Rail
-from cqblend.blends.rails.ribbon import returns
-from cqblend.certificate import Certificate
-from cqblend.errors import InputError, shown
-from cqblend.freeform import Amount, Blend, Length, Tangents, along_rails, check_untied
-from cqblend.request import (
+from cqblend.api.surface_blend import Amount, Blend, Length, Tangents, along_rails, check_untied
+from cqblend.blend_options import (
     ANGLE,
     FORM,
     MOST_MODES,
@@ -38,6 +29,15 @@ from cqblend.request import (
     positive,
     turn,
 )
+from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
+from cqblend.blends.pde.equations import Parameters
+from cqblend.blends.pde.problem import BASES, Problem
+from cqblend.blends.pde.solution import Ends, Solution
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails.rail import Rail
+from cqblend.blends.rails.ribbon import returns
+from cqblend.certificate import Certificate
+from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.primaries import Array
 

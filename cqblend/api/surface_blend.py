@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import ask
-from cqblend.blends.quality.creases import Allowed, check_creases
-from cqblend.blends.rails.direction_fit import Aim, on_rails
-from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
-from cqblend.blends.rails.regularity import stations
-from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.sections import blend_surface
-from cqblend.certificate import Certificate
-from cqblend.errors import GeometryError, InputError, shown
-from cqblend.request import (
+from cqblend.blend_options import (
     ANGLE,
     CONTINUITY,
     EXACT,
@@ -36,6 +27,15 @@ from cqblend.request import (
     positive,
     turn,
 )
+from cqblend.blends.checks import ask
+from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.rails.direction_fit import Aim, on_rails
+from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
+from cqblend.blends.rails.regularity import stations
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections import blend_surface
+from cqblend.certificate import Certificate
+from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.knots import numbers, whole
 from cqblend.surfaces.primaries import Array
@@ -278,8 +278,8 @@ def curve_on(face: Any, edge: Any) -> Curve:
     GeometryError
         Its curve in the parameter plane cannot be followed.
     """
+    from cqblend.api.host_shapes import edge_of, face_of
     from cqblend.brep.read import pcurves
-    from cqblend.native import edge_of, face_of
 
     return pcurves.curve_on(face_of(face, "face"), edge_of(edge))
 
@@ -299,8 +299,8 @@ def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
     GeometryError
         A point of the curve has no foot inside the surface; the message names t.
     """
+    from cqblend.api.host_shapes import edge_of, face_of
     from cqblend.brep.read import pcurves, spline_conversion
-    from cqblend.native import edge_of, face_of
 
     if not isinstance(surface, Surface):
         surface = spline_conversion.to_surface(face_of(surface, "surface"))

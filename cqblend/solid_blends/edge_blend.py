@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cqblend import sizes
+from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import Contacts, Solver, intersect, remembering, rolling_ball, set_back
 from cqblend.blends.pde.problem import Problem
 from cqblend.blends.potential.edge_sweep import EdgeSweep, from_edge
@@ -33,7 +33,6 @@ from cqblend.brep.topology import replaced_solid
 from cqblend.brep.verification.certify import certify
 from cqblend.brep.verification.soundness import check_solid, is_valid
 from cqblend.certificate import Certificate, EndRecord
-from cqblend.edge_ends import Attempts, EndPlan, plan_ends, record_ends
 from cqblend.errors import (
     CqblendError,
     GeometryError,
@@ -44,7 +43,8 @@ from cqblend.errors import (
     UnsupportedError,
     VerificationError,
 )
-from cqblend.request import BlendRequest
+from cqblend.solid_blends import size_limits
+from cqblend.solid_blends.end_plan import Attempts, EndPlan, plan_ends, record_ends
 from cqblend.surfaces.primaries import Array, Tensor, unit
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def _seen_through(
         if everything:
             return np.inf
         try:
-            return sizes.reach(joint, request, _solver)
+            return size_limits.reach(joint, request, _solver)
         except CqblendError:
             return 0.0  # whatever is wrong is said later, of the joint as it is then
 
@@ -155,7 +155,7 @@ def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest
     except UnsupportedError:
         for one in picks.joints(shape):
             try:
-                sizes.check(one, request, _solver)
+                size_limits.check(one, request, _solver)
             except SizeError as error:
                 raise _named(error, one, request, hints=hints) from error
         raise
@@ -163,7 +163,7 @@ def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest
 
 def _named(error: CqblendError, joint: Joint, request: BlendRequest, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, of sizes, with what may fit."""
-    hint = sizes.hint(joint, request, _solver) if hints and isinstance(error, SizeError) else ""
+    hint = size_limits.hint(joint, request, _solver) if hints and isinstance(error, SizeError) else ""
     return type(error)(f"edge {joint.edge}: {error}{hint}")
 
 
@@ -185,7 +185,7 @@ def cheap_trial(
         shape, joint = _seen_through(shape, picks, request, everything=True)
         joints.append(picks.take(joint))
     extent = min(joint.extent for joint in joints)
-    return lambda factor: all(sizes.fits(joint, request.scaled(factor), _solver) for joint in joints), extent
+    return lambda factor: all(size_limits.fits(joint, request.scaled(factor), _solver) for joint in joints), extent
 
 
 def insert_shape(
@@ -315,7 +315,7 @@ def _solver(joint: Joint, request: BlendRequest) -> Solver:
 
 def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
     """Propose a blended solid and verify it, an open one with the first ends, of those asked for, that can be built."""
-    sizes.check(joint, request, _solver)
+    size_limits.check(joint, request, _solver)
     if joint.spine.closed:
         return *_proposed(joint, request, (None, None), (0.0, 1.0)), None, ()
     attempts, solve = Attempts(request.ends[::-1] if joint.backward else request.ends), _solver(joint, request)

@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import Solver, intersect
 from cqblend.brep.rewrite.end_curve import EndError
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
-from cqblend.request import EndWanted
 
 BEFORE = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
 ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge

@@ -1,0 +1,1 @@
+"""Blending the edges of solids: where contacts, rails, sections, rewriting and verification come together."""
