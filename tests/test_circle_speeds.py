@@ -1,15 +1,15 @@
 """Figure 1 of Kim and Elber: the example that makes it, and the strokes and dots that draw it."""
 
 import runpy
-from pathlib import Path
 
 import numpy as np
+from places import EXAMPLES
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOImage import vtkPNGReader
 
 from cqblend.picture import Dots, Strokes, View, draw
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "circle_speeds.py"
+EXAMPLE = EXAMPLES / "circle_speeds.py"
 
 
 def test_the_circle_at_three_speeds(capsys):

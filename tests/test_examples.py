@@ -4,13 +4,12 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from cqblend import demo
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SOLIDS = [path for path in EXAMPLES if re.search("^result = ", path.read_text(encoding="utf-8"), re.MULTILINE)]
 UNROLLED = [path for path in EXAMPLES if "unroll_models." in path.read_text(encoding="utf-8")]

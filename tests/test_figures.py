@@ -4,12 +4,11 @@ import contextlib
 import io
 import runpy
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 BLENDS = [
     ("perpendicular_or_not", "perpendicular"),
     ("perpendicular_or_not", "combination"),

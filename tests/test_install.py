@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from cqblend.installation import REPAIR, is_overwritten
 
-ROOT = Path(__file__).parents[1]
 BINARY = "OCP/OCP.cpython-311-x86_64-linux-gnu.so"
 
 

@@ -6,11 +6,9 @@ do not survive being thrown away, so the path of a blend must not load any.
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[1]
+from places import ROOT
 
 EDITOR = """
 import importlib, sys

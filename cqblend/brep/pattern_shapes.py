@@ -100,8 +100,8 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
     if lowered:
         warn(
             PatternWarning(
-                f"{len(lowered)} strips or edges have a degree above {spline_arrays.MAX_DEGREE}, which OCCT cannot hold: they "
-                f"are approximated by quintic splines within {max(lowered):.1g} mm"
+                f"{len(lowered)} strips or edges have a degree above {spline_arrays.MAX_DEGREE}, which OCCT cannot "
+                f"hold: they are approximated by quintic splines within {max(lowered):.1g} mm"
             )
         )
     sewing.Perform()

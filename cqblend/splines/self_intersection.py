@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from cqblend.splines import Curve, bernstein
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 TOUCHING = 1e-9
 """Distance, relative to the curve's size, at which two of its points count as one."""

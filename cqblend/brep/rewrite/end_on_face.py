@@ -1,4 +1,6 @@
-"""Where an open blend ends: on the face across its end. The other way, flat caps, is in :mod:`cqblend.brep.rewrite.end_cap`.
+"""Where an open blend ends: on the face across its end.
+
+The other way, flat caps, is in :mod:`cqblend.brep.rewrite.end_cap`.
 
 Either way the end curve X of the blend surface is solved point by point on the surface it ends on. On a neighbour face,
 X replaces the corner, and the two edges there are cut short, or lengthened, to where X starts and stops.

@@ -1,4 +1,7 @@
-"""The certificate of a blend: measured on what is finished by :mod:`cqblend.brep.verification.edge_continuity`, which knows no blends."""
+"""The certificate of a blend: measured on what is finished.
+
+By :mod:`cqblend.brep.verification.edge_continuity`, which knows no blends.
+"""
 
 from __future__ import annotations
 

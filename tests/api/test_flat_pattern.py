@@ -3,7 +3,6 @@
 import json
 import math
 from functools import cache
-from pathlib import Path as File
 
 import cadquery as cq
 import ezdxf
@@ -14,6 +13,7 @@ import shapely
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_Sewing
 from OCP.gp import gp_Pln
 from OCP.TopoDS import TopoDS_Face
+from places import CASES
 from unroll_witness import (
     area,
     bareness,
@@ -36,8 +36,6 @@ from unroll_witness import (
 import cqblend
 from cqblend.errors import InputError, SelectionError, TopologyError, UnrollError
 from cqblend.splines import Surface, hermite
-
-CASES = File(__file__).parents[2] / "shared" / "cases"
 
 
 def cut_off(shape, point, normal):

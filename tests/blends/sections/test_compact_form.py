@@ -6,7 +6,6 @@ import itertools
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import cadquery as cq
 import numpy as np
@@ -14,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_surfaces import pairs
+from places import BENCHMARKS
 
 import cqblend
 from cqblend.blends.sections.blend_surface import section
@@ -22,7 +22,7 @@ from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import Primary, Tensor
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(BENCHMARKS))
 import irit_table
 
 Jets = list[Curve]

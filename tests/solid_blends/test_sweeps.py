@@ -9,18 +9,18 @@ import importlib.util
 import math
 import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
+from places import BENCHMARKS
 from spline_witness import along_edge
 
 import cqblend
 from cqblend.brep.verification.soundness import flaws
 from cqblend.errors import CqblendError
 
-PATH = Path(__file__).parents[1] / "benchmarks" / "bodies.py"
+PATH = BENCHMARKS / "bodies.py"
 DRAWS = 8
 EXACT_DRAWS = 3
 

@@ -2,7 +2,6 @@
 
 import json
 from functools import cache
-from pathlib import Path
 
 import cadquery as cq
 import numpy as np
@@ -16,13 +15,13 @@ from OCP.TColgp import TColgp_HArray1OfPnt, TColgp_HArray1OfPnt2d
 from OCP.TColStd import TColStd_HArray1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS
+from places import CASES
 
 import cqblend
 from cqblend.brep.rewrite.edge_accuracy import deviation
 from cqblend.brep.step_files import read_step
 from cqblend.brep.topology import Index, ends, explore, location_of
 
-CASES = Path(__file__).parents[3] / "shared" / "cases"
 V = cq.Vector
 STRAY = 2e-3
 

@@ -2,8 +2,8 @@
 
 Random surfaces and rails: rational, of degrees up to 9, far from the origin, with knots close together on one surface
 and on both, all orders of continuity, both forms, and what fills blends. ``PROOF_FUZZ=680 pytest
-tests/blends/test_proof_fuzz.py`` runs as many seeds, about half of which make a blend; the others are refused. By
-default a few run at which proofs or certificates once failed.
+tests/blends/quality/test_proof_fuzz.py`` runs as many seeds, about half of which make a blend; the others are refused.
+By default a few run at which proofs or certificates once failed.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from potential_pairs import PAIRS, SIZES
 from proof_witness import LongCurve, LongSurface, Measured, measure
-from test_potential_blends import PAIRS, SIZES
 
 import cqblend
 from cqblend.errors import CqblendError

@@ -7,15 +7,15 @@ from fractions import Fraction
 from functools import cache
 from itertools import pairwise
 from math import comb, pi
-from pathlib import Path
 
 import cadquery as cq
 import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_Analyzer
+from places import EXAMPLES
 
-SCRIPT = str(Path(__file__).parents[1] / "examples" / "unroll_models.py")
+SCRIPT = str(EXAMPLES / "unroll_models.py")
 MODULE = runpy.run_path(SCRIPT)
 
 # Kinds of faces, and the largest extent in mm.

@@ -4,13 +4,13 @@ import json
 import math
 import warnings
 from functools import cache
-from pathlib import Path as File
 
 import cadquery as cq
 import ezdxf
 import numpy as np
 import pypdf
 import pytest
+from places import CASES
 from unroll_witness import distance, is_drawn_well, links_are_sound, polygon, seam_gap, seam_mismatch
 
 import cqblend
@@ -20,8 +20,6 @@ from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock import sheets
 from cqblend.patterns.write import drawing
 from cqblend.splines import Surface
-
-CASES = File(__file__).parents[2] / "shared" / "cases"
 
 
 def sheet_of(function, p, q, size=(30.0, 20.0)):

@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 from io import BytesIO
-from pathlib import Path
 
 import cadquery as cq
 import pytest
@@ -13,11 +12,11 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 from OCP.TopTools import TopTools_IndexedMapOfShape
+from places import ROOT
 
 import cqblend
 from cqblend.errors import InputError, SelectionError
 
-ROOT = Path(__file__).parents[1]
 BOX = (30.0, 20.0, 10.0)
 RADIUS = 2.0
 CUT = RADIUS**2 * 0.214602 * BOX[2]

@@ -8,8 +8,9 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
-import test_freeform as sheets
-from test_cases import CASES, PART, SCREW, listed, part
+import test_surface_blend as sheets
+from places import CASES
+from real_parts import PART, SCREW, listed, part
 
 import cqblend
 from cqblend import demo

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import cadquery as cq
 import numpy as np
@@ -20,6 +19,7 @@ from OCP.Poly import Poly_Triangle, Poly_Triangulation
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_OUT
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
+from places import CASES
 
 from cqblend.brep.read.spline_conversion import to_face
 from cqblend.brep.read.trimmed_patches import read
@@ -28,7 +28,6 @@ from cqblend.errors import InputError, SelectionError, TopologyError
 from cqblend.patterns.trim.coplanar_patches import polygon
 from cqblend.splines import Surface
 
-CASES = Path(__file__).parents[3] / "shared" / "cases"
 BENT = np.array([[[0.0, 0, 0], [1, 0, 1], [2, 0, 0]], [[0, 3, 0], [1, 3, 1], [2, 3, 0]]])
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 W = cq.Workplane

@@ -6,13 +6,12 @@ import math
 import runpy
 import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-from test_pde_sections import angle, occt_jets
+from places import EXAMPLES
+from test_pde_surface import angle, occt_jets
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 V = np.linspace(0, 2 * math.pi, 401)[:-1]
 COS, SIN, ONE = np.cos(V), np.sin(V), np.ones_like(V)
 

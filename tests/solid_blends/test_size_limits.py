@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import cadquery as cq
 import numpy as np
@@ -13,6 +12,7 @@ from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
+from places import CASES
 
 import cqblend
 from cqblend.blends.contacts.contact_solver import intersect, rolling_ball, set_back
@@ -20,7 +20,6 @@ from cqblend.brep.select.selection import Picks
 from cqblend.brep.step_files import read_step
 from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, UnsupportedError
 
-CASES = Path(__file__).parents[2] / "shared" / "cases"
 V = cq.Vector
 BOX = cq.Solid.makeBox(30, 20, 10)
 UPRIGHT = BOX.edges("|Z and >X and >Y")

@@ -13,7 +13,7 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
-from test_measure import bspline
+from test_edge_continuity import bspline
 
 from cqblend.brep.shape_kinds import children
 from cqblend.brep.verification.soundness import check_solid, flaws, subshapes, verify, volume_of

@@ -4,7 +4,6 @@ import math
 import os
 import random
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,12 +28,11 @@ from OCP.STEPControl import STEPControl_Controller
 from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
+from places import CASES
 
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.step_files import read_step, write_step
 from cqblend.errors import DamagedFileWarning, StepError
-
-CASES = Path(__file__).resolve().parents[3] / "shared" / "cases"
 
 
 def box() -> TopoDS_Shape:
