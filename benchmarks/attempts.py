@@ -24,8 +24,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.blend_options import BlendRequest
-from cqblend.brep.verification.edge_continuity import continuity_between, edge_sides
-from cqblend.brep.verification.soundness import check_solid, skew_plane, subshapes, volume_of
+from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
+from cqblend.brep.verification.soundness import check_solid, list_subshapes, make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.edge_blend import blend_shape
 
@@ -73,7 +73,7 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendRequest.checked(radius, form=form))[:2]
+        return blend_shape(shape, edges, BlendRequest.from_options(radius, form=form))[:2]
 
     return run
 
@@ -115,16 +115,16 @@ def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None
 def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], seconds: float) -> Outcome:
     known = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(before, TopAbs_EDGE, known)
-    fresh = [edge for edge in subshapes(after, TopAbs_EDGE) if not known.Contains(edge)]
+    fresh = [edge for edge in list_subshapes(after, TopAbs_EDGE) if not known.Contains(edge)]
     problems = [] if faces else ["no face was made"]
     problems += check_solid(before, after, faces, tolerance=math.inf)
-    plane = skew_plane(before)
-    change = volume_of(after, plane)[0] - volume_of(before, plane)[0]
+    plane = make_skew_plane(before)
+    change = measure_volume(after, plane)[0] - measure_volume(before, plane)[0]
     angles = [0.0]
     present = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(after, TopAbs_FACE, present)
     for face in faces:
-        for edge in subshapes(face, TopAbs_EDGE) if present.Contains(face) else []:
+        for edge in list_subshapes(face, TopAbs_EDGE) if present.Contains(face) else []:
             if not BRep_Tool.Degenerated_s(edge):
                 angle = _angle(after, edge)
                 angles += [angle] if angle < SMOOTH else []
@@ -134,6 +134,6 @@ def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_
 
 def _angle(shape: TopoDS_Shape, edge: TopoDS_Edge) -> float:
     try:
-        return continuity_between(edge_sides(shape, edge), 200).angle
+        return measure_continuity_between(find_edge_sides(shape, edge), 200).angle
     except CqblendError:
         return math.nan  # an open or singular edge: the validity tells

@@ -17,10 +17,10 @@ from typing import Any
 from OCP.GeomAPI import GeomAPI_IntSS
 
 import cqblend
-from cqblend.blends.potential.family_pair import Meeting
-from cqblend.blends.potential.intersection_branches import branches
-from cqblend.blends.potential.swept_blend import sweep
-from cqblend.blends.potential.swept_section import Skin
+from cqblend.blends.potential.family_pair import FamilyPair
+from cqblend.blends.potential.intersection_branches import trace_branches
+from cqblend.blends.potential.swept_blend import sweep_branch
+from cqblend.blends.potential.swept_section import SweptSection
 from cqblend.blends.sections import blend_surface
 from cqblend.brep.read import spline_arrays
 
@@ -52,22 +52,22 @@ def main() -> None:
 
 def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable[[], object]) -> None:
     """Print the times of one blend, s."""
-    meeting = Meeting.of(families, relation)
-    found = branches(meeting, 0.5)
-    swept = sweep(meeting, found[0], 0.5)
+    meeting = FamilyPair.from_relation(families, relation)
+    found = trace_branches(meeting, 0.5)
+    swept = sweep_branch(meeting, found[0], 0.5)
     allowed = 1e-5 * swept.width
-    ribbons = swept.ribbons(allowed)
-    fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
+    ribbons = swept.fit_ribbons(allowed)
+    fill = SweptSection.from_sweep(swept, swept.closed, allowed, swept.kinks)
     s1, s2 = meeting.s(0.5)
     one, two = (
         spline_arrays.surface_from_arrays(*family(s, 1e-4).to_bspline())
         for family, s in zip(families, (s1, s2), strict=True)
     )
     times = [
-        best(lambda: branches(meeting, 0.5)),
-        best(lambda: sweep(meeting, found[0], 0.5)),
-        best(lambda: swept.ribbons(allowed)),
-        best(lambda: blend_surface.hermite(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
+        best(lambda: trace_branches(meeting, 0.5)),
+        best(lambda: sweep_branch(meeting, found[0], 0.5)),
+        best(lambda: swept.fit_ribbons(allowed)),
+        best(lambda: blend_surface.blend_ribbons(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
         best(whole),
         best(lambda: GeomAPI_IntSS(one, two, 1e-7)),
     ]

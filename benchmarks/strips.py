@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend import teapot
-from cqblend.patterns.strips.division import divide
+from cqblend.patterns.strips.division import divide_surface
 from cqblend.splines import Surface
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def main() -> None:
             found = []
             for way in ("u", "v"):
                 start = time.process_time()
-                one = divide(surface, share * size, direction=way)  # type: ignore[arg-type]
+                one = divide_surface(surface, share * size, direction=way)  # type: ignore[arg-type]
                 ms = 1e3 * (time.process_time() - start)
                 n, bound = len(one.strips), one.bound / (share * size)
                 print(f"{name:12s}{share:10g}{way:>4s}{n:6d}{one.elber:7d}{one.ideal:9.2f}{bound:8.4f}{ms:8.1f}")
@@ -126,7 +126,7 @@ def main() -> None:
     size = float(np.linalg.norm(np.ptp(teapot.poles().reshape(-1, 3), axis=0)))
     start, wall = time.process_time(), time.perf_counter()
     counts = {
-        way: [divide(patch, 1e-3 * size, direction=way) for patch in teapots]  # type: ignore[arg-type]
+        way: [divide_surface(patch, 1e-3 * size, direction=way) for patch in teapots]  # type: ignore[arg-type]
         for way in ("u", "v")
     }
     cpu, wall = time.process_time() - start, time.perf_counter() - wall

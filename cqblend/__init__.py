@@ -149,4 +149,4 @@ def __dir__() -> list[str]:
 
 
 installation.explain_clash()
-wrapt.when_imported("cadquery")(cadquery_plugin.register)
+wrapt.when_imported("cadquery")(cadquery_plugin.register_methods)

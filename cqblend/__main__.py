@@ -23,9 +23,9 @@ from typing import Any
 
 from cqblend import __version__
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
-from cqblend.installation import fresh_interpreter
+from cqblend.installation import build_interpreter_command
 
-OK, FAILED, USAGE, INTERRUPTED, CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
+OK, FAILED, USAGE, INTERRUPTED, OUTPUT_CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
 Command = Callable[[argparse.Namespace], None]
 
@@ -33,16 +33,16 @@ _EPILOG = f"""exit codes:
   {OK}  done
   {FAILED}  the shape could not be blended, measured or unrolled; one line on stderr says why
   {USAGE}  wrong usage, or a file that is missing, damaged or cannot be written
-  {INTERRUPTED:d}, {CLOSED}  interrupted, or nobody reads the output any more
+  {INTERRUPTED:d}, {OUTPUT_CLOSED}  interrupted, or nobody reads the output any more
 """
 
-_DEFAULT = "default: %(default)s"
+_DEFAULT_HELP = "default: %(default)s"
 
-_STEP = (".step", ".stp", ".p21")
+_STEP_SUFFIXES = (".step", ".stp", ".p21")
 
 _TAB_WIDTH = 6.0  # mm
 
-_PATIENCE = 1.0
+_QUIET_SECONDS = 1.0
 """Seconds after which a step announces itself."""
 
 
@@ -56,8 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            options = _parser().parse_args(_attached(sys.argv[1:] if arguments is None else arguments))
-            return _supervised(options, sys.argv[1:]) if arguments is None else _run(options)
+            options = _build_parser().parse_args(_attach_points(sys.argv[1:] if arguments is None else arguments))
+            return _run_in_child(options, sys.argv[1:]) if arguments is None else _run_command(options)
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
@@ -67,53 +67,53 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with suppress(OSError):  # or the interpreter complains when it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
-            return CLOSED
-        _say("error", f"standard output cannot be written: {error.strerror}")
+            return OUTPUT_CLOSED
+        _print_message("error", f"standard output cannot be written: {error.strerror}")
         return USAGE
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run_command(options: argparse.Namespace) -> int:
     """Do what is asked, in this process."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        def show_warning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
             if issubclass(category, CqblendWarning):
-                _say("warning", str(message))
+                _print_message("warning", str(message))
             else:
                 others(message, category, *where, **more)
 
-        warnings.showwarning = show
+        warnings.showwarning = show_warning
         try:
             options.run(options)
         except (StepError, FileError, InputError) as error:
-            _say("error", str(error))
+            _print_message("error", str(error))
             return USAGE
         except CqblendError as error:
-            _say("error", str(error))
+            _print_message("error", str(error))
             return FAILED
     return OK
 
 
-def _say(what: str, message: str) -> None:
+def _print_message(what: str, message: str) -> None:
     print(f"cqblend: {what}: {' '.join(message.split())}", file=sys.stderr)
 
 
-class _Ended(BaseException):
+class _SignalReceived(BaseException):
     """Somebody has sent this process a signal to end; which one is its argument."""
 
 
-_ENDINGS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_END_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 @contextmanager
-def _signals_raised() -> Iterator[None]:
+def _raise_on_signals() -> Iterator[None]:
     """Have signals to end raise `_Ended` for a while."""
 
-    def end(number: int, _: FrameType | None) -> None:
-        raise _Ended(number)
+    def raise_received(number: int, _: FrameType | None) -> None:
+        raise _SignalReceived(number)
 
-    before = {number: signal.signal(number, end) for number in _ENDINGS}
+    before = {number: signal.signal(number, raise_received) for number in _END_SIGNALS}
     try:
         yield
     finally:
@@ -121,7 +121,7 @@ def _signals_raised() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _supervised(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+def _run_in_child(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Have a child do what is asked, and outlive it.
 
     The child dies of an interrupt on the spot, even within OCCT: what it was about to write is removed here.
@@ -130,27 +130,27 @@ def _supervised(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); "
         "from cqblend.__main__ import main; sys.exit(main(sys.argv[1:]))"
     )
-    with _signals_raised(), subprocess.Popen(fresh_interpreter(code, *arguments)) as child:  # noqa: S603  (ourselves)
+    with _raise_on_signals(), subprocess.Popen(build_interpreter_command(code, *arguments)) as child:  # noqa: S603  (ourselves)
         try:
             result = child.wait()
-        except _Ended as ended:
-            result = _stopped(child, ended.args[0])
+        except _SignalReceived as ended:
+            result = _stop_child(child, ended.args[0])
     if 0 <= result <= 255:
         return result
     _remove_unfinished(options, child.pid)
-    return 128 - result if -result in _ENDINGS else _explained(options, result)
+    return 128 - result if -result in _END_SIGNALS else _explain_crash(options, result)
 
 
-def _stopped(child: "subprocess.Popen[bytes]", number: int) -> int:
+def _stop_child(child: "subprocess.Popen[bytes]", number: int) -> int:
     """Pass a signal on to the child, which may have had it itself, and wait for its end."""
-    for one in _ENDINGS:
+    for one in _END_SIGNALS:
         signal.signal(one, signal.SIG_IGN)
     if os.name == "posix":
         child.send_signal(number)
     else:
         child.terminate()
     try:
-        child.wait(_PATIENCE)
+        child.wait(_QUIET_SECONDS)
     except subprocess.TimeoutExpired:
         child.kill()
         child.wait()
@@ -165,7 +165,7 @@ def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
             remove_unfinished(path if path.is_dir() else path.resolve().parent, process)
 
 
-def _explained(options: argparse.Namespace, result: int) -> int:
+def _explain_crash(options: argparse.Namespace, result: int) -> int:
     """Say of what a child has died, and return the exit code."""
     try:
         cause = signal.Signals(-result).name
@@ -173,19 +173,19 @@ def _explained(options: argparse.Namespace, result: int) -> int:
         cause = f"code {result & 0xFFFFFFFF:#x}"
     file = getattr(options, "input", None)
     if file is None:
-        _say("error", f"OCCT has crashed ({cause})")
+        _print_message("error", f"OCCT has crashed ({cause})")
         return FAILED
     code = "from cqblend.brep.step_files import read_step; read_step(sys.argv[1])"
-    again = subprocess.run(fresh_interpreter(code, str(file)), capture_output=True, check=False)  # noqa: S603  (as above)
+    again = subprocess.run(build_interpreter_command(code, str(file)), capture_output=True, check=False)  # noqa: S603  (as above)
     if again.returncode not in range(256):
-        _say("error", f"{file}: damaged: OCCT crashes when it reads the file ({cause})")
+        _print_message("error", f"{file}: damaged: OCCT crashes when it reads the file ({cause})")
         return USAGE
     killed = "there may be too little memory" if cause == "SIGKILL" else "try another edge or size, or repair the file"
-    _say("error", f"{file}: OCCT has crashed while it worked on the shape in it ({cause}): {killed}")
+    _print_message("error", f"{file}: OCCT has crashed while it worked on the shape in it ({cause}): {killed}")
     return FAILED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="cqblend",
         description="Exactly smooth blends on the edges of STEP solids, and patterns of their faces for flat stock.",
@@ -195,16 +195,18 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"cqblend {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    blend = _command(commands, "blend", _blend, "blend edges of the solid in a STEP file and print the certificate")
+    blend = _add_command(
+        commands, "blend", _run_blend, "blend edges of the solid in a STEP file and print the certificate"
+    )
     blend.add_argument("input", type=Path, metavar="IN.step")
     blend.add_argument("output", type=Path, metavar="OUT.step", help="replaced only when the new one is complete")
-    _add_near(blend, repeatable=True)
+    _add_near_option(blend, repeatable=True)
     size = blend.add_mutually_exclusive_group(required=True)
     size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
     size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
     size.add_argument(
         "--potential",
-        type=_relation,
+        type=_parse_relation,
         metavar="A[,B[,L]]",
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
@@ -212,28 +214,34 @@ def _parser() -> argparse.ArgumentParser:
     blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
-        type=_orders,
+        type=_parse_orders,
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
-    blend.add_argument("--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT}")
-    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT)
+    blend.add_argument(
+        "--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT_HELP}"
+    )
+    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT_HELP)
     blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
     blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
-    continuity = _command(commands, "continuity", _continuity, "measure how smoothly the two faces at an edge meet")
+    continuity = _add_command(
+        commands, "continuity", _run_continuity, "measure how smoothly the two faces at an edge meet"
+    )
     continuity.add_argument("input", type=Path, metavar="FILE.step")
-    _add_near(continuity, repeatable=False)
+    _add_near_option(continuity, repeatable=False)
 
-    _add_unroll(commands)
+    _add_unroll_command(commands)
 
-    demo = _command(commands, "demo", _demo, "blend the Utah teapot: certificate, teapot.step and teapot.png")
+    demo = _add_command(commands, "demo", _run_demo, "blend the Utah teapot: certificate, teapot.step and teapot.png")
     demo.add_argument("--output", type=Path, default=Path(), metavar="DIR", help="default: the working directory")
     return parser
 
 
-def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    unroll = _command(commands, "unroll", _unroll, "unroll faces to developable strips, and write what is to be cut")
+def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    unroll = _add_command(
+        commands, "unroll", _run_unroll, "unroll faces to developable strips, and write what is to be cut"
+    )
     unroll.add_argument("input", type=Path, metavar="IN.step")
     unroll.add_argument(
         "output", type=Path, metavar="OUT.dxf", help="or .svg, .pdf, .json; replaced only when complete"
@@ -241,13 +249,13 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     unroll.add_argument("--tolerance", type=float, metavar="T", required=True, help="between shape and strips, mm")
     unroll.add_argument(
         "--near",
-        type=_point,
+        type=_parse_point,
         metavar="X,Y,Z",
         action="append",
         help="only the face nearest to this point, mm; may be repeated",
     )
-    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT)
-    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT)
+    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT_HELP)
+    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT_HELP)
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
@@ -257,14 +265,14 @@ def _add_unroll(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
     unroll.add_argument("--tab-width", type=float, metavar="W", help=f"mm; default: {_TAB_WIDTH:g}")
     unroll.add_argument(
-        "--sheet", type=_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
+        "--sheet", type=_parse_sheet_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
     )
     unroll.add_argument("--per-sheet", action="store_true", help="a file for every sheet: OUT-1.dxf, OUT-2.dxf, ..")
     unroll.add_argument("--kerf", type=float, metavar="K", default=0.0, help="of the cutter, mm; default: %(default)g")
     unroll.add_argument("--strips", type=Path, metavar="OUT.step", help="write the strips in space, too")
 
 
-def _command(
+def _add_command(
     commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: Command, text: str
 ) -> argparse.ArgumentParser:
     parser = commands.add_parser(
@@ -274,11 +282,11 @@ def _command(
     return parser
 
 
-def _add_near(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
+def _add_near_option(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
     """Add ``--near``; seams and degenerate edges are never meant, and smooth ones not where edges are to be blended."""
     parser.add_argument(
         "--near",
-        type=_point,
+        type=_parse_point,
         metavar="X,Y,Z",
         required=True,
         action="append" if repeatable else "store",
@@ -286,7 +294,7 @@ def _add_near(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
     )
 
 
-def _point(text: str) -> tuple[float, float, float]:
+def _parse_point(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = map(float, text.split(","))
     except ValueError:
@@ -296,7 +304,7 @@ def _point(text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _relation(text: str) -> tuple[float, ...]:
+def _parse_relation(text: str) -> tuple[float, ...]:
     try:
         numbers = tuple(map(float, text.split(",")))
     except ValueError:
@@ -306,7 +314,7 @@ def _relation(text: str) -> tuple[float, ...]:
     return numbers
 
 
-def _orders(text: str) -> tuple[int, ...]:
+def _parse_orders(text: str) -> tuple[int, ...]:
     try:
         orders = tuple(map(int, text.split(",")))
     except ValueError:
@@ -314,7 +322,7 @@ def _orders(text: str) -> tuple[int, ...]:
     return orders * 3 if len(orders) == 1 else orders
 
 
-def _size(text: str) -> tuple[float, float]:
+def _parse_sheet_size(text: str) -> tuple[float, float]:
     try:
         width, height = map(float, text.lower().split("x"))
     except ValueError:
@@ -322,7 +330,7 @@ def _size(text: str) -> tuple[float, float]:
     return width, height
 
 
-def _attached(arguments: Sequence[str]) -> list[str]:
+def _attach_points(arguments: Sequence[str]) -> list[str]:
     """Return the arguments with every point attached to its ``--near``: argparse takes ``-1,2,3`` for an option."""
     attached: list[str] = []
     for argument in arguments:
@@ -333,13 +341,13 @@ def _attached(arguments: Sequence[str]) -> list[str]:
     return attached
 
 
-def _blend(options: argparse.Namespace) -> None:
+def _run_blend(options: argparse.Namespace) -> None:
     from cqblend.blend_options import BlendRequest
-    from cqblend.brep.select.nearest import nearest_edge
+    from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.edge_blend import blend_shape
 
-    request = BlendRequest.checked(
+    request = BlendRequest.from_options(
         options.radius,
         width=options.width,
         continuity=options.continuity,
@@ -351,50 +359,50 @@ def _blend(options: argparse.Namespace) -> None:
         **({} if options.steer is None else {"steer": options.steer}),
         **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
     )
-    _check_step(options.output)
-    with _step(f"reading {options.input}"):
+    _check_step_path(options.output)
+    with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
-    with _step("looking for the edges"):
-        picked = [nearest_edge(shape, point, sharp=True) for point in options.near]
+    with _announce_step("looking for the edges"):
+        picked = [find_nearest_edge(shape, point, sharp=True) for point in options.near]
     for one in picked:
         print(f"edge {one.index}, {one.distance:.3g} mm from the point")
-    with _step("blending"):
+    with _announce_step("blending"):
         result, _, certificate = blend_shape(shape, [one.edge for one in picked], request)
-    with _step(f"writing {options.output}"):
+    with _announce_step(f"writing {options.output}"):
         write_step(result, options.output)
     print(certificate)
 
 
-def _continuity(options: argparse.Namespace) -> None:
-    from cqblend.brep.select.nearest import nearest_edge
+def _run_continuity(options: argparse.Namespace) -> None:
+    from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step
-    from cqblend.brep.verification.edge_continuity import continuity
+    from cqblend.brep.verification.edge_continuity import measure_continuity
 
-    with _step(f"reading {options.input}"):
+    with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
-    with _step("measuring"):
-        picked = nearest_edge(shape, options.near, sharp=False)
-        measured = continuity(shape, picked.edge)
+    with _announce_step("measuring"):
+        picked = find_nearest_edge(shape, options.near, sharp=False)
+        measured = measure_continuity(shape, picked.edge)
     print(f"edge {picked.index}, {picked.distance:.3g} mm from the point")
     print(measured)
 
 
-def _unroll(options: argparse.Namespace) -> None:
+def _run_unroll(options: argparse.Namespace) -> None:
     from cqblend.api.flat_pattern import unroll
-    from cqblend.brep.select.nearest import nearest_face
+    from cqblend.brep.select.nearest import find_nearest_face
     from cqblend.brep.step_files import read_step, write_step
-    from cqblend.patterns.write.pattern_files import checked_path
+    from cqblend.patterns.write.pattern_files import check_pattern_path
 
-    checked_path(options.output)
+    check_pattern_path(options.output)
     if options.tab_width is not None and not options.tabs:
         raise InputError("--tab-width has no effect without --tabs: leave it out, or say which")
     if options.strips:
-        _check_step(options.strips)
-    with _step(f"reading {options.input}"):
+        _check_step_path(options.strips)
+    with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
     faces = []
     for point in options.near or ():
-        picked = nearest_face(shape, point)
+        picked = find_nearest_face(shape, point)
         print(f"face {picked.index}, {picked.distance:.3g} mm from the point")
         faces.append(picked.face)
     pattern = unroll(
@@ -404,22 +412,22 @@ def _unroll(options: argparse.Namespace) -> None:
         direction=options.direction,
         developable=options.developable,
         least_width=options.least_width,
-        progress=_Progress(),
+        progress=_ProgressPrinter(),
     )
     if options.tabs:
-        with _step("adding tabs"):
+        with _announce_step("adding tabs"):
             width = _TAB_WIDTH if options.tab_width is None else options.tab_width
             pattern = pattern.with_tabs(width, style=options.tabs)
     strips = pattern.strips_3d() if options.strips else None
-    with _step(f"placing the pieces and writing {options.output}"):
+    with _announce_step(f"placing the pieces and writing {options.output}"):
         pattern.export(options.output, sheet=options.sheet, kerf=options.kerf, per_sheet=options.per_sheet)
     if options.strips:
-        with _step(f"writing {options.strips}"):
+        with _announce_step(f"writing {options.strips}"):
             write_step(strips, options.strips)
     print(pattern.report)
 
 
-class _Progress:
+class _ProgressPrinter:
     """Tells on stderr how far long work has come, once a second at most, and nothing of short work."""
 
     def __init__(self) -> None:
@@ -427,28 +435,28 @@ class _Progress:
 
     def __call__(self, part: float, what: str) -> None:
         now = time.monotonic()
-        if now - self.last > _PATIENCE:
+        if now - self.last > _QUIET_SECONDS:
             self.last = now
             print(f"cqblend: {part:4.0%} {what}", file=sys.stderr, flush=True)
 
 
-def _demo(options: argparse.Namespace) -> None:
+def _run_demo(options: argparse.Namespace) -> None:
     from cqblend import demo
     from cqblend.brep.step_files import write_step
 
     step, picture = options.output / "teapot.step", options.output / "teapot.png"
     _make_folder(options.output)
-    _check_step(step)
-    with _step("blending the spout of the Utah teapot onto its body"):
+    _check_step_path(step)
+    with _announce_step("blending the spout of the Utah teapot onto its body"):
         pot = demo.sharp()
         result = demo.blended(pot)
     print(result.certificate)
     print(result.certificate.proof)
-    with _step(f"writing {step}"):
+    with _announce_step(f"writing {step}"):
         write_step(result.shape.wrapped, step)
     print(f"written to {step}", flush=True)
     try:
-        with _step("drawing"):
+        with _announce_step("drawing"):
             demo.draw(pot, result, picture)
     except (InstallationError, OSError) as error:
         print(f"no picture: {error}")
@@ -456,11 +464,11 @@ def _demo(options: argparse.Namespace) -> None:
         print(f"drawn in {picture}")
 
 
-def _check_step(path: Path) -> None:
+def _check_step_path(path: Path) -> None:
     """Raise an error if a STEP file cannot be written there."""
-    from cqblend.whole_files import checked_target
+    from cqblend.whole_files import check_target
 
-    checked_target(path, _STEP, "STEP files")
+    check_target(path, _STEP_SUFFIXES, "STEP files")
 
 
 def _make_folder(folder: Path) -> None:
@@ -471,10 +479,10 @@ def _make_folder(folder: Path) -> None:
 
 
 @contextmanager
-def _step(what: str) -> Iterator[None]:
+def _announce_step(what: str) -> Iterator[None]:
     """Announce on stderr a step that takes longer than `_PATIENCE`, and how long it took."""
     start = time.monotonic()
-    timer = threading.Timer(_PATIENCE, lambda: print(f"cqblend: {what} ...", file=sys.stderr, flush=True))
+    timer = threading.Timer(_QUIET_SECONDS, lambda: print(f"cqblend: {what} ...", file=sys.stderr, flush=True))
     timer.daemon = True
     timer.start()
     try:
@@ -482,7 +490,7 @@ def _step(what: str) -> Iterator[None]:
     finally:
         timer.cancel()
         elapsed = time.monotonic() - start
-        if elapsed > _PATIENCE:
+        if elapsed > _QUIET_SECONDS:
             print(f"cqblend: {what}: {elapsed:.1f} s", file=sys.stderr)
 
 

@@ -19,41 +19,41 @@ if TYPE_CHECKING:
 
     from cqblend.blends.potential.relations import Conic
 
-Continuity = Literal["G0", "G1", "G2", "G3"]
-Tangents = Literal["parametric", "perpendicular", "chord"]
-Section = Literal["hermite", "pde", "potential"]
+ContinuityName = Literal["G0", "G1", "G2", "G3"]
+TangentsName = Literal["parametric", "perpendicular", "chord"]
+SectionName = Literal["hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["auto", "natural", "flat"]
 
 # What is built, and what is part of the interface but not built yet.
-CONTINUITY: tuple[Continuity, ...] = ("G0", "G1", "G2", "G3")
-_TANGENTS: tuple[Tangents, ...] = ("parametric", "perpendicular", "chord")
+CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
+_TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 _TANGENTS_LATER = ("guide", "combination")
-_SECTION: tuple[Section, ...] = ("hermite", "pde", "potential")
-FORM: tuple[FormWanted, ...] = ("auto", "exact", "compact")
+_SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
+FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 _ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
 
-Chosen = TypeVar("Chosen", bound=str)
-Checked = TypeVar("Checked")
-Caller = TypeVar("Caller", bound=Callable[..., object])
+ChosenT = TypeVar("ChosenT", bound=str)
+CheckedT = TypeVar("CheckedT")
+CallbackT = TypeVar("CallbackT", bound=Callable[..., object])
 
-ORDERS = (2, 4, 6)  # of partial differential equations
-MOST_TERMS, MOST_MODES = 100, 500  # across and along: far more than any blend takes
-MOST_POINTS = 500  # of collocation, in either direction
+PDE_ORDERS = (2, 4, 6)  # of partial differential equations
+MAX_TERMS, MAX_MODES = 100, 500  # across and along: far more than any blend takes
+MAX_COLLOCATION_POINTS = 500  # of collocation, in either direction
 
-TOLERANCE, ANGLE = 1e-7, 1e-5
+DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE = 1e-7, 1e-5
 """Of the compact form, mm and rad."""
 
-UNTIED = "on a blend that is G0 on both sides, which has no cross derivatives"
-EXACT = 'on form="exact", which keeps rails and tangent planes to rounding'
+G0_HAS_NO_CROSS_FIELD = "on a blend that is G0 on both sides, which has no cross derivatives"
+EXACT_FORM_IS_EXACT = 'on form="exact", which keeps rails and tangent planes to rounding'
 
-STEER = math.radians(20)
+DEFAULT_STEER = math.radians(20)
 """rad. More than that, a turn would show in the shape of the blend."""
 
-SMALLEST = 1e-6
+MIN_SIZE = 1e-6
 """Ten times OCCT's default tolerance, mm: below it an edge cannot be told from its blend."""
 
-LARGEST = 1e9
+MAX_SIZE = 1e9
 """mm. Above it neighbouring doubles lie further apart than OCCT's default tolerance of 1e-7."""
 
 
@@ -99,12 +99,12 @@ class BlendRequest:
 
     radius: float | None
     width: tuple[float, float] | None
-    continuity: tuple[Continuity, Continuity]
-    tangents: tuple[Tangents, Tangents]
+    continuity: tuple[ContinuityName, ContinuityName]
+    tangents: tuple[TangentsName, TangentsName]
     bulge: tuple[float, float]
     steer: float
     crease: float | None
-    section: Section
+    section: SectionName
     relation: "Conic | None"
     order: tuple[int, int, int] | None
     parameters: Any
@@ -116,7 +116,7 @@ class BlendRequest:
     first: "TopoDS_Face | None"
 
     @classmethod
-    def checked(
+    def from_options(
         cls,
         radius: object = None,
         *,
@@ -124,7 +124,7 @@ class BlendRequest:
         continuity: object = None,
         tangents: object = "perpendicular",
         bulge: object = 1.0,
-        steer: object = STEER,
+        steer: object = DEFAULT_STEER,
         crease: object = None,
         section: object = "hermite",
         a: object = None,
@@ -134,8 +134,8 @@ class BlendRequest:
         parameters: Any = None,
         terms: object = "auto",
         form: object = "auto",
-        tolerance: object = TOLERANCE,
-        angular_tolerance: object = ANGLE,
+        tolerance: object = DEFAULT_TOLERANCE,
+        angular_tolerance: object = DEFAULT_ANGULAR_TOLERANCE,
         ends: object = "auto",
         first: "TopoDS_Face | None" = None,
     ) -> "BlendRequest":
@@ -160,42 +160,47 @@ class BlendRequest:
         ...
         cqblend.errors.InputError: radius must be above 0, not -1
         """
-        section = choice("section", section, _SECTION)
+        section = check_choice("section", section, _SECTIONS)
         relation = None
         if section == "potential":
-            _refuse(section, radius=radius, width=width)
-            _refuse(
+            _refuse_options(section, radius=radius, width=width)
+            _refuse_options(
                 section,
                 tangents=not is_default(tangents, "perpendicular"),
                 bulge=not is_default(bulge, 1.0),
-                steer=not is_default(steer, STEER),
+                steer=not is_default(steer, DEFAULT_STEER),
             )
-            relation = _potential(a, b, lam)
+            relation = _build_relation(a, b, lam)
         else:
-            _refuse(section, a=a, b=b, lam=lam)
+            _refuse_options(section, a=a, b=b, lam=lam)
             if (radius is None) == (width is None):
                 given = "neither" if radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
-        continuity, orders = _smoothness(continuity, section, order, parameters, terms)
+        continuity, orders = _check_continuity(continuity, section, order, parameters, terms)
         if continuity == ("G0", "G0"):
-            leave_out(UNTIED, tangents=(tangents, "perpendicular"), bulge=(bulge, 1.0), steer=(steer, STEER))
+            refuse_ignored_options(
+                G0_HAS_NO_CROSS_FIELD,
+                tangents=(tangents, "perpendicular"),
+                bulge=(bulge, 1.0),
+                steer=(steer, DEFAULT_STEER),
+            )
         return cls(
-            radius=None if radius is None else _size("radius", radius),
-            width=None if width is None else pair("width", width, _size),
+            radius=None if radius is None else _check_size("radius", radius),
+            width=None if width is None else check_pair("width", width, _check_size),
             continuity=continuity,
-            tangents=pair("tangents", tangents, partial(choice, built=_TANGENTS, later=_TANGENTS_LATER)),
-            bulge=pair("bulge", bulge, positive),
-            steer=turn("steer", steer),
-            crease=None if crease is None else turn("crease", crease),
+            tangents=check_pair("tangents", tangents, partial(check_choice, built=_TANGENTS, later=_TANGENTS_LATER)),
+            bulge=check_pair("bulge", bulge, check_positive),
+            steer=check_angle("steer", steer),
+            crease=None if crease is None else check_angle("crease", crease),
             section=section,
             relation=relation,
             order=orders,
             parameters=parameters,
-            terms=count_or_auto("terms", terms, MOST_TERMS),
-            form=choice("form", form, FORM),
-            tolerance=positive("tolerance", tolerance),
-            angular_tolerance=positive("angular_tolerance", angular_tolerance),
-            ends=pair("ends", ends, partial(choice, built=_ENDS), each="end of the edge"),
+            terms=check_count_or_auto("terms", terms, MAX_TERMS),
+            form=check_choice("form", form, FORMS),
+            tolerance=check_positive("tolerance", tolerance),
+            angular_tolerance=check_positive("angular_tolerance", angular_tolerance),
+            ends=check_pair("ends", ends, partial(check_choice, built=_ENDS), each="end of the edge"),
             first=first,
         )
 
@@ -206,7 +211,7 @@ class BlendRequest:
             return self.relation.a, self.relation.b
         return (self.radius,) if self.radius is not None else self.width or (0.0,)
 
-    def scaled(self, factor: float) -> "BlendRequest":
+    def with_scaled_lengths(self, factor: float) -> "BlendRequest":
         """Return the same request for another size: all lengths that set it, times a factor."""
         conic = self.relation
         return replace(
@@ -217,57 +222,60 @@ class BlendRequest:
         )
 
 
-def _smoothness(
-    continuity: object, section: Section, order: object, parameters: object, terms: object
-) -> tuple[tuple[Continuity, Continuity], tuple[int, int, int] | None]:
+def _check_continuity(
+    continuity: object, section: SectionName, order: object, parameters: object, terms: object
+) -> tuple[tuple[ContinuityName, ContinuityName], tuple[int, int, int] | None]:
     """Return the continuity on both sides, and the orders of the equations that give it."""
     if section != "pde":
-        _refuse(section, order=order, parameters=parameters, terms=None if is_auto(terms) else terms)
-        wanted = pair("continuity", "G1" if continuity is None else continuity, partial(choice, built=CONTINUITY))
+        _refuse_options(section, order=order, parameters=parameters, terms=None if is_auto(terms) else terms)
+        wanted = check_pair(
+            "continuity", "G1" if continuity is None else continuity, partial(check_choice, built=CONTINUITIES)
+        )
         if section == "potential" and wanted != ("G1", "G1"):
             raise InputError(f"a potential blend is G1 on both sides, not {shown(continuity)}: leave continuity out")
         return wanted, None
-    made = orders(4 if order is None else order)
-    follows: Continuity = CONTINUITY[min(made) // 2 - 1]
+    made = check_pde_orders(4 if order is None else order)
+    follows: ContinuityName = CONTINUITIES[min(made) // 2 - 1]
     if continuity is not None:
-        for asked in pair("continuity", continuity, partial(choice, built=CONTINUITY)):
+        for asked in check_pair("continuity", continuity, partial(check_choice, built=CONTINUITIES)):
             if asked != follows:
                 raise InputError(
-                    f"continuity {asked} contradicts equations of order {_shortly(made)}, which are {follows} on both "
+                    f"continuity {asked} contradicts equations of order {_format_orders(made)}, which are {follows} "
+                    "on both "
                     "sides: leave continuity out, or take order 2 for G0, 4 for G1, 6 for G2"
                 )
     return (follows, follows), made
 
 
-BELONGS = {"pde": ("order", "parameters", "terms"), "potential": ("a", "b", "lam")}
+OPTIONS_OF_SECTION = {"pde": ("order", "parameters", "terms"), "potential": ("a", "b", "lam")}
 
 
-def _refuse(section: Section, **given: object) -> None:
+def _refuse_options(section: SectionName, **given: object) -> None:
     """Raise InputError if an option was given that the section does not have."""
     for name, value in given.items():
         if value is not None and value is not False:
-            owner = next((other for other, names in BELONGS.items() if name in names), None)
+            owner = next((other for other, names in OPTIONS_OF_SECTION.items() if name in names), None)
             if owner is not None:
                 raise InputError(f'{name} is an option of section="{owner}", not of {section!r}')
             way = ": a and b set how far it reaches" if name in ("radius", "width") else ": leave it out"
             raise InputError(f"{name} is no option of section={section!r}{way}")
 
 
-def _potential(a: object, b: object, lam: Any) -> "Conic":
+def _build_relation(a: object, b: object, lam: Any) -> "Conic":
     """Return the relation of a potential section; each of a and b is the other one if it is left out."""
     from cqblend.blends.potential.relations import Conic  # which takes NumPy: ``import cqblend`` does not
 
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
-    first, second = _size("a", b if a is None else a), _size("b", a if b is None else b)
+    first, second = _check_size("a", b if a is None else a), _check_size("b", a if b is None else b)
     return Conic(first, second, 0.0 if lam is None else lam)
 
 
-def _shortly(made: tuple[int, int, int]) -> str:
+def _format_orders(made: tuple[int, int, int]) -> str:
     return str(made[0]) if len(set(made)) == 1 else str(made)
 
 
-def orders(order: object) -> tuple[int, int, int]:
+def check_pde_orders(order: object) -> tuple[int, int, int]:
     """Return the orders of partial differential equations for x, y and z: one for all, or three.
 
     Raises
@@ -276,49 +284,51 @@ def orders(order: object) -> tuple[int, int, int]:
         If one is not 2, 4 or 6.
     """
     given = tuple(order) if isinstance(order, list | tuple) else (order,) * 3
-    if len(given) != 3 or not all(isinstance(n, Integral) and n in ORDERS for n in given):
+    if len(given) != 3 or not all(isinstance(n, Integral) and n in PDE_ORDERS for n in given):
         raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
     return int(given[0]), int(given[1]), int(given[2])
 
 
-def choice(name: str, value: object, built: tuple[Chosen, ...], later: tuple[str, ...] = ()) -> Chosen:
+def check_choice(name: str, value: object, built: tuple[ChosenT, ...], later: tuple[str, ...] = ()) -> ChosenT:
     """Return the built option that `value` names."""
     for option in built:
         if isinstance(value, str) and value == option:
             return option
     if isinstance(value, str) and value in later:
-        raise UnsupportedError(f"{name}={value!r} is not built yet; use {_listed(built)}")
-    raise InputError(f"{name} must be {_listed(built)}, not {shown(value)}")
+        raise UnsupportedError(f"{name}={value!r} is not built yet; use {_format_choices(built)}")
+    raise InputError(f"{name} must be {_format_choices(built)}, not {shown(value)}")
 
 
-def _listed(options: tuple[str, ...]) -> str:
+def _format_choices(options: tuple[str, ...]) -> str:
     return " or ".join(map(repr, options))
 
 
-_RADII = (
+_RADIUS_PAIR_MESSAGE = (
     "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
     "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
     "not built yet: cut the faces into parts and blend these, or take OCCT's own fillet"
 )
 
 
-def _size(name: str, value: object) -> float:
+def _check_size(name: str, value: object) -> float:
     """Return a length that an edge can be blended with, as a float."""
     if callable(value):
         raise UnsupportedError(f"a {name} that varies along the edge is not built yet; give a number")
     if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
-        raise InputError(_RADII.format(shown(value)))
-    size = positive(name, value)
-    if size < SMALLEST:
-        raise SizeError(f"{name} {size:g} mm is below {SMALLEST:g} mm, ten times OCCT's tolerance; scale the model up")
-    if size > LARGEST:
-        raise InputError(f"{name} {size:g} mm is above {LARGEST:g} mm, where doubles are coarser than OCCT's tolerance")
+        raise InputError(_RADIUS_PAIR_MESSAGE.format(shown(value)))
+    size = check_positive(name, value)
+    if size < MIN_SIZE:
+        raise SizeError(f"{name} {size:g} mm is below {MIN_SIZE:g} mm, ten times OCCT's tolerance; scale the model up")
+    if size > MAX_SIZE:
+        raise InputError(
+            f"{name} {size:g} mm is above {MAX_SIZE:g} mm, where doubles are coarser than OCCT's tolerance"
+        )
     return size
 
 
-def pair(
-    name: str, value: object, check: Callable[[str, object], Checked], each: str = "side"
-) -> tuple[Checked, Checked]:
+def check_pair(
+    name: str, value: object, check: Callable[[str, object], CheckedT], each: str = "side"
+) -> tuple[CheckedT, CheckedT]:
     """Return one checked value for ``each`` of two from one value or a pair."""
     if not isinstance(value, tuple | list):
         checked = check(name, value)
@@ -328,14 +338,14 @@ def pair(
     return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
 
 
-def flag(name: str, value: object) -> bool:
+def check_flag(name: str, value: object) -> bool:
     """Return a value that is True or False."""
     if not isinstance(value, bool):
         raise InputError(f"{name} must be True or False, not {shown(value)}")
     return value
 
 
-def count(name: str, value: object, most: int | None = None) -> int:
+def check_count(name: str, value: object, most: int | None = None) -> int:
     """Return a whole number above 0, of a size that makes sense."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
         raise InputError(f"{name} must be a whole number above 0, not {shown(value)}")
@@ -357,7 +367,7 @@ def is_default(value: object, default: object) -> bool:
     return isinstance(value, known) and isinstance(value, bool) == isinstance(default, bool) and value == default
 
 
-def leave_out(why: str, **options: tuple[object, object]) -> None:
+def refuse_ignored_options(why: str, **options: tuple[object, object]) -> None:
     """Refuse options that have no effect in a combination.
 
     Parameters
@@ -382,27 +392,27 @@ def is_auto(value: object) -> bool:
     return is_default(value, "auto")
 
 
-def count_or_auto(name: str, value: object, most: int) -> int | None:
+def check_count_or_auto(name: str, value: object, most: int) -> int | None:
     """Return a whole number above 0, None for "auto"."""
-    return None if is_auto(value) else count(name, value, most)
+    return None if is_auto(value) else check_count(name, value, most)
 
 
-def callback(name: str, value: Caller | None, takes: str) -> Caller | None:
+def check_callback(name: str, value: CallbackT | None, takes: str) -> CallbackT | None:
     """Return what is to be called, if anything."""
     if value is not None and not callable(value):
         raise InputError(f"{name} is called with {takes}; {shown(value)} cannot be")
     return value
 
 
-def turn(name: str, value: object) -> float:
+def check_angle(name: str, value: object) -> float:
     """Return an angle between 0 and a quarter turn, rad."""
-    angle = positive(name, value, zero=True)
+    angle = check_positive(name, value, zero=True)
     if angle > math.pi / 2:
         raise InputError(f"{name} is an angle in radians, at most pi/2, not {angle:g}; math.radians converts degrees")
     return angle
 
 
-def positive(name: str, value: object, *, zero: bool = False) -> float:
+def check_positive(name: str, value: object, *, zero: bool = False) -> float:
     """Return a finite number above 0 (or 0, if that is allowed) as a float. A bool is no number."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputError(f"{name} must be a number, not {shown(value)}")

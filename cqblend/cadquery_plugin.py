@@ -8,7 +8,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from cqblend.blend_options import STEER, callback
+from cqblend.blend_options import DEFAULT_STEER, check_callback
 from cqblend.errors import SelectionError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def blend(
     continuity: str | tuple[str, str] | None = None,
     tangents: str | tuple[str, str] = "perpendicular",
     bulge: float | tuple[float, float] = 1.0,
-    steer: float = STEER,
+    steer: float = DEFAULT_STEER,
     crease: float | None = None,
     section: str = "hermite",
     a: float | None = None,
@@ -73,7 +73,7 @@ def blend(
     """
     from cqblend.api.solid_blend import blend_edges
 
-    callback("report", report, "the result")
+    check_callback("report", report, "the result")
     edges = self.edges().vals()
     if not edges:
         raise SelectionError("no edge is selected: put .edges(...) before .blend(...)")
@@ -149,7 +149,7 @@ def unroll(
     """
     from cqblend.api import flat_pattern
 
-    callback("report", report, "the pattern")
+    check_callback("report", report, "the pattern")
     pattern = flat_pattern.unroll(
         self,
         tolerance,
@@ -168,7 +168,7 @@ def unroll(
     return self.newObject(pattern.faces())
 
 
-def register(cadquery: ModuleType) -> None:
+def register_methods(cadquery: ModuleType) -> None:
     """Give ``cadquery.Workplane`` its methods; those that are there already are overwritten."""
     cadquery.Workplane.blend = blend
     cadquery.Workplane.unroll = unroll

@@ -299,16 +299,16 @@ class Certificate:
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
-        return "\n".join((*head, *_table(self.rails), *kept, *covered, *flat, *skipped))
+        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *skipped))
 
 
-def _table(rails: Sequence[RailRecord]) -> list[str]:
+def _format_table(rails: Sequence[RailRecord]) -> list[str]:
     """Lines of the table of rails, numbers right-aligned under their title and unit."""
     rows = [[title for _, title, _ in _COLUMNS], [unit for _, _, unit in _COLUMNS]]
-    rows += [[_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
+    rows += [[_format_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
 
 
-def _cell(value: float) -> str:
+def _format_cell(value: float) -> str:
     return str(value) if isinstance(value, int) else f"{value:.1e}"

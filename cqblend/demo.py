@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from cqblend import picture, teapot
 from cqblend.api.solid_blend import BlendResult, blend_edges
-from cqblend.picture import Part, View
+from cqblend.picture import ShadedFaces, View
 
 if TYPE_CHECKING:
     import cadquery
@@ -48,9 +48,9 @@ def draw(pot: cadquery.Shape, result: BlendResult, path: Path) -> None:
     """
     blends = {face.hashCode() for face in result.faces}
     body = [face for face in result.shape.Faces() if face.hashCode() not in blends]
-    whole, coloured = Part(body, PORCELAIN), Part(result.faces, COPPER)
-    enlarged = [[Part(pot.Faces(), PORCELAIN)], [whole, coloured], [Part(result.shape.Faces(), None)]]
+    whole, coloured = ShadedFaces(body, PORCELAIN), ShadedFaces(result.faces, COPPER)
+    enlarged = [[ShadedFaces(pot.Faces(), PORCELAIN)], [whole, coloured], [ShadedFaces(result.shape.Faces(), None)]]
     views = [View([whole, coloured], (0.35, -1.0, 0.45), (0.62, 0.0, 1.2), 3.9, (0.0, 0.36, 1.0, 1.0))]
     for i, parts in enumerate(enlarged):
         views.append(View(parts, (0.55, -1.0, 0.35), (1.95, 0.0, 1.1), 1.45, (i / 3, 0.0, (i + 1) / 3, 0.36)))
-    picture.draw(views, path, size=SIZE)
+    picture.draw_views(views, path, size=SIZE)

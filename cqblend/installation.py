@@ -15,10 +15,10 @@ from pathlib import Path
 
 from cqblend.errors import InstallationError
 
-REPAIR = "pip install --force-reinstall --no-deps cadquery-ocp"
+REPAIR_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"
 
 
-def is_overwritten(packages: Path) -> bool:
+def is_ocp_overwritten(packages: Path) -> bool:
     """Whether the library in `packages` / OCP is another one than cadquery-ocp installed.
 
     Compares the size of the binary with the one that cadquery-ocp put on record.
@@ -34,19 +34,19 @@ def is_overwritten(packages: Path) -> bool:
     return False
 
 
-class _NoCadQuery(MetaPathFinder):
+class _CadQueryImportBlocker(MetaPathFinder):
     """Fails the import of cadquery with the reason, where it would fail without one."""
 
     def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
         if fullname == "cadquery":
             raise InstallationError(
                 "CadQuery cannot be imported: cadquery-ocp-novtk, which build123d asks for, was installed after "
-                f"cadquery-ocp and has overwritten it; repair it with: {REPAIR}"
+                f"cadquery-ocp and has overwritten it; repair it with: {REPAIR_COMMAND}"
             )
         return None
 
 
-def fresh_interpreter(code: str, *arguments: str) -> list[str]:
+def build_interpreter_command(code: str, *arguments: str) -> list[str]:
     """Return the command that runs code in a process of its own, with the module path of this one."""
     return [sys.executable, "-P", "-c", f"import sys; sys.path[:] = {sys.path!r}; {code}", *arguments]
 
@@ -57,15 +57,15 @@ def explain_clash() -> None:
         return
     spec = find_spec("OCP")
     for folder in (spec and spec.submodule_search_locations) or ():
-        if is_overwritten(Path(folder).parent):
-            sys.meta_path.insert(0, _NoCadQuery())
+        if is_ocp_overwritten(Path(folder).parent):
+            sys.meta_path.insert(0, _CadQueryImportBlocker())
             return
 
 
-def explain_failure(error: ImportError) -> InstallationError:
+def explain_import_failure(error: ImportError) -> InstallationError:
     """Say what repairs a failed import of OCP."""
     if "shared object" in str(error):
         way_out = "install the system library it names; on Debian and Ubuntu: apt-get install libgl1"
     else:
-        way_out = f"repair it with: {REPAIR}"
+        way_out = f"repair it with: {REPAIR_COMMAND}"
     return InstallationError(f"the OCCT binding OCP cannot be imported ({error}); {way_out}")

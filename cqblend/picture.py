@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.errors import InstallationError
-from cqblend.whole_files import written_beside
+from cqblend.whole_files import write_atomically
 
 if TYPE_CHECKING:
     import cadquery
@@ -28,12 +28,12 @@ Triple = tuple[float, float, float]
 
 WHITE: Colour = (1.0, 1.0, 1.0)
 INK: Colour = (0.15, 0.15, 0.2)
-DEVIATION, ANGLE = 3e-4, 0.08  # of the mesh: relative to the face, and rad between neighbouring normals
+MESH_DEVIATION, MESH_ANGLE = 3e-4, 0.08  # of the mesh: relative to the face, and rad between neighbouring normals
 STRIPES = 9
 
 
 @dataclass(frozen=True)
-class Part:
+class ShadedFaces:
     """Faces to be drawn in one colour; ``None`` for a zebra."""
 
     faces: Iterable[cadquery.Face]
@@ -42,39 +42,41 @@ class Part:
     @cached_property
     def meshes(self) -> list[Any]:
         """The faces as VTK's triangles, with exact normals."""
-        return [_triangles(face) for face in self.faces]
+        return [_triangulate_face(face) for face in self.faces]
 
-    def actors(self, eye: Triple) -> list[Any]:
+    def build_actors(self, eye: Triple) -> list[Any]:
         """Return what VTK draws, as seen from a direction."""
-        return [_surface(triangles, self.colour, np.array(eye)) for triangles in self.meshes]
+        return [_build_face_actor(triangles, self.colour, np.array(eye)) for triangles in self.meshes]
 
 
 @dataclass(frozen=True)
-class Strokes:
+class Polylines:
     """Polygons (n, 3) to be drawn as lines so many pixels wide."""
 
     lines: Sequence[NDArray[np.float64]]
     colour: Colour = INK
     width: float = 1.5
 
-    def actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (lines look the same from everywhere)
+    def build_actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (lines look the same from everywhere)
         """Return what VTK draws."""
         ends = np.cumsum([len(line) for line in self.lines])
         cells = [np.arange(end - len(line), end) for line, end in zip(self.lines, ends, strict=True)]
-        return [_marks(np.concatenate(self.lines), "SetLines", cells, self.colour, self.width)]
+        return [_build_marker_actor(np.concatenate(self.lines), "SetLines", cells, self.colour, self.width)]
 
 
 @dataclass(frozen=True)
-class Dots:
+class PointMarkers:
     """Points (n, 3) to be drawn as round dots so many pixels wide."""
 
     points: NDArray[np.float64]
     colour: Colour = INK
     size: float = 7.0
 
-    def actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (dots look the same from everywhere)
+    def build_actors(self, eye: Triple) -> list[Any]:  # noqa: ARG002  (dots look the same from everywhere)
         """Return what VTK draws."""
-        return [_marks(self.points, "SetVerts", np.arange(len(self.points))[:, None], self.colour, self.size)]
+        return [
+            _build_marker_actor(self.points, "SetVerts", np.arange(len(self.points))[:, None], self.colour, self.size)
+        ]
 
 
 @dataclass(frozen=True)
@@ -85,14 +87,14 @@ class View:
     part of the picture it fills, (x0, y0, x1, y1) between 0 and 1 from the lower left.
     """
 
-    parts: Sequence[Part | Strokes | Dots]
+    parts: Sequence[ShadedFaces | Polylines | PointMarkers]
     eye: Triple
     focus: Triple
     height: float
     window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
-def draw(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
+def draw_views(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
     """Render views into one PNG file of the given size in pixels.
 
     Raises
@@ -116,7 +118,7 @@ def draw(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
     window.SetMultiSamples(8)
     window.SetSize(*size)
     for view in views:
-        window.AddRenderer(_renderer(view))
+        window.AddRenderer(_build_renderer(view))
     window.Render()
     image = vtkWindowToImageFilter()
     image.SetInput(window)
@@ -127,18 +129,18 @@ def draw(views: Sequence[View], path: Path, *, size: tuple[int, int]) -> None:
     writer.SetInputConnection(image.GetOutputPort())
     writer.WriteToMemoryOn()
     writer.Write()
-    with written_beside(path) as part:
+    with write_atomically(path) as part:
         part.write_bytes(memoryview(writer.GetResult()))
 
 
-def _renderer(view: View) -> Any:
+def _build_renderer(view: View) -> Any:
     from vtkmodules.vtkRenderingCore import vtkRenderer
 
     renderer = vtkRenderer()
     renderer.SetViewport(*view.window)
     renderer.SetBackground(*WHITE)
     for part in view.parts:
-        for actor in part.actors(view.eye):
+        for actor in part.build_actors(view.eye):
             renderer.AddActor(actor)
     camera = renderer.GetActiveCamera()
     camera.ParallelProjectionOn()
@@ -150,10 +152,10 @@ def _renderer(view: View) -> Any:
     return renderer
 
 
-def _triangles(face: cadquery.Face) -> Any:
+def _triangulate_face(face: cadquery.Face) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-    mesh = face.toVtkPolyData(DEVIATION, ANGLE)
+    mesh = face.toVtkPolyData(MESH_DEVIATION, MESH_ANGLE)
     triangles = vtkPolyData()
     triangles.SetPoints(mesh.GetPoints())
     triangles.SetPolys(mesh.GetPolys())
@@ -161,7 +163,7 @@ def _triangles(face: cadquery.Face) -> Any:
     return triangles
 
 
-def _surface(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) -> Any:
+def _build_face_actor(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) -> Any:
     from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
     mapper = vtkPolyDataMapper()
@@ -172,7 +174,7 @@ def _surface(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) ->
     look = actor.GetProperty()
     look.SetInterpolationToPhong()
     if colour is None:
-        _stripe(triangles, mapper, eye)
+        _colour_zebra(triangles, mapper, eye)
         look.SetAmbient(0.35)
         look.SetDiffuse(0.65)
     else:
@@ -184,7 +186,9 @@ def _surface(triangles: Any, colour: Colour | None, eye: NDArray[np.float64]) ->
     return actor
 
 
-def _marks(points: NDArray[np.float64], kind: str, cells: Iterable[Any], colour: Colour, size: float) -> Any:
+def _build_marker_actor(
+    points: NDArray[np.float64], kind: str, cells: Iterable[Any], colour: Colour, size: float
+) -> Any:
     """Unlit lines or dots, pixels wide."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonCore import vtkPoints
@@ -212,7 +216,7 @@ def _marks(points: NDArray[np.float64], kind: str, cells: Iterable[Any], colour:
     return actor
 
 
-def _stripe(triangles: Any, mapper: Any, eye: NDArray[np.float64]) -> None:
+def _colour_zebra(triangles: Any, mapper: Any, eye: NDArray[np.float64]) -> None:
     """Colour a mesh in bands by the height of r = 2 (n.e) n - e, the direction in which it reflects the eye's rays."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
     from vtkmodules.vtkCommonCore import vtkLookupTable

@@ -44,7 +44,7 @@ def surface(rings: tuple[tuple[int, ...], ...]) -> Surface:
     )
 
 
-def _solid(*surfaces: Surface) -> cadquery.Solid:
+def _sew_solid(*surfaces: Surface) -> cadquery.Solid:
     """Sew closed faces and planar caps on their free rims into a solid."""
     import cadquery as cq
 
@@ -58,9 +58,9 @@ def _solid(*surfaces: Surface) -> cadquery.Solid:
 
 def body() -> cadquery.Solid:
     """Return the body with its bottom and a planar cap on the rim."""
-    return _solid(surface(BODY), surface(BOTTOM))
+    return _sew_solid(surface(BODY), surface(BOTTOM))
 
 
 def spout() -> cadquery.Solid:
     """Return the spout with its lip, and planar caps inside the body and on the tip."""
-    return _solid(surface(SPOUT), surface(LIP))
+    return _sew_solid(surface(SPOUT), surface(LIP))

@@ -12,11 +12,11 @@ from pathlib import Path as File
 
 from cqblend.errors import FileError, InputError, reason, shown
 
-MARK = ".cqblend"
+UNFINISHED_PREFIX = ".cqblend"
 """With which the names of unfinished files begin; the number of the writing process follows."""
 
 
-def checked_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
+def check_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
     """Return the path of a file that can be written, or replaced, as far as can be told before.
 
     Parameters
@@ -55,7 +55,7 @@ def checked_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
 
 
 @contextmanager
-def written_beside(target: File) -> Iterator[File]:
+def write_atomically(target: File) -> Iterator[File]:
     """Give a new file to be written that takes the place of another one when it is whole.
 
     Where the target is a link, what it leads to is replaced.
@@ -68,7 +68,7 @@ def written_beside(target: File) -> Iterator[File]:
     target = target.resolve()
     if target.is_dir():
         raise IsADirectoryError(21, "Is a directory")
-    part = target.with_name(f"{MARK}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    part = target.with_name(f"{UNFINISHED_PREFIX}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
     try:
         yield part
         with part.open("rb+") as file:
@@ -82,5 +82,5 @@ def written_beside(target: File) -> Iterator[File]:
 def remove_unfinished(folder: File, process: int) -> None:
     """Remove what a process that has died was about to write into a folder."""
     with suppress(OSError):
-        for part in folder.glob(f"{MARK}-{process}-*"):
+        for part in folder.glob(f"{UNFINISHED_PREFIX}-{process}-*"):
             part.unlink()

@@ -12,7 +12,7 @@ import numpy as np
 
 import cqblend
 from cqblend import demo, picture, teapot
-from cqblend.picture import Dots, Part, Strokes, View
+from cqblend.picture import PointMarkers, Polylines, ShadedFaces, View
 
 DOCS = Path(__file__).resolve().parent
 PICTURES, EXAMPLES = DOCS / "pictures", DOCS.parent / "examples"
@@ -42,17 +42,17 @@ FIGURES = {
 SECTIONS = 25  # drawn across a blend
 
 
-def parts(example: str, *, zebra: bool) -> list[Part]:
+def parts(example: str, *, zebra: bool) -> list[ShadedFaces]:
     """Return what an example makes: all striped, or the blends in copper."""
     result = runpy.run_path(str(EXAMPLES / f"{example}.py"))["result"]
     faces = cq.Shape.cast(result.shape.wrapped).Faces()  # of whichever library
     if zebra:
-        return [Part(faces, None)]
+        return [ShadedFaces(faces, None)]
     blends = [cq.Shape.cast(face.wrapped) for face in result.faces]
     if example in {"block", "bracket"}:  # where an earlier call blended another edge, and nothing else is a spline
         blends = [face for face in faces if face.geomType() == "BSPLINE"]
     others = [face for face in faces if not any(face.isSame(blend) for blend in blends)]
-    return [Part(others, demo.PORCELAIN), Part(blends, demo.COPPER)]
+    return [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(blends, demo.COPPER)]
 
 
 def gallery() -> None:
@@ -62,7 +62,7 @@ def gallery() -> None:
         for j, (example, zebra, eye, focus, height) in enumerate(row):
             window = (j / len(row), i / len(GALLERY), (j + 1) / len(row), (i + 1) / len(GALLERY))
             views.append(View(parts(example, zebra=zebra), eye, focus, height, window))
-    picture.draw(views, PICTURES / "gallery.png", size=(900, 560))
+    picture.draw_views(views, PICTURES / "gallery.png", size=(900, 560))
 
 
 def whole_teapot() -> None:
@@ -78,9 +78,9 @@ def ends() -> None:
     views = []
     for i, (result, (eye, focus, height)) in enumerate(zip(results.values(), looks, strict=True)):
         others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
-        drawn = [Part(others, demo.PORCELAIN), Part(result.faces, demo.COPPER)]
+        drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
         views.append(View(drawn, eye, focus, height, (i / 3, 0, (i + 1) / 3, 1)))
-    picture.draw(views, PICTURES / "ends.png", size=(900, 320))
+    picture.draw_views(views, PICTURES / "ends.png", size=(900, 320))
 
 
 def circle_speeds() -> None:
@@ -94,32 +94,32 @@ def circle_speeds() -> None:
         speed = np.linalg.norm(motion(t, 1), axis=1)
         profile = np.stack([2 * t - 1, 0 * t, speed / 10 - 2.4], axis=1)
         drawn = [
-            Strokes([points], demo.COPPER, 2.5),
-            Dots(marks),
-            Strokes([frame], width=1),
-            Strokes([profile], demo.COPPER, 2.5),
+            Polylines([points], demo.COPPER, 2.5),
+            PointMarkers(marks),
+            Polylines([frame], width=1),
+            Polylines([profile], demo.COPPER, 2.5),
         ]
         views.append(View(drawn, (0, -1, 0), (0, 0, -0.65), 3.9, (i / 3, 0, (i + 1) / 3, 1)))
-    picture.draw(views, PICTURES / "circle_speeds.png", size=(900, 480))
+    picture.draw_views(views, PICTURES / "circle_speeds.png", size=(900, 480))
 
 
-def lines(blend: Any, eye: tuple[float, float, float], height: float) -> list[Strokes]:
+def lines(blend: Any, eye: tuple[float, float, float], height: float) -> list[Polylines]:
     """Return the rails of a blend of surfaces, and sections across, a little in front of what is seen from there."""
     lift = 0.004 * height * np.array(eye)
     t, v = np.linspace(*blend.surface.domain[0], 16 * (SECTIONS - 1) + 1), np.linspace(0, 1, 65)
     points = blend.surface.grid(t, v) + lift
-    return [Strokes([points[:, 0], points[:, -1]], width=2.5), Strokes(list(points[::16]), width=1)]
+    return [Polylines([points[:, 0], points[:, -1]], width=2.5), Polylines(list(points[::16]), width=1)]
 
 
 def figure(example: str) -> None:
     """Draw the blends of surfaces that an example makes, side by side."""
     made, (eye, focus, height, size) = runpy.run_path(str(EXAMPLES / f"{example}.py")), FIGURES[example]
-    primaries = Part([cq.Face(cqblend.to_face(one)) for one in made["primaries"]], demo.PORCELAIN)
+    primaries = ShadedFaces([cq.Face(cqblend.to_face(one)) for one in made["primaries"]], demo.PORCELAIN)
     views, count = [], len(made["blends"])
     for i, blend in enumerate(made["blends"].values()):
-        drawn = [primaries, Part([cq.Face(blend.face())], demo.COPPER), *lines(blend, eye, height)]
+        drawn = [primaries, ShadedFaces([cq.Face(blend.face())], demo.COPPER), *lines(blend, eye, height)]
         views.append(View(drawn, eye, focus, height, (i / count, 0, (i + 1) / count, 1)))
-    picture.draw(views, PICTURES / f"{example}.png", size=size)
+    picture.draw_views(views, PICTURES / f"{example}.png", size=size)
 
 
 def tiled(views: Sequence[tuple[Sequence[Any], Any, Any, float]], columns: int, name: str, height: int) -> None:
@@ -129,7 +129,7 @@ def tiled(views: Sequence[tuple[Sequence[Any], Any, Any, float]], columns: int, 
     for i, (drawn, eye, focus, tall) in enumerate(views):
         x, y = i % columns / columns, 1 - (i // columns + 1) / rows
         placed.append(View(drawn, eye, focus, tall, (x, y, x + 1 / columns, y + 1 / rows)))
-    picture.draw(placed, PICTURES / f"{name}.png", size=(900, height * rows))
+    picture.draw_views(placed, PICTURES / f"{name}.png", size=(900, height * rows))
 
 
 def panels(example: str, key: str, look: tuple[Any, Any, float], *, columns: int, height: int, zebra: bool) -> None:
@@ -141,8 +141,8 @@ def panels(example: str, key: str, look: tuple[Any, Any, float], *, columns: int
     views = []
     for blend in made[key].values():
         face = cq.Face(blend.face())
-        shaded = [Part(primaries, demo.PORCELAIN), Part([face], demo.COPPER), *lines(blend, eye, tall)]
-        views.append(([Part([*primaries, face], None)] if zebra else shaded, eye, focus, tall))
+        shaded = [ShadedFaces(primaries, demo.PORCELAIN), ShadedFaces([face], demo.COPPER), *lines(blend, eye, tall)]
+        views.append(([ShadedFaces([*primaries, face], None)] if zebra else shaded, eye, focus, tall))
     tiled(views, columns, example, height)
 
 
@@ -151,25 +151,25 @@ def spout() -> None:
     made = runpy.run_path(str(EXAMPLES / "teapot.py"))
     before, result = made["pot"], made["result"]
     blends = {face.hashCode() for face in result.faces}
-    others = Part([face for face in result.shape.Faces() if face.hashCode() not in blends], demo.PORCELAIN)
-    after = [others, Part(result.faces, demo.COPPER)]
+    others = ShadedFaces([face for face in result.shape.Faces() if face.hashCode() not in blends], demo.PORCELAIN)
+    after = [others, ShadedFaces(result.faces, demo.COPPER)]
     side, low = (0.35, -1.0, 0.45), (0.55, -1.0, 0.35)
     views = [
-        View([Part(before.Faces(), demo.PORCELAIN)], side, (0.6, 0, 1.2), 4.9, (0, 0, 0.38, 1)),
+        View([ShadedFaces(before.Faces(), demo.PORCELAIN)], side, (0.6, 0, 1.2), 4.9, (0, 0, 0.38, 1)),
         View(after, side, (0.6, 0, 1.2), 4.9, (0.38, 0, 0.76, 1)),
         View(after, low, (1.95, 0, 1.1), 1.75, (0.76, 0, 1, 1)),
     ]
-    picture.draw(views, PICTURES / "spout.png", size=(900, 300))
+    picture.draw_views(views, PICTURES / "spout.png", size=(900, 300))
 
 
 def zebras(sides: Sequence[Sequence[cq.Face]], name: str, eye: Any, focus: Any, height: float) -> None:
     """Draw the zebras of two groups of faces, side by side, meshed so finely that stripes bend where the faces do."""
     views = [
-        View([Part(faces, None)], eye, focus, height, (0.505 * i, 0, 0.495 + 0.505 * i, 1))
+        View([ShadedFaces(faces, None)], eye, focus, height, (0.505 * i, 0, 0.495 + 0.505 * i, 1))
         for i, faces in enumerate(sides)
     ]
     with mock.patch.multiple(picture, DEVIATION=1e-5, ANGLE=0.03):
-        picture.draw(views, PICTURES / f"{name}.png", size=(900, 400))
+        picture.draw_views(views, PICTURES / f"{name}.png", size=(900, 400))
 
 
 def steering() -> None:
@@ -202,14 +202,14 @@ def fairing() -> None:
     made = runpy.run_path(str(EXAMPLES / "potential_fairing.py"))
     faces, blend = made["result"].shape.Faces(), made["blend"]
     blends = [cq.Shape.cast(face.wrapped) for face in made["result"].faces]
-    others = Part([face for face in faces if not any(face.isSame(one) for one in blends)], demo.PORCELAIN)
+    others = ShadedFaces([face for face in faces if not any(face.isSame(one) for one in blends)], demo.PORCELAIN)
     views = []
     for eye, focus, tall in (
         ((-0.9, 0.9, -0.75), (0, 1.6, 0), 6.5),
         ((0.3, 0.8, 1), (0, 1.6, 0), 6.5),
         ((1, 0.6, -0.3), (1.3, 1.4, 0), 2.6),
     ):
-        views.append(([others, Part(blends, demo.COPPER), *lines(blend, eye, tall)], eye, focus, tall))
+        views.append(([others, ShadedFaces(blends, demo.COPPER), *lines(blend, eye, tall)], eye, focus, tall))
     tiled(views, 3, "potential_fairing", 330)
 
 
@@ -217,11 +217,11 @@ def potential_sections() -> None:
     """Draw sections of potential blends as lambda falls, and, thin, the Hermite sections with the same ends."""
     made = runpy.run_path(str(EXAMPLES / "potential_sections.py"))
     frame = np.array([(3.0, 0, 0), (0, 0, 0), (0, 0, 3.0)])
-    drawn: list[Any] = [Strokes([frame], width=1)]
+    drawn: list[Any] = [Polylines([frame], width=1)]
     for blend in made["by_lambda"].values():
         own, other = (np.insert(one, 1, 0, axis=1) for one in made["sections"](blend))
-        drawn += [Strokes([other], width=1), Strokes([own], demo.COPPER, 3)]
-    picture.draw(
+        drawn += [Polylines([other], width=1), Polylines([own], demo.COPPER, 3)]
+    picture.draw_views(
         [View(drawn, (0, -1, 0), (1.1, 0, 1.1), 2.7, (0, 0, 1, 1))],
         PICTURES / "potential_sections.png",
         size=(420, 420),

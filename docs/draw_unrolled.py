@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 import cqblend
 from cqblend import Pattern, demo, picture
-from cqblend.brep.pattern_shapes import strips_3d
+from cqblend.brep.pattern_shapes import sew_strip_faces
 from cqblend.patterns.stock import sheets
 from cqblend.patterns.write import drawing
 from cqblend.patterns.write.drawing import Layer
-from cqblend.picture import Colour, Part, Strokes, View
+from cqblend.picture import Colour, Polylines, ShadedFaces, View
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 Window = tuple[float, float, float, float]
 Size = tuple[int, int]
-Drawn = Part | Strokes
+Drawn = ShadedFaces | Polylines
 
 # Tolerance, relative to the diagonal of the model's box; direction of view; size of the picture in pixels, and the part
 # of its width that the strips in space take. Coarse where rings are to be seen one by one, as in the paper.
@@ -67,29 +67,32 @@ def tints(pattern: Pattern) -> list[Colour]:
 def in_space(pattern: Pattern) -> list[Drawn]:
     """Return the strips as they are in space, and their borders."""
     tolerance = pattern.report.tolerance
-    strips = [cq.Shape.cast(strips_3d([source.trim()], tolerance)) for source in pattern._unrolled.sources]
-    parts = [Part(strip.Faces(), colour) for strip, colour in zip(strips, tints(pattern), strict=True)]
+    strips = [
+        cq.Shape.cast(sew_strip_faces([source.to_trimmed_surface()], tolerance)) for source in pattern._unrolled.sources
+    ]
+    parts = [ShadedFaces(strip.Faces(), colour) for strip, colour in zip(strips, tints(pattern), strict=True)]
     return [*parts, rims([edge for strip in strips for edge in strip.Edges()])]
 
 
-def rims(edges: Sequence[cq.Edge]) -> Strokes:
+def rims(edges: Sequence[cq.Edge]) -> Polylines:
     """Return edges as lines."""
-    return Strokes(
+    return Polylines(
         [np.array([at.toTuple() for at in edge.positions(np.linspace(0, 1, 65))]) for edge in edges], width=1
     )
 
 
 def flat(pattern: Pattern, labels: float | None = None) -> list[Drawn]:
     """Return the pieces on their sheet: faces, tabs behind them, what is cut, and with labels what else is marked."""
-    (sheet,) = drawing.draw(sheets.arrange(pattern.pieces), height=labels)
+    (sheet,) = drawing.draw_sheets(sheets.arrange_pieces(pattern.pieces), height=labels)
     drawn: list[Drawn] = [
-        Part([upright(face, 0.0)], darker(colour)) for face, colour in zip(pattern.faces(), tints(pattern), strict=True)
+        ShadedFaces([upright(face, 0.0)], darker(colour))
+        for face, colour in zip(pattern.faces(), tints(pattern), strict=True)
     ]
     if pattern.tabs:
-        drawn.append(Part([upright(face, 1.0) for face in pattern.faces(tabs=True)], darker(TAB)))
+        drawn.append(ShadedFaces([upright(face, 1.0) for face in pattern.faces(tabs=True)], darker(TAB)))
     drawn.append(lines(sheet, Layer.CUT, picture.INK, 1.0))
     if labels:
-        drawn += [lines(sheet, layer, colour, 1.5) for layer, colour in MARKS.items() if sheet.on(layer)]
+        drawn += [lines(sheet, layer, colour, 1.5) for layer, colour in MARKS.items() if sheet.paths_on(layer)]
     return drawn
 
 
@@ -104,10 +107,10 @@ def upright(face: cq.Face, behind: float) -> cq.Face:
     return face.rotate(cq.Vector(), cq.Vector(1, 0, 0), 90).translate(cq.Vector(0, behind, 0))
 
 
-def lines(sheet: drawing.Drawing, layer: Layer, colour: Colour, width: float) -> Strokes:
+def lines(sheet: drawing.Drawing, layer: Layer, colour: Colour, width: float) -> Polylines:
     """Return what a drawing has on a layer."""
-    plane = [path.sampled(0.02) for path in sheet.on(layer)]
-    return Strokes([np.insert(points, 1, 0.0, axis=1) for points in plane], colour, width)
+    plane = [path.sampled(0.02) for path in sheet.paths_on(layer)]
+    return Polylines([np.insert(points, 1, 0.0, axis=1) for points in plane], colour, width)
 
 
 def framed(
@@ -118,7 +121,7 @@ def framed(
     right = np.cross((0.0, 0.0, 1.0), back)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(back, right), back], axis=-1)
-    points = np.concatenate([line for one in drawn if isinstance(one, Strokes) for line in one.lines]) @ axes
+    points = np.concatenate([line for one in drawn if isinstance(one, Polylines) for line in one.lines]) @ axes
     low, high = points.min(axis=0), points.max(axis=0)
     if zoom is not None:
         high = low + (high - low) * [*zoom, 1.0]
@@ -126,7 +129,7 @@ def framed(
     height = 1.06 * max(high[1] - low[1], (high[0] - low[0]) * tall / wide)
     lift = 0.004 * height * back  # lines are a little in front of the faces that they bound
     lifted = [
-        Strokes([line + lift for line in one.lines], one.colour, one.width) if isinstance(one, Strokes) else one
+        Polylines([line + lift for line in one.lines], one.colour, one.width) if isinstance(one, Polylines) else one
         for one in drawn
     ]
     x, y, z = axes @ ((low + high) / 2)
@@ -136,7 +139,7 @@ def framed(
 def formers(pattern: Pattern) -> list[Drawn]:
     """Return the sections that the strips are glued on."""
     faces = [former for former in pattern.cross_sections() if isinstance(former, cq.Face)]
-    return [Part(faces, demo.PORCELAIN), rims([edge for face in faces for edge in face.Edges()])]
+    return [ShadedFaces(faces, demo.PORCELAIN), rims([edge for face in faces for edge in face.Edges()])]
 
 
 def model(name: str) -> None:
@@ -154,7 +157,7 @@ def model(name: str) -> None:
         views.append(framed(layout, FRONT, (0.7, 0, 1, 1), size, zoom=(0.4, 0.4)))
     else:
         views.append(framed(flat(pattern), FRONT, (share, 0, 1, 1), size))
-    picture.draw(views, PICTURES / f"unroll_{name}.png", size=size)
+    picture.draw_views(views, PICTURES / f"unroll_{name}.png", size=size)
 
 
 if __name__ == "__main__":

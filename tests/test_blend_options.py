@@ -8,10 +8,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cqblend.blend_options import LARGEST, SMALLEST, BlendRequest
+from cqblend.blend_options import MAX_SIZE, MIN_SIZE, BlendRequest
 from cqblend.errors import InputError, SizeError, UnsupportedError
 
-checked = BlendRequest.checked
+checked = BlendRequest.from_options
 
 
 def test_defaults():
@@ -64,8 +64,8 @@ def test_what_is_not_positive(value):
 
 
 def test_the_range_of_sizes():
-    assert checked(SMALLEST).radius == SMALLEST
-    assert checked(LARGEST).radius == LARGEST
+    assert checked(MIN_SIZE).radius == MIN_SIZE
+    assert checked(MAX_SIZE).radius == MAX_SIZE
     with pytest.raises(SizeError, match="radius 9e-07 mm is below 1e-06 mm"):
         checked(9e-7)
     with pytest.raises(InputError, match=r"width\[0\] 1e\+12 mm is above 1e\+09 mm"):

@@ -7,7 +7,7 @@ from places import EXAMPLES
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOImage import vtkPNGReader
 
-from cqblend.picture import Dots, Strokes, View, draw
+from cqblend.picture import PointMarkers, Polylines, View, draw_views
 
 EXAMPLE = EXAMPLES / "circle_speeds.py"
 
@@ -31,8 +31,8 @@ def test_strokes_and_dots_are_where_they_should_be(tmp_path):
     """A red square of strokes through all but the border, and a blue dot of 21 pixels in its middle."""
     path = tmp_path / "square.png"
     square = np.array([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1), (-1, 0, -1)], dtype=float)
-    drawn = [Strokes([square[:3], square[2:]], (1, 0, 0), 3), Dots(np.zeros((1, 3)), (0, 0, 1), 21)]
-    draw([View(drawn, (0, -1, 0), (0, 0, 0), 4)], path, size=(100, 100))
+    drawn = [Polylines([square[:3], square[2:]], (1, 0, 0), 3), PointMarkers(np.zeros((1, 3)), (0, 0, 1), 21)]
+    draw_views([View(drawn, (0, -1, 0), (0, 0, 0), 4)], path, size=(100, 100))
     reader = vtkPNGReader()
     reader.SetFileName(str(path))
     reader.Update()

@@ -22,7 +22,7 @@ CORNER = f"{BOX[0]},{BOX[1]},5"
 @pytest.fixture(autouse=True)
 def patient(monkeypatch):
     """However slow the machine is, nothing announces itself unless a test asks for it."""
-    monkeypatch.setattr("cqblend.__main__._PATIENCE", 600.0)
+    monkeypatch.setattr("cqblend.__main__._QUIET_SECONDS", 600.0)
 
 
 @pytest.fixture
@@ -189,7 +189,7 @@ def test_unroll_to_a_file_that_cannot_be(capsys, box, tmp_path, name):
 
 
 def test_unroll_tells_how_far_long_work_has_come(capsys, box, tmp_path, monkeypatch):
-    monkeypatch.setattr("cqblend.__main__._PATIENCE", 0.0)
+    monkeypatch.setattr("cqblend.__main__._QUIET_SECONDS", 0.0)
     code, _, err = run(capsys, "unroll", box, tmp_path / "pattern.svg", "--tolerance", "0.1")
     assert code == 0
     assert re.search(r"^cqblend: +\d+% ", err, re.MULTILINE)
@@ -341,8 +341,8 @@ def test_wrong_usage(capsys, arguments):
 def test_long_steps_announce_themselves(capsys, monkeypatch):
     from cqblend import __main__ as cli
 
-    monkeypatch.setattr(cli, "_PATIENCE", 0.0)
-    with cli._step("thinking"):
+    monkeypatch.setattr(cli, "_QUIET_SECONDS", 0.0)
+    with cli._announce_step("thinking"):
         cli.threading.Event().wait(0.05)
     out, err = capsys.readouterr()
     assert out == ""
@@ -428,7 +428,8 @@ def test_a_crash_after_reading_is_an_error_that_names_the_file(capsys, box, tmp_
     unfinished = "open(f'{sys.argv[1]}/.cqblend-{os.getpid()}-x.step', 'w').close()"
     codes = iter([f"import os, signal, sys; {unfinished}; os.kill(os.getpid(), signal.{killed})", ""])
     monkeypatch.setattr(
-        "cqblend.__main__.fresh_interpreter", lambda code, *_: [sys.executable, "-c", next(codes), str(tmp_path)]
+        "cqblend.__main__.build_interpreter_command",
+        lambda code, *_: [sys.executable, "-c", next(codes), str(tmp_path)],
     )
     arguments = ["cqblend", "blend", box, tmp_path / "out.step", "--near", CORNER, "--radius", "2"]
     monkeypatch.setattr("sys.argv", [str(one) for one in arguments])
@@ -486,10 +487,10 @@ def test_a_failing_writer_leaves_the_old_file_and_nothing_else(tmp_path, monkeyp
     path.write_text("precious")
     monkeypatch.setattr(os, "fsync", full)
     square = cq.Face.makePlane(2, 1)
-    part = picture.Part([square], (0.5, 0.5, 0.5))
+    part = picture.ShadedFaces([square], (0.5, 0.5, 0.5))
     write = {
         "step": lambda: write_step(square.wrapped, path),
-        "png": lambda: picture.draw([picture.View([part], (1, 1, 1), (0, 0, 0), 3.0)], path, size=(20, 20)),
+        "png": lambda: picture.draw_views([picture.View([part], (1, 1, 1), (0, 0, 0), 3.0)], path, size=(20, 20)),
     }.get(suffix, lambda: cqblend.unroll(square, 0.1).export(path))
     with pytest.raises(OSError, match="No space left"):
         write()

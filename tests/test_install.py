@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from places import ROOT
 
-from cqblend.installation import REPAIR, is_overwritten
+from cqblend.installation import REPAIR_COMMAND, is_ocp_overwritten
 
 BINARY = "OCP/OCP.cpython-311-x86_64-linux-gnu.so"
 
@@ -40,20 +40,20 @@ def install(packages, name, size):
 def test_the_later_installation_wins(tmp_path, order, clash):
     for name, size in order:
         install(tmp_path, name, size)
-    assert is_overwritten(tmp_path) is clash
+    assert is_ocp_overwritten(tmp_path) is clash
 
 
 def test_uninstalling_one_takes_the_binary_of_both(tmp_path):
     install(tmp_path, "cadquery_ocp_novtk", 50)
     install(tmp_path, "cadquery_ocp", 70)
     (tmp_path / BINARY).unlink()
-    assert is_overwritten(tmp_path)
+    assert is_ocp_overwritten(tmp_path)
 
 
 def test_this_installation_is_sound():
     import OCP
 
-    assert not is_overwritten(Path(OCP.__path__[0]).parent)
+    assert not is_ocp_overwritten(Path(OCP.__path__[0]).parent)
 
 
 def python(code, packages):
@@ -69,14 +69,14 @@ def test_import_of_cadquery_names_the_repair(tmp_path):
     install(tmp_path, "cadquery_ocp_novtk", 50)
     message = python("import cqblend, cadquery", tmp_path)
     assert message.startswith("cqblend.errors.InstallationError: CadQuery cannot be imported: cadquery-ocp-novtk")
-    assert message.endswith(REPAIR)
+    assert message.endswith(REPAIR_COMMAND)
 
 
 @pytest.mark.parametrize(
     ("failure", "way_out"),
     [
         ("libGL.so.1: cannot open shared object file: No such file or directory", "apt-get install libgl1"),
-        ("No module named 'OCP.OCP'", REPAIR),
+        ("No module named 'OCP.OCP'", REPAIR_COMMAND),
     ],
 )
 def test_a_binding_that_cannot_be_loaded(tmp_path, failure, way_out):

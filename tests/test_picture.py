@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from cqblend.picture import Part, View, draw
+from cqblend.picture import ShadedFaces, View, draw_views
 
 RADIUS = 3.0
 BALL = cq.Solid.makeSphere(RADIUS, angleDegrees1=-90)
 
 
 def view(colour, **options):
-    return View([Part(BALL.Faces(), colour)], (0, -1, 0), (0, 0, 0), 4 * RADIUS, **options)
+    return View([ShadedFaces(BALL.Faces(), colour)], (0, -1, 0), (0, 0, 0), 4 * RADIUS, **options)
 
 
 def pixels(path):
@@ -27,7 +27,7 @@ def pixels(path):
 
 
 def test_meshes_have_the_normals_of_the_surface():
-    (mesh,) = Part(BALL.Faces(), None).meshes
+    (mesh,) = ShadedFaces(BALL.Faces(), None).meshes
     points, normals = (vtk_to_numpy(data) for data in (mesh.GetPoints().GetData(), mesh.GetPointData().GetNormals()))
     corners = np.unique(vtk_to_numpy(mesh.GetPolys().GetConnectivityArray()))
     np.testing.assert_allclose(normals[corners], points[corners] / RADIUS, atol=1e-6)  # in single precision
@@ -37,7 +37,7 @@ def test_views_fill_their_windows(tmp_path):
     """A red ball to the left and a blue one to the right, each a disc of half the height of the picture."""
     path = tmp_path / "balls.png"
     halves = ((0.0, 0.0, 0.5, 1.0), (0.5, 0.0, 1.0, 1.0))
-    draw([view(c, window=w) for c, w in zip(((1, 0, 0), (0, 0, 1)), halves, strict=True)], path, size=(200, 100))
+    draw_views([view(c, window=w) for c, w in zip(((1, 0, 0), (0, 0, 1)), halves, strict=True)], path, size=(200, 100))
     image = pixels(path)
     assert image.shape == (100, 200, 3)
     red, blue = ((image[..., c] > image[..., 2 - c] + 30) for c in (0, 2))
@@ -49,11 +49,11 @@ def test_views_fill_their_windows(tmp_path):
 
 def test_a_zebra_has_stripes(tmp_path):
     path = tmp_path / "zebra.png"
-    draw([view(None)], path, size=(200, 200))
+    draw_views([view(None)], path, size=(200, 200))
     column = pixels(path)[60:140, 100].sum(axis=1)
     assert np.count_nonzero(np.diff(column > 383)) >= 6
 
 
 def test_a_file_that_cannot_be_written(tmp_path):
     with pytest.raises(OSError, match="nowhere"):
-        draw([view((1, 0, 0))], tmp_path / "nowhere" / "ball.png", size=(20, 20))
+        draw_views([view((1, 0, 0))], tmp_path / "nowhere" / "ball.png", size=(20, 20))

@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS_Shape
 import cqblend
 from cqblend import Boundary, Combination, Conic, Curve, Guide, Rail, Surface
 from cqblend import __main__ as cli
-from cqblend.blend_options import STEER
+from cqblend.blend_options import DEFAULT_STEER
 from cqblend.brep.step_files import write_step
 from cqblend.errors import CqblendError, InputError
 
@@ -417,7 +417,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "form": "auto",
         "tolerance": 1e-5,
         "angular_tolerance": 1e-5,
-        "steer": STEER,
+        "steer": DEFAULT_STEER,
         "crease": None,
     },
     "potential_blend": lambda: {
@@ -461,7 +461,7 @@ for _name in ("PdeBlend", "PotentialBlend"):
 VARIANTS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "potential section": (
         "blend_edges",
-        lambda: {"radius": None, "section": "potential", "steer": STEER, "a": 0.3, "b": 0.2, "lam": 0.0},
+        lambda: {"radius": None, "section": "potential", "steer": DEFAULT_STEER, "a": 0.3, "b": 0.2, "lam": 0.0},
     ),
     "pde section": ("blend_edges", lambda: {"section": "pde", "order": 4, "terms": 2, "continuity": None}),
     "width": ("blend_edges", lambda: {"radius": None, "width": (0.2, 0.3)}),
@@ -772,7 +772,7 @@ COMMANDS = {
 
 def options_of(command: str) -> list[str]:
     """Return the options and arguments of a command, as its parser knows them."""
-    (commands,) = (action.choices for action in cli._parser()._actions if isinstance(action.choices, dict))
+    (commands,) = (action.choices for action in cli._build_parser()._actions if isinstance(action.choices, dict))
     assert sorted(commands) == sorted(COMMANDS)
     actions = [action for action in commands[command]._actions if action.dest != "help"]
     return [(action.option_strings or [action.dest])[-1] for action in actions]

@@ -11,23 +11,30 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from cqblend.api.host_shapes import skins_of, wrapped_like
+from cqblend.api.host_shapes import collect_unroll_shapes, wrap_like
 from cqblend.api.pattern_report import Report
-from cqblend.blend_options import callback, choice, flag, is_default, leave_out, positive
+from cqblend.blend_options import (
+    check_callback,
+    check_choice,
+    check_flag,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+)
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.patterns import assembly
-from cqblend.patterns.assembly import Unrolled
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.flatten.flat_face import Wishes
+from cqblend.patterns.assembly import UnrollResult
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.flatten.flat_face import UnrollOptions
 from cqblend.patterns.flatten.flat_strip import Layout
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
-from cqblend.patterns.stock.tabs import Style, Tabs, fitted_tabs
+from cqblend.patterns.stock.tabs import Tabs, TabStyle, fit_tabs
 from cqblend.patterns.strips.division import Direction, Method
-from cqblend.patterns.trim.bare_surface import natural
+from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.patterns.write import pattern_files
-from cqblend.patterns.write.drawing import LABELS
-from cqblend.patterns.write.pdf_file import paper
+from cqblend.patterns.write.drawing import LABEL_HEIGHT
+from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
 
@@ -39,16 +46,16 @@ if TYPE_CHECKING:
 
     from cqblend.splines.bernstein import Array
 
-FINER = 10.0
+FLAT_TOLERANCE_RATIO = 10.0
 """By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
 
-TAPER, PAGE, SECONDS = np.pi / 4, "a4", 30.0
+DEFAULT_TAPER, DEFAULT_PAGE, DEFAULT_PACKING_SECONDS = np.pi / 4, "a4", 30.0
 """Of tabs, rad; of the PDF; for packing, s: unless told otherwise."""
 
-STRAIN = 0.01
+DEFAULT_STRAIN = 0.01
 """What paper, leather and thin metal take."""
 
-_SEWING = 2.5
+_SEWING_RATIO = 2.5
 """Strips on both sides of an edge are as far from it as the tolerance allows, and their borders are polygons."""
 
 
@@ -69,7 +76,7 @@ class Pattern:
     pieces: Pieces
     report: Report
     tabs: Tabs | None
-    _unrolled: Unrolled
+    _unrolled: UnrollResult
     _model: Any
     _fit: Callable[[Pieces], Tabs] | None = None
 
@@ -91,29 +98,29 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.brep.pattern_shapes import planar_faces
+        from cqblend.brep.pattern_shapes import make_planar_faces
 
-        if flag("tabs", tabs) and self.tabs is None:
+        if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
-        placed = sheets.arrange(self.pieces).pieces
-        return [wrapped_like(self._model, face) for face in planar_faces(placed.pieces, tabs=tabs)]
+        placed = sheets.arrange_pieces(self.pieces).pieces
+        return [wrap_like(self._model, face) for face in make_planar_faces(placed.pieces, tabs=tabs)]
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.brep.pattern_shapes import strips_3d
+        from cqblend.brep.pattern_shapes import sew_strip_faces
 
-        trims = [source.trim() for source in self._unrolled.sources]
-        return wrapped_like(self._model, strips_3d(trims, _SEWING * self.report.tolerance))
+        trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
+        return wrap_like(self._model, sew_strip_faces(trims, _SEWING_RATIO * self.report.tolerance))
 
     def cross_sections(self) -> list[Any]:
         """Return the formers over which strips are assembled: faces through their planar rails, wires through others.
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.brep.pattern_shapes import sections
+        from cqblend.brep.pattern_shapes import make_formers
 
         rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
-        return [wrapped_like(self._model, former) for former in sections(rails)]
+        return [wrap_like(self._model, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
         """Return where points of a flat piece are in space when it is rolled.
@@ -138,7 +145,7 @@ class Pattern:
         sources = self._unrolled.sources
         if isinstance(strip, bool) or not isinstance(strip, int) or not 0 <= strip < len(sources):
             raise InputError(f"strip is an index from 0 to {len(sources) - 1}, not {shown(strip)}")
-        flat = door.numbers("points", points)
+        flat = door.to_float_array("points", points)
         if flat.ndim == 0 or flat.shape[-1] != 2 or not np.isfinite(flat).all():
             raise InputError(f"points are pairs of finite coordinates, not {shown(points)}")
         return sources[strip].fold(flat)
@@ -147,8 +154,8 @@ class Pattern:
         self,
         width: float,
         *,
-        style: Style = "one",
-        taper: float = TAPER,
+        style: TabStyle = "one",
+        taper: float = DEFAULT_TAPER,
         pitch: float | None = None,
     ) -> "Pattern":
         """Return the pattern with tabs along its seams, by which pieces are glued, stitched or welded.
@@ -175,8 +182,10 @@ class Pattern:
             A number makes no sense, or there would be more than 20,000 teeth.
         """
         if is_default(style, "allowance"):
-            leave_out("on an allowance, which has no teeth", taper=(taper, TAPER), pitch=(pitch, None))
-        fit = partial(fitted_tabs, style=style, width=width, taper=taper, pitch=pitch)
+            refuse_ignored_options(
+                "on an allowance, which has no teeth", taper=(taper, DEFAULT_TAPER), pitch=(pitch, None)
+            )
+        fit = partial(fit_tabs, style=style, width=width, taper=taper, pitch=pitch)
         tabs = fit(self._unrolled.pieces)
         return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
 
@@ -188,11 +197,11 @@ class Pattern:
         margin: float = 5.0,
         gap: float = 3.0,
         kerf: float = 0.0,
-        labels: float | None = LABELS,
+        labels: float | None = LABEL_HEIGHT,
         fit: float | None = None,
-        page: str | tuple[float, float] | None = PAGE,
+        page: str | tuple[float, float] | None = DEFAULT_PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
-        seconds: float = SECONDS,
+        seconds: float = DEFAULT_PACKING_SECONDS,
         per_sheet: bool = False,
     ) -> "File | tuple[File, ...]":
         """Write the pieces to a file for a cutter, in true size: DXF, SVG, PDF or JSON, by the suffix.
@@ -241,28 +250,30 @@ class Pattern:
         SizeError
             A piece cannot be cut so that it fits the sheet, or has a slit or a hole narrower than the kerf.
         """
-        target = pattern_files.checked_path(path)
+        target = pattern_files.check_pattern_path(path)
         suffix = target.suffix.lower()
         if suffix != ".pdf":
-            leave_out(f"on {suffix}, which has no pages", page=(page, PAGE))
+            refuse_ignored_options(f"on {suffix}, which has no pages", page=(page, DEFAULT_PAGE))
         if suffix == ".json":
-            leave_out("on .json, which has the pieces themselves", labels=(labels, LABELS), fit=(fit, None))
+            refuse_ignored_options(
+                "on .json, which has the pieces themselves", labels=(labels, LABEL_HEIGHT), fit=(fit, None)
+            )
         if is_default(packer, "grid"):
-            leave_out('on packer="grid"', seconds=(seconds, SECONDS))
-        paper(page)
-        positive("seconds", seconds)
-        packer = choice("packer", packer, ("grid", "spyrrow"))
+            refuse_ignored_options('on packer="grid"', seconds=(seconds, DEFAULT_PACKING_SECONDS))
+        resolve_paper_size(page)
+        check_positive("seconds", seconds)
+        packer = check_choice("packer", packer, ("grid", "spyrrow"))
         if sheet is not None:
-            sheet = sheets.checked_size(sheet)
-        labels = None if labels is None else millimetres("the height of labels", labels)
-        fit = self.report.flat / 10 if fit is None else millimetres("the fit of arcs", fit, zero=True)
-        flag("per_sheet", per_sheet)
-        kerf = millimetres("the kerf", kerf, zero=True)
-        margin = millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
-        gap = millimetres("the gap between pieces", gap, zero=True) + kerf
-        pieces = self.pieces if sheet is None else self._within(sheet, margin)
-        placed = sheets.arrange(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
-        write = pattern_files.export_each if per_sheet else pattern_files.export
+            sheet = sheets.check_sheet_size(sheet)
+        labels = None if labels is None else check_millimetres("the height of labels", labels)
+        fit = self.report.flat / 10 if fit is None else check_millimetres("the fit of arcs", fit, zero=True)
+        check_flag("per_sheet", per_sheet)
+        kerf = check_millimetres("the kerf", kerf, zero=True)
+        margin = check_millimetres("the margin of a sheet", margin, zero=True) + kerf / 2
+        gap = check_millimetres("the gap between pieces", gap, zero=True) + kerf
+        pieces = self.pieces if sheet is None else self._split_to_sheet(sheet, margin)
+        placed = sheets.arrange_pieces(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
+        write = pattern_files.export_each_sheet if per_sheet else pattern_files.export_sheets
         return write(
             placed,
             target,
@@ -273,15 +284,17 @@ class Pattern:
             report=asdict(self.report),
         )
 
-    def _within(self, sheet: tuple[float, float], margin: float) -> Pieces:
+    def _split_to_sheet(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
-        inner = sheets.usable(sheet, margin + (self.tabs.width if self.tabs else 0.0))
+        inner = sheets.subtract_margins(sheet, margin + (self.tabs.width if self.tabs else 0.0))
         sources = self._unrolled.sources
-        bare = split_pieces.within(self._unrolled.pieces, inner, lambda piece, points: sources[piece].on_face(points))
+        bare = split_pieces.split_to_fit(
+            self._unrolled.pieces, inner, lambda piece, points: sources[piece].map_to_face(points)
+        )
         return self._fit(bare).pieces if self._fit else bare
 
 
-def _check_paired(unrolled: Unrolled) -> None:
+def _check_rulings_paired(unrolled: UnrollResult) -> None:
     """Raise InputError if strips twist, and the rulings of none could be paired anew."""
     twisted = sum(record.kind == "twisted" for record in unrolled.records)
     if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
@@ -298,7 +311,7 @@ def unroll(
     method: Method = "longest",
     direction: Direction = "auto",
     layout: Layout = "smooth",
-    strain: float = STRAIN,
+    strain: float = DEFAULT_STRAIN,
     developable: bool = False,
     even: bool = False,
     least_width: float | None = None,
@@ -367,44 +380,46 @@ def unroll(
     >>> len(pattern.strips), pattern.report.seam_mismatch < 1e-9
     (3, True)
     """
-    allowed = positive("tolerance", tolerance)
-    wishes = Wishes(
+    allowed = check_positive("tolerance", tolerance)
+    wishes = UnrollOptions(
         tolerance=allowed,
-        flat=allowed / FINER if flat_tolerance is None else positive("flat_tolerance", flat_tolerance),
-        method=choice("method", method, get_args(Method)),
-        direction=choice("direction", direction, get_args(Direction)),
-        strain=positive("strain", strain),
-        layout=choice("layout", layout, get_args(Layout)),
-        developable=flag("developable", developable),
-        even=flag("even", even),
-        least_width=None if least_width is None else positive("least_width", least_width),
+        flat=allowed / FLAT_TOLERANCE_RATIO
+        if flat_tolerance is None
+        else check_positive("flat_tolerance", flat_tolerance),
+        method=check_choice("method", method, get_args(Method)),
+        direction=check_choice("direction", direction, get_args(Direction)),
+        strain=check_positive("strain", strain),
+        layout=check_choice("layout", layout, get_args(Layout)),
+        developable=check_flag("developable", developable),
+        even=check_flag("even", even),
+        least_width=None if least_width is None else check_positive("least_width", least_width),
     )
-    callback("progress", progress, "two arguments")
+    check_callback("progress", progress, "two arguments")
     if wishes.method == "elber":
-        leave_out(
+        refuse_ignored_options(
             'on method="elber", which is the paper\'s',
             even=(even, False),
             developable=(developable, False),
-            strain=(strain, STRAIN),
+            strain=(strain, DEFAULT_STRAIN),
         )
     if wishes.layout == "triangles":
-        leave_out('on layout="triangles", which is flat along diagonals', developable=(developable, False))
+        refuse_ignored_options('on layout="triangles", which is flat along diagonals', developable=(developable, False))
     if isinstance(shape, Surface):
         import cadquery
 
-        model, skin = cadquery.Compound.makeCompound([]), natural(shape)
+        model, skin = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
     else:
-        from cqblend.brep.read.trimmed_patches import read
+        from cqblend.brep.read.trimmed_patches import read_patches
 
-        model, parts, whole = skins_of(shape)
+        model, parts, whole = collect_unroll_shapes(shape)
         try:
-            skin = read(parts, whole=whole, join=wishes.flat)
+            skin = read_patches(parts, whole=whole, join=wishes.flat)
         except SelectionError:  # the solid in the chain is another one
-            skin = read(parts, join=wishes.flat)
-    unrolled = assembly.unroll(skin, wishes, progress)
+            skin = read_patches(parts, join=wishes.flat)
+    unrolled = assembly.unroll_patches(skin, wishes, progress)
     if developable:
-        _check_paired(unrolled)
-    pattern = Pattern(unrolled.pieces, Report.of(unrolled, wishes), None, unrolled, model)
+        _check_rulings_paired(unrolled)
+    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, wishes), None, unrolled, model)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
         some = pattern if pattern.strips else None

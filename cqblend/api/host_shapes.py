@@ -9,17 +9,17 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from cqblend.brep.shape_kinds import children, downcast, is_topods, kind
+from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
 from cqblend.errors import InputError, reason, shown, with_article
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 
-_DEEPEST = 9  # iterables within each other, in which edges are looked for
+_MAX_NESTING = 9  # iterables within each other, in which edges are looked for
 
 
-def native_shape(thing: Any) -> Any:
+def resolve_shape(thing: Any) -> Any:
     """Return the shape that is meant: the thing itself, or the solid of a Workplane.
 
     Raises
@@ -32,20 +32,20 @@ def native_shape(thing: Any) -> Any:
             thing = thing.findSolid()
         except ValueError as error:
             raise InputError("shape is a Workplane with no solid on its stack or in its parents") from error
-    if _topods(thing) is None:
-        raise InputError(f"shape must be a CadQuery, build123d or TopoDS shape, not {_shown(thing)}")
+    if _find_topods(thing) is None:
+        raise InputError(f"shape must be a CadQuery, build123d or TopoDS shape, not {_describe_shape(thing)}")
     return thing
 
 
 def to_topods(shape: Any) -> "TopoDS_Shape":
     """Return the TopoDS shape of a shape that `native_shape` returned."""
-    topods = _topods(shape)
+    topods = _find_topods(shape)
     if topods is None:
-        raise InputError(f"a CadQuery, build123d or TopoDS shape is needed, not {_shown(shape)}")
+        raise InputError(f"a CadQuery, build123d or TopoDS shape is needed, not {_describe_shape(shape)}")
     return topods
 
 
-def edges_of(things: Any) -> "list[TopoDS_Edge]":
+def collect_edges(things: Any) -> "list[TopoDS_Edge]":
     """Return the edges in an edge, a Workplane, a ShapeList, a compound, or nested iterables of those, once each.
 
     Raises
@@ -54,7 +54,7 @@ def edges_of(things: Any) -> "list[TopoDS_Edge]":
         There is none, or something else among them.
     """
     edges: list[TopoDS_Edge] = []
-    for edge in _flattened(things):
+    for edge in _iterate_edges(things):
         if not any(edge.IsSame(other) for other in edges):
             edges.append(edge)
     if not edges:
@@ -62,32 +62,32 @@ def edges_of(things: Any) -> "list[TopoDS_Edge]":
     return edges
 
 
-def face_of(thing: Any, name: str) -> "TopoDS_Face":
+def to_topods_face(thing: Any, name: str) -> "TopoDS_Face":
     """Return the TopoDS face of a face; `name` is what the caller calls it."""
-    topods = _topods(thing)
-    if topods is None or kind(topods) != "face":
-        raise InputError(f"{name} must be a face, not {_shown(thing)}")
+    topods = _find_topods(thing)
+    if topods is None or find_shape_kind(topods) != "face":
+        raise InputError(f"{name} must be a face, not {_describe_shape(thing)}")
     return topods
 
 
-def edge_of(thing: Any) -> "TopoDS_Edge":
+def to_topods_edge(thing: Any) -> "TopoDS_Edge":
     """Return the TopoDS edge of one edge, or of a Workplane or an iterable with one edge."""
-    edges = edges_of(thing)
+    edges = collect_edges(thing)
     if len(edges) > 1:
         raise InputError(f"edge must be one edge, not {len(edges)}")
     return edges[0]
 
 
-def faces_of(things: Any) -> "list[TopoDS_Face]":
+def collect_faces(things: Any) -> "list[TopoDS_Face]":
     """Return the TopoDS faces of a face, a Workplane with faces on its stack, or an iterable of faces."""
-    if _topods(things) is not None:
-        return [face_of(things, "faces")]
+    if _find_topods(things) is not None:
+        return [to_topods_face(things, "faces")]
     if _is_workplane(things):
         things = things.vals()
-    return [face_of(thing, "faces") for thing in _items(things, "faces must be faces")]
+    return [to_topods_face(thing, "faces") for thing in _list_items(things, "faces must be faces")]
 
 
-def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None]":
+def collect_unroll_shapes(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None]":
     """Return what is to be unrolled: faces, shells, solids and compounds, in one of those or an iterable of them.
 
     Of a Workplane, what is on its stack, and the solid that it may be of. The first thing is returned, too:
@@ -101,80 +101,80 @@ def skins_of(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None
     whole = None
     if _is_workplane(things):
         with suppress(ValueError):
-            whole = _topods(things.findSolid())
+            whole = _find_topods(things.findSolid())
         things = things.vals()
-    elif _topods(_made(things)) is not None:
+    elif _find_topods(_resolve_builder(things)) is not None:
         things = [things]
-    found = [_made(thing) for thing in _items(things, "faces, shells or solids are unrolled")]
+    found = [_resolve_builder(thing) for thing in _list_items(things, "faces, shells or solids are unrolled")]
     for thing in found:
-        topods = _topods(thing)
-        if topods is None or kind(topods) in ("wire", "edge", "vertex"):
-            raise InputError(f"faces, shells or solids are unrolled, not {_shown(thing)}")
+        topods = _find_topods(thing)
+        if topods is None or find_shape_kind(topods) in ("wire", "edge", "vertex"):
+            raise InputError(f"faces, shells or solids are unrolled, not {_describe_shape(thing)}")
     if not found:
         raise InputError("nothing is selected: select at least one face")
     return found[0], [to_topods(thing) for thing in found], whole
 
 
-def _made(thing: Any) -> Any:
+def _resolve_builder(thing: Any) -> Any:
     """Return what a builder of build123d has made, the shapes of a CadQuery assembly, or the thing itself."""
-    if _topods(thing) is None and _library(thing) == "build123d":
+    if _find_topods(thing) is None and _find_library(thing) == "build123d":
         return next((made for name in ("part", "sketch") if (made := getattr(thing, name, None)) is not None), thing)
-    if _library(thing) == "cadquery" and hasattr(thing, "toCompound"):
+    if _find_library(thing) == "cadquery" and hasattr(thing, "toCompound"):
         return thing.toCompound()
     return thing
 
 
-def wrapped_like(model: Any, result: "TopoDS_Shape") -> Any:
+def wrap_like(model: Any, result: "TopoDS_Shape") -> Any:
     """Return a result as a shape of the library of `model`, a shape that `native_shape` returned.
 
     The class follows from the kind of the result; but what comes of a build123d ``Part`` is a ``Part``. The whole of a
     build123d shape keeps its label and its color.
     """
     if is_topods(model):
-        return downcast(result)
+        return downcast_shape(result)
     shape = type(model).cast(result)
-    if kind(result) in ("solid", "compsolid", "compound") and _library(model) == "build123d":
+    if find_shape_kind(result) in ("solid", "compsolid", "compound") and _find_library(model) == "build123d":
         part = next((base for base in type(model).__mro__ if base.__name__ == "Part"), None)
         if part is not None:
-            shape = part([shape]) if kind(result) == "solid" else part(downcast(result))
+            shape = part([shape]) if find_shape_kind(result) == "solid" else part(downcast_shape(result))
         shape.label, shape.color = model.label, model.color
     return shape
 
 
-def _items(things: Any, wanted: str) -> list[Any]:
+def _list_items(things: Any, wanted: str) -> list[Any]:
     """Return the items of an iterable of shapes, in which case nothing but shapes is wanted."""
     if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
-        raise InputError(f"{wanted}, not {_shown(things)}")
+        raise InputError(f"{wanted}, not {_describe_shape(things)}")
     try:
         return list(things)
     except Exception as error:
         raise InputError(f"{wanted}, and going through what is given raises {reason(error)}") from error
 
 
-def _flattened(things: Any, depth: int = 0) -> "Iterable[TopoDS_Edge]":
-    if depth > _DEEPEST:
-        raise InputError(f"edges are nested more than {_DEEPEST} deep")
-    topods = _topods(things)
-    if topods is not None and kind(topods) == "edge":
+def _iterate_edges(things: Any, depth: int = 0) -> "Iterable[TopoDS_Edge]":
+    if depth > _MAX_NESTING:
+        raise InputError(f"edges are nested more than {_MAX_NESTING} deep")
+    topods = _find_topods(things)
+    if topods is not None and find_shape_kind(topods) == "edge":
         yield topods
         return
-    if topods is not None and kind(topods) == "compound":
-        things = children(topods)
+    if topods is not None and find_shape_kind(topods) == "compound":
+        things = list_children(topods)
     elif _is_workplane(things):
         things = things.vals()
     elif topods is not None:
-        raise InputError(f"edges must be edges, not {_shown(things)}")
-    for thing in _items(things, "edges must be edges"):
-        yield from _flattened(thing, depth + 1)
+        raise InputError(f"edges must be edges, not {_describe_shape(things)}")
+    for thing in _list_items(things, "edges must be edges"):
+        yield from _iterate_edges(thing, depth + 1)
 
 
-def _topods(thing: Any) -> "TopoDS_Shape | None":
+def _find_topods(thing: Any) -> "TopoDS_Shape | None":
     """Return the TopoDS shape in a CadQuery, build123d or TopoDS shape, None if there is none."""
-    inner = _wrapped(thing) if _library(thing) else thing
-    return downcast(inner) if is_topods(inner) else None
+    inner = _get_wrapped(thing) if _find_library(thing) else thing
+    return downcast_shape(inner) if is_topods(inner) else None
 
 
-def _wrapped(thing: Any) -> Any:
+def _get_wrapped(thing: Any) -> Any:
     """Return what a shape of a library wraps; build123d asserts that there is something."""
     try:
         return thing.wrapped
@@ -182,19 +182,19 @@ def _wrapped(thing: Any) -> Any:
         return None
 
 
-def _library(thing: Any) -> str | None:
+def _find_library(thing: Any) -> str | None:
     """Return which library the class of a thing, or a class it derives from, comes from."""
     roots = {base.__module__.partition(".")[0] for base in type(thing).__mro__}
     return next((name for name in ("cadquery", "build123d") if name in roots), None)
 
 
 def _is_workplane(thing: Any) -> bool:
-    return _library(thing) == "cadquery" and hasattr(thing, "findSolid")
+    return _find_library(thing) == "cadquery" and hasattr(thing, "findSolid")
 
 
-def _shown(thing: Any) -> str:
+def _describe_shape(thing: Any) -> str:
     """Return a thing as an error message names it."""
-    topods = _topods(thing)
+    topods = _find_topods(thing)
     if topods is not None:
-        return with_article(kind(topods))
+        return with_article(find_shape_kind(topods))
     return shown(thing)

@@ -9,13 +9,13 @@ from math import isnan
 
 import numpy as np
 
-from cqblend.patterns.assembly import Areas, Record, Unrolled
-from cqblend.patterns.flatten.flat_face import Wishes
+from cqblend.patterns.assembly import Areas, Record, UnrollResult
+from cqblend.patterns.flatten.flat_face import UnrollOptions
 
-THIN = 2.0
+THIN_WIDTH = 2.0
 """Pieces thinner than this are hard to cut, mm."""
 
-MOST = 12
+MOST_NAMES = 12
 """Names that are printed at most."""
 
 
@@ -101,7 +101,7 @@ class Report:
     detours: tuple[str, ...]
 
     @classmethod
-    def of(cls, unrolled: Unrolled, wishes: Wishes) -> "Report":
+    def from_unroll_result(cls, unrolled: UnrollResult, wishes: UnrollOptions) -> "Report":
         """Sum up what is known of the pieces."""
         records, pieces = unrolled.records, unrolled.pieces
         return cls(
@@ -125,7 +125,7 @@ class Report:
             overlap=0.0,
             pieces=records,
             areas=unrolled.areas,
-            thin=tuple(one.name for one in records if one.width < THIN),
+            thin=tuple(one.name for one in records if one.width < THIN_WIDTH),
             unmerged=tuple(one.name for one in records if one.width < (wishes.least_width or 0.0)),
             detours=unrolled.detours,
         )
@@ -158,15 +158,15 @@ class Report:
                 f"{self.seams}; their sides differ by {self.seam_mismatch:.1g}, from edges by {self.seam_stretch:.1g}",
             ),
             ("overlap", f"{self.overlap:.3g} mm2"),
-            *((("thin", f"below {THIN:g} mm: {_listed(self.thin)}"),) if self.thin else ()),
-            *((("unmerged", _listed(self.unmerged)),) if self.unmerged else ()),
+            *((("thin", f"below {THIN_WIDTH:g} mm: {_abbreviate_names(self.thin)}"),) if self.thin else ()),
+            *((("unmerged", _abbreviate_names(self.unmerged)),) if self.unmerged else ()),
             *(("detour", detour) for detour in self.detours),
         )
         width = max(len(name) for name, _ in rows)
         return "\n".join(f"{name:<{width}}  {text}" for name, text in rows)
 
 
-def _listed(names: Sequence[str]) -> str:
+def _abbreviate_names(names: Sequence[str]) -> str:
     """Return names in a row, the first ones of many."""
-    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
-    return ", ".join(names[:MOST]) + more
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more

@@ -13,36 +13,36 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.api.surface_blend import Amount, Blend, Length, Tangents, along_rails, check_untied
+from cqblend.api.surface_blend import Amount, Blend, CrossLength, Tangents, prepare_rails, refuse_derivative_options
 from cqblend.blend_options import (
-    ANGLE,
-    FORM,
-    MOST_MODES,
-    MOST_POINTS,
-    MOST_TERMS,
-    STEER,
-    TOLERANCE,
-    choice,
-    count,
-    count_or_auto,
-    orders,
-    positive,
-    turn,
+    DEFAULT_ANGULAR_TOLERANCE,
+    DEFAULT_STEER,
+    DEFAULT_TOLERANCE,
+    FORMS,
+    MAX_COLLOCATION_POINTS,
+    MAX_MODES,
+    MAX_TERMS,
+    check_angle,
+    check_choice,
+    check_count,
+    check_count_or_auto,
+    check_pde_orders,
+    check_positive,
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
-from cqblend.blends.pde.equations import Parameters
-from cqblend.blends.pde.problem import BASES, Problem
-from cqblend.blends.pde.solution import Ends, Solution
-from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.pde.equations import ShapeParameters
+from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings
+from cqblend.blends.pde.solution import EndSections, Solution
+from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
-from cqblend.blends.rails.ribbon import returns
+from cqblend.blends.rails.ribbon import is_periodic
 from cqblend.certificate import Certificate
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.primaries import Array
 
-CORNER = 1e-6  # of the size: as near as that, an end section meets a side
-SAMPLES = 65  # across an end section
+CORNER_TOLERANCE = 1e-6  # of the size: as near as that, an end section meets a side
+END_SECTION_SAMPLES = 65  # across an end section
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def pde_blend(
     side2: Rail | Boundary,
     *,
     order: int | Sequence[int] = 4,
-    parameters: Parameters = None,
+    parameters: ShapeParameters = None,
     terms: int | str = "auto",
     basis: str = "auto",
     modes: int | str = "auto",
@@ -109,11 +109,11 @@ def pde_blend(
     ends: tuple[Boundary, Boundary] | None = None,
     tangents: Tangents | tuple[Tangents, Tangents] = "perpendicular",
     bulge: Amount | tuple[Amount, Amount] = 1.0,
-    length: Length | tuple[Length, Length] = None,
+    length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = TOLERANCE,
-    angular_tolerance: float = ANGLE,
-    steer: float = STEER,
+    tolerance: float = DEFAULT_TOLERANCE,
+    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
+    steer: float = DEFAULT_STEER,
     crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
@@ -191,25 +191,30 @@ def pde_blend(
     >>> blend.certificate.angle < 1e-10, blend.certificate.residual < 1e-9
     (True, True)
     """
-    wanted = Problem(
-        orders(order),
+    wanted = PdeSettings(
+        check_pde_orders(order),
         parameters,
-        count_or_auto("terms", terms, MOST_TERMS),
-        choice("basis", basis, BASES),
-        count_or_auto("modes", modes, MOST_MODES),
-        _points(points),
-        choice("minimise", minimise, ("auto", "residual", "energy")),
+        check_count_or_auto("terms", terms, MAX_TERMS),
+        check_choice("basis", basis, BASIS_NAMES),
+        check_count_or_auto("modes", modes, MAX_MODES),
+        _check_points(points),
+        check_choice("minimise", minimise, ("auto", "residual", "energy")),
     )
     highest = max(wanted.halves) - 1
-    form = choice("form", form, FORM)
-    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
-    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
-    make = partial(wanted.blend, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
+    form = check_choice("form", form, FORMS)
+    tolerance, angular_tolerance = (
+        check_positive("tolerance", tolerance),
+        check_positive("angular_tolerance", angular_tolerance),
+    )
+    allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
+    make = partial(wanted.blend_ribbons, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
-        check_untied("between boundary data, which have derivatives of their own", tangents, bulge, length, steer)
+        refuse_derivative_options(
+            "between boundary data, which have derivatives of their own", tangents, bulge, length, steer
+        )
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
-        held = _ends(ends, wanted, closed, (side1, side2))
+        held = _check_ends(ends, wanted, closed, (side1, side2))
         made, solution = make((first, second), closed=closed, by_length=False, ends=held)
         rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
@@ -218,16 +223,16 @@ def pde_blend(
             raise InputError("a blend takes two rails or two boundaries, not one of each: they do not match")
         if ends is not None:
             raise InputError("ends are those of boundary data: blends along rails end in Hermite sections")
-        rails, ribbons = along_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
+        rails, ribbons = prepare_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
         if rails[0].closed != rails[1].closed:
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
-        made, solution = make(ribbons, closed=rails[0].closed and all(map(returns, ribbons)))
+        made, solution = make(ribbons, closed=rails[0].closed and all(map(is_periodic, ribbons)))
         known = (2, 2)
     check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
 
 
-def _check_match(side1: Boundary, side2: Boundary, wanted: Problem) -> bool:
+def _check_match(side1: Boundary, side2: Boundary, wanted: PdeSettings) -> bool:
     """Check that boundary data suit each other and the order; return whether they are closed."""
     if side1.domain != side2.domain:
         raise InputError(f"the sides run over {side1.domain} and {side2.domain}: they do not match; give one domain")
@@ -241,7 +246,7 @@ def _check_match(side1: Boundary, side2: Boundary, wanted: Problem) -> bool:
     return side1.closed
 
 
-def _ends(given: Any, wanted: Problem, closed: bool, sides: tuple[Boundary, Boundary]) -> Ends | None:
+def _check_ends(given: Any, wanted: PdeSettings, closed: bool, sides: tuple[Boundary, Boundary]) -> EndSections | None:
     """Return end sections as numbers, if they meet the sides at the corners."""
     if given is None:
         return None
@@ -249,7 +254,7 @@ def _ends(given: Any, wanted: Problem, closed: bool, sides: tuple[Boundary, Boun
         raise InputError("closed sides have no end sections: leave ends out")
     if not isinstance(given, list | tuple) or len(given) != 2 or not all(isinstance(one, Boundary) for one in given):
         raise InputError(f"ends are two Boundary, functions of v, not {shown(given)}")
-    v = (1 - np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)) / 2
+    v = (1 - np.cos(np.pi * (np.arange(END_SECTION_SAMPLES) + 0.5) / END_SECTION_SAMPLES)) / 2
     half, jets = max(wanted.halves), list[Array]()
     for one in given:
         if one.domain != (0.0, 1.0):
@@ -258,7 +263,7 @@ def _ends(given: Any, wanted: Problem, closed: bool, sides: tuple[Boundary, Boun
             raise InputError(f"an equation of order {max(wanted.order)} needs {half} sets of data on each end section")
         _check_corners(one, sides, len(jets), wanted.halves)
         jets.append(np.stack([curve(v) for curve in one.curves[:half]]))
-    return Ends(v, np.stack(jets))
+    return EndSections(v, np.stack(jets))
 
 
 def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int, halves: tuple[int, int, int]) -> None:
@@ -269,14 +274,16 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
         size = np.abs(np.concatenate([one.curves[0](one.curves[0].breaks) for one in sides])).max()
         for k, curve in enumerate(side.curves[:2]):
             apart = np.linalg.norm((section.curves[0](v, k) - curve(t))[np.array(halves) > k])
-            if apart > CORNER * size:
+            if apart > CORNER_TOLERANCE * size:
                 raise InputError(
                     f"ends[{end}] misses side {number + 1} at t = {t:.6g} by {apart:.2g} in "
                     f"{('position', 'the first derivative')[k]}: ends are functions of v, from side 1 to side 2"
                 )
 
 
-def _points(value: object) -> tuple[int | None, int | None]:
+def _check_points(value: object) -> tuple[int | None, int | None]:
     if isinstance(value, list | tuple) and len(value) == 2:
-        return count("points[0]", value[0], MOST_POINTS), count("points[1]", value[1], MOST_POINTS)
-    return count_or_auto("points", value, MOST_POINTS), None
+        return check_count("points[0]", value[0], MAX_COLLOCATION_POINTS), check_count(
+            "points[1]", value[1], MAX_COLLOCATION_POINTS
+        )
+    return check_count_or_auto("points", value, MAX_COLLOCATION_POINTS), None

@@ -15,22 +15,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
-from cqblend.blend_options import ANGLE, EXACT, FORM, TOLERANCE, choice, is_default, leave_out, positive, turn
-from cqblend.blends.checks import as_point
-from cqblend.blends.potential.family_pair import Meeting, point
-from cqblend.blends.potential.intersection_branches import Branch, branches, nearest_approach
+from cqblend.blend_options import (
+    DEFAULT_ANGULAR_TOLERANCE,
+    DEFAULT_TOLERANCE,
+    EXACT_FORM_IS_EXACT,
+    FORMS,
+    check_angle,
+    check_choice,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+)
+from cqblend.blends.checks import to_point
+from cqblend.blends.potential.family_pair import FamilyPair, format_point
+from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
 from cqblend.blends.potential.relations import Relation
-from cqblend.blends.potential.relations import relation as relation_of
-from cqblend.blends.potential.surface_family import Family, Moved, Offset
-from cqblend.blends.potential.swept_blend import Sweep, sweep
-from cqblend.blends.potential.swept_section import Skin, loosened
-from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.potential.relations import to_relation as relation_of
+from cqblend.blends.potential.surface_family import Family, OffsetFamily, ReferenceFamily
+from cqblend.blends.potential.swept_blend import Sweep, sweep_branch
+from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible
+from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
-from cqblend.blends.rails.ribbon import Ribbon, faded
+from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import finite, number
+from cqblend.splines.knots import check_number, to_finite_array
 from cqblend.surfaces.primaries import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
@@ -38,11 +48,11 @@ Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float |
 
 Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
-START = 0.5  # x at which branches are looked for, half-way
-OFFSET = 1e-6  # relative, of offsets as splines
-TUNING = (1.0, 1.0, 1.0)
-FINEST = 1e-7  # of the distance between rails: a finer skin takes more spans than it is worth
-INSIDE = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
+HALF_WAY = 0.5  # x at which branches are looked for, half-way
+DEFAULT_OFFSET_TOLERANCE = 1e-6  # relative, of offsets as splines
+DEFAULT_TUNING = (1.0, 1.0, 1.0)
+FINEST_SKIN_RATIO = 1e-7  # of the distance between rails: a finer skin takes more spans than it is worth
+DEFAULT_SKIN_RATIO = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
 
 
 @dataclass(frozen=True)
@@ -78,16 +88,16 @@ class PotentialBlend(Blend):
         InputError
             A v is not between 0 and 1.
         """
-        v = finite("v", v)
+        v = to_finite_array("v", v)
         if v.size and not (v.min() >= 0 and v.max() <= 1):
             raise InputError(f"v runs over [0, 1], not to {v.flat[np.abs(v - 0.5).argmax()]:.6g}")
-        return self.sweep.curves.meeting.s(1 - v)
+        return self.sweep.curves.family_pair.s(1 - v)
 
     @property
     def hermite(self) -> Blend:
         """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = blend_surface.hermite((first, second), self.form, TOLERANCE, ANGLE)
+        made = blend_surface.blend_ribbons((first, second), self.form, DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE)
         return Blend(made.surface, self.ribbons, made.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
@@ -98,7 +108,7 @@ class PotentialBlend(Blend):
         InputError
             t or v is outside its range.
         """
-        t, v = finite("t", t), finite("v", v)
+        t, v = to_finite_array("t", t), to_finite_array("v", v)
         try:
             t, v = np.broadcast_arrays(t, v)
         except ValueError as error:
@@ -107,8 +117,8 @@ class PotentialBlend(Blend):
         if not (np.all((t >= low) & (t <= high)) and np.all((v >= 0) & (v <= 1))):
             raise InputError(f"t runs over [{low:.9g}, {high:.9g}] and v over [0, 1]")
         x = 1 - v.ravel()
-        q = self.sweep.solve(t.ravel(), x)
-        return self.sweep.curves.meeting.jets(q, x)[0][0].reshape(*t.shape, 3)
+        q = self.sweep.solve_parameters(t.ravel(), x)
+        return self.sweep.curves.family_pair.evaluate_jets(q, x)[0][0].reshape(*t.shape, 3)
 
 
 def reshape(
@@ -116,9 +126,9 @@ def reshape(
     by: str = "reference",
     *,
     reference: Reference = "centroid",
-    tuning: Sequence[float] = TUNING,
+    tuning: Sequence[float] = DEFAULT_TUNING,
     amounts: Amounts = None,
-    tolerance: float = OFFSET,
+    tolerance: float = DEFAULT_OFFSET_TOLERANCE,
 ) -> Family:
     r"""Make a family of surfaces S(u, v; s) out of one, S(u, v; 0).
 
@@ -173,32 +183,34 @@ def reshape(
     """
     outward = 1.0
     if not isinstance(surface, Surface):
-        from cqblend.api.host_shapes import face_of
-        from cqblend.brep.read.spline_conversion import outward_sign, to_surface
+        from cqblend.api.host_shapes import to_topods_face
+        from cqblend.brep.read.spline_conversion import find_outward_sign, to_surface
 
-        face = face_of(surface, "surface")
-        surface, outward = to_surface(face), outward_sign(face)
+        face = to_topods_face(surface, "surface")
+        surface, outward = to_surface(face), find_outward_sign(face)
     if surface.dim != 3:
         raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
-    by = choice("by", by, ("reference", "normal"))
+    by = check_choice("by", by, ("reference", "normal"))
     if by == "reference":
-        leave_out('on by="reference", which is exact', tolerance=(tolerance, OFFSET))
+        refuse_ignored_options('on by="reference", which is exact', tolerance=(tolerance, DEFAULT_OFFSET_TOLERANCE))
     else:
-        leave_out('on by="normal": normals need none', reference=(reference, "centroid"))
-    if tuning is not TUNING:
-        tuning = _tuning(tuning, has_effect=by == "reference" and is_default(reference, "extents"))
-    tolerance = positive("tolerance", tolerance)
+        refuse_ignored_options('on by="normal": normals need none', reference=(reference, "centroid"))
+    if tuning is not DEFAULT_TUNING:
+        tuning = _check_tuning(tuning, has_effect=by == "reference" and is_default(reference, "extents"))
+    tolerance = check_positive("tolerance", tolerance)
     poles = surface.to_bspline()[2]
-    functions, groups = _amounts(amounts, poles.shape[:2])
+    functions, groups = _group_amounts(amounts, poles.shape[:2])
     if by == "normal":
-        return Offset.of(surface, functions, groups, tolerance, outward)
-    return Moved.of(surface, functions, groups, _reference(reference, tuning, poles), tolerance)
+        return OffsetFamily.from_surface(surface, functions, groups, tolerance, outward)
+    return ReferenceFamily.from_surface(
+        surface, functions, groups, _resolve_reference(reference, tuning, poles), tolerance
+    )
 
 
-def _amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array], Any], ...], Array]:
+def _group_amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array], Any], ...], Array]:
     """Return the different amounts as functions, and which of them each control point has."""
     if given is None or callable(given) or not isinstance(given, list | tuple | np.ndarray):
-        return (_amount(given),), np.zeros(shape, dtype=int)
+        return (_to_amount_function(given),), np.zeros(shape, dtype=int)
     rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in given]
     if tuple(map(len, rows)) != (shape[1],) * shape[0]:
         raise InputError(
@@ -210,7 +222,7 @@ def _amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array]
     groups = np.empty(shape, dtype=int)
     for i, row in enumerate(rows):
         for j, one in enumerate(row):
-            function = _amount(one)
+            function = _to_amount_function(one)
             key = one if one is None or callable(one) else float(one)
             if key not in found:
                 found[key] = len(functions)
@@ -219,34 +231,34 @@ def _amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array]
     return tuple(functions), groups
 
 
-def _amount(given: Any) -> Callable[[Array], Any]:
+def _to_amount_function(given: Any) -> Callable[[Array], Any]:
     if given is None:
         return np.positive
     if callable(given):
         return given
-    factor = number("amounts", given)
+    factor = check_number("amounts", given)
     return lambda s: factor * s
 
 
-def _tuning(given: object, *, has_effect: bool) -> tuple[float, ...]:
+def _check_tuning(given: object, *, has_effect: bool) -> tuple[float, ...]:
     """Return the three factors of the paper's rule; others than 1 are refused where they have no effect."""
     if not isinstance(given, list | tuple | np.ndarray) or getattr(given, "ndim", 1) == 0 or len(given) != 3:
         raise InputError(f"tuning is three numbers, not {shown(given)}")
-    factors = tuple(number("tuning", one) for one in given)
-    if not has_effect and factors != TUNING:
+    factors = tuple(check_number("tuning", one) for one in given)
+    if not has_effect and factors != DEFAULT_TUNING:
         raise InputError('tuning has no effect but on reference="extents": leave tuning out')
     return factors
 
 
-def _reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
+def _resolve_reference(given: Any, tuning: Sequence[float], poles: Array) -> Array | Callable[[Array], Any]:
     if callable(given):
         return given
     if isinstance(given, str):
-        rule = choice("reference", given, ("centroid", "extents"))
+        rule = check_choice("reference", given, ("centroid", "extents"))
         if rule == "extents":
             return np.asarray(np.array(tuning) * np.ptp(poles, axis=(0, 1)) / 2)
         return np.asarray(poles.mean(axis=(0, 1)))
-    made = as_point(given)
+    made = to_point(given)
     if made is None:
         raise InputError(f'a reference is "centroid", "extents", a point or a function of s, not {shown(given)}')
     return made
@@ -259,8 +271,8 @@ def potential_blend(
     *,
     near: ArrayLike | None = None,
     form: str = "auto",
-    tolerance: float = TOLERANCE,
-    angular_tolerance: float = ANGLE,
+    tolerance: float = DEFAULT_TOLERANCE,
+    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
     skin: float | None = None,
     crease: float | None = None,
 ) -> PotentialBlend:
@@ -328,66 +340,75 @@ def potential_blend(
     (True, True)
     """
     pair = relation_of(relation)
-    form = choice("form", form, FORM)
+    form = check_choice("form", form, FORMS)
     if form == "exact" and skin is not None:
-        leave_out(EXACT + " if the skin is given", tolerance=(tolerance, TOLERANCE))
-    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
-    skin = None if skin is None else positive("skin", skin)
-    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
+        refuse_ignored_options(EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, DEFAULT_TOLERANCE))
+    tolerance, angular_tolerance = (
+        check_positive("tolerance", tolerance),
+        check_positive("angular_tolerance", angular_tolerance),
+    )
+    skin = None if skin is None else check_positive("skin", skin)
+    allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
     families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
-    meeting = Meeting.of((families[0], families[1]), pair)
-    swept = sweep(meeting, _branch(meeting, near), START)
-    made, fill = _made(swept, form, tolerance, angular_tolerance, skin)
+    meeting = FamilyPair.from_relation((families[0], families[1]), pair)
+    swept = sweep_branch(meeting, _choose_branch(meeting, near), HALF_WAY)
+    made, fill = _blend_within_skin(swept, form, tolerance, angular_tolerance, skin)
     check_creases(made, allowed, steers=False)
-    missed = fill.missed(made.surface)
+    missed = fill.measure_deviation(made.surface)
     if not missed <= 2 * fill.tolerance:
         raise GeometryError(
             f"the blend misses the intersection curves by {missed:.2g} mm, more than {fill.tolerance:.2g}: ask for a "
             "larger skin"
         )
-    first, second = map(_kept, made.ribbons)
-    rails = (_rail(first, families[0]), _rail(second, families[1]))
+    first, second = map(_mark_faded, made.ribbons)
+    rails = (_make_rail(first, families[0]), _make_rail(second, families[1]))
     return PotentialBlend(
         made.surface, (first, second), made.form, rails, (families[0], families[1]), pair, swept, missed
     )
 
 
-def _made(
+def _blend_within_skin(
     swept: Sweep, form: str, tolerance: float, angular_tolerance: float, skin: float | None
-) -> tuple[blend_surface.Blend, Skin]:
+) -> tuple[blend_surface.BlendSurface, SweptSection]:
     """Blend up to a swept surface, within a skin, or within the least of the default ones for which that goes."""
-    if skin is not None and skin < FINEST * swept.width:
+    if skin is not None and skin < FINEST_SKIN_RATIO * swept.width:
         raise InputError(
-            f"a skin of {skin:.2g} mm is below {FINEST * swept.width:.2g}, {FINEST:g} of the distance between the "
+            f"a skin of {skin:.2g} mm is below {FINEST_SKIN_RATIO * swept.width:.2g}, {FINEST_SKIN_RATIO:g} of the "
+            "distance between the "
             "rails: it would take too many spans"
         )
 
-    def make(allowed: float) -> tuple[blend_surface.Blend, Skin]:
-        ribbons = swept.ribbons(allowed)
-        fill = Skin.over(swept, swept.closed, allowed, swept.kinks)
-        return fill.blend(ribbons, form, tolerance, angular_tolerance), fill
+    def blend_within(allowed: float) -> tuple[blend_surface.BlendSurface, SweptSection]:
+        ribbons = swept.fit_ribbons(allowed)
+        fill = SweptSection.from_sweep(swept, swept.closed, allowed, swept.kinks)
+        return fill.blend_ribbons(ribbons, form, tolerance, angular_tolerance), fill
 
-    return make(skin) if skin is not None else loosened(make, max(tolerance, INSIDE * swept.width))
+    return (
+        blend_within(skin)
+        if skin is not None
+        else loosen_until_feasible(blend_within, max(tolerance, DEFAULT_SKIN_RATIO * swept.width))
+    )
 
 
-def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
+def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
-    target = as_point(near)
+    target = to_point(near)
     if near is not None and target is None:
         raise InputError(f"near is a point of three numbers, not {shown(near)}")
-    found = branches(meeting, START)
-    s1, s2 = meeting.s(START)
+    found = trace_branches(meeting, HALF_WAY)
+    s1, s2 = meeting.s(HALF_WAY)
     if not found:
-        distance, place = nearest_approach(meeting, START)
+        distance, place = find_nearest_approach(meeting, HALF_WAY)
         raise GeometryError(
             f"the reshaped surfaces do not meet at s = ({s1:.4g}, {s2:.4g}), half-way: they come within {distance:.3g} "
-            f"mm of each other, at {point(place)}; choose other a and b, another reference, or move them"
+            f"mm of each other, at {format_point(place)}; choose other a and b, another reference, or move them"
         )
     if target is not None:
         return min(found, key=lambda one: float(np.linalg.norm(one.points - target, axis=1).min()))
     if len(found) > 1:
         places = ", ".join(
-            f"{'closed' if one.closed else 'open'} through {point(one.points[len(one.points) // 2])}" for one in found
+            f"{'closed' if one.closed else 'open'} through {format_point(one.points[len(one.points) // 2])}"
+            for one in found
         )
         raise GeometryError(
             f"the reshaped surfaces meet in {len(found)} curves at s = ({s1:.4g}, {s2:.4g}), half-way: {places}; "
@@ -396,12 +417,12 @@ def _branch(meeting: Meeting, near: ArrayLike | None) -> Branch:
     return found[0]
 
 
-def _kept(ribbon: Ribbon) -> Ribbon:
+def _mark_faded(ribbon: Ribbon) -> Ribbon:
     """Return a ribbon that says itself whether it is tangent to its surface all along."""
-    return replace(ribbon, order=0) if faded(ribbon, np.linspace(*ribbon.c.domain, 1025)).any() else ribbon
+    return replace(ribbon, order=0) if is_faded(ribbon, np.linspace(*ribbon.c.domain, 1025)).any() else ribbon
 
 
-def _rail(ribbon: Ribbon, family: Family) -> Rail:
+def _make_rail(ribbon: Ribbon, family: Family) -> Rail:
     """Return what a ribbon starts on: a surface, with laps of it where that is periodic, and a curve on it."""
     surface = family.primary.surface  # type: ignore[attr-defined]
     c = ribbon.c

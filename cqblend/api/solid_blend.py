@@ -8,15 +8,23 @@ from dataclasses import dataclass
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from cqblend.api.host_shapes import edge_of, edges_of, face_of, faces_of, native_shape, to_topods, wrapped_like
-from cqblend.blend_options import STEER, BlendRequest, choice, positive
-from cqblend.blends.sections.blend_surface import Blend
+from cqblend.api.host_shapes import (
+    collect_edges,
+    collect_faces,
+    resolve_shape,
+    to_topods,
+    to_topods_edge,
+    to_topods_face,
+    wrap_like,
+)
+from cqblend.blend_options import DEFAULT_STEER, BlendRequest, check_choice, check_positive
+from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.read import pcurves, spline_conversion
 from cqblend.brep.verification import edge_continuity, soundness
 from cqblend.certificate import Certificate, SkippedEdge
 from cqblend.errors import InputError, shown
-from cqblend.solid_blends.edge_blend import blend_shape, insert_shape
-from cqblend.solid_blends.largest_size import largest_size
+from cqblend.solid_blends.edge_blend import blend_shape, insert_into_shape
+from cqblend.solid_blends.largest_size import find_largest_size
 from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:
@@ -59,7 +67,7 @@ def blend_edges(
     continuity: str | tuple[str, str] | None = None,
     tangents: str | tuple[str, str] = "perpendicular",
     bulge: float | tuple[float, float] = 1.0,
-    steer: float = STEER,
+    steer: float = DEFAULT_STEER,
     crease: float | None = None,
     section: str = "hermite",
     a: float | None = None,
@@ -170,7 +178,7 @@ def blend_edges(
     >>> sharp.certificate.angle < 1e-10
     True
     """
-    request = BlendRequest.checked(
+    request = BlendRequest.from_options(
         radius,
         width=width,
         continuity=continuity,
@@ -189,13 +197,13 @@ def blend_edges(
         tolerance=tolerance,
         angular_tolerance=angular_tolerance,
         ends=ends,
-        first=None if first is None else face_of(first, "first"),
+        first=None if first is None else to_topods_face(first, "first"),
     )
-    native = native_shape(shape)
-    whole, faces, certificate = blend_shape(to_topods(native), edges_of(edges), request)
+    native = resolve_shape(shape)
+    whole, faces, certificate = blend_shape(to_topods(native), collect_edges(edges), request)
     return BlendResult(
-        shape=wrapped_like(native, whole),
-        faces=tuple(wrapped_like(native, face) for face in faces),
+        shape=wrap_like(native, whole),
+        faces=tuple(wrap_like(native, face) for face in faces),
         certificate=certificate,
     )
 
@@ -249,8 +257,8 @@ def max_size(
     >>> cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), 0.98 * size).certificate.valid
     True
     """
-    by = choice("by", by, ("radius", "width"))
-    tolerance = positive("tolerance", tolerance)
+    by = check_choice("by", by, ("radius", "width"))
+    tolerance = check_positive("tolerance", tolerance)
     if not 1e-3 <= tolerance <= 0.5:
         raise InputError(f"tolerance is relative, from 0.001 to 0.5, not {tolerance:g}")
     for name in options:
@@ -263,12 +271,12 @@ def max_size(
     if options.get("section") == "potential":
         raise InputError('max_size looks for a radius or a width, which section="potential" does not have')
     if options.get("first") is not None:
-        options["first"] = face_of(options["first"], "first")
-    request = BlendRequest.checked(**{by: 1.0}, **options)
-    return largest_size(to_topods(native_shape(shape)), edges_of(edges), request, tolerance)
+        options["first"] = to_topods_face(options["first"], "first")
+    request = BlendRequest.from_options(**{by: 1.0}, **options)
+    return find_largest_size(to_topods(resolve_shape(shape)), collect_edges(edges), request, tolerance)
 
 
-def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> BlendResult:
+def insert_blend(shape: Any, edges: Any, blend: BlendSurface, *, first: Any = None) -> BlendResult:
     """Put a blend of surfaces into a solid, in the place of the edge between two faces that lie on these surfaces.
 
     The faces are cut at the blend's rails, and the result is verified before it is returned. The input is left as it
@@ -307,15 +315,15 @@ def insert_blend(shape: Any, edges: Any, blend: Blend, *, first: Any = None) -> 
     >>> result.certificate.valid
     True
     """
-    if not isinstance(blend, Blend):
+    if not isinstance(blend, BlendSurface):
         raise InputError(
             f"a blend to insert is what hermite_blend, pde_blend or potential_blend made, not {shown(blend)}"
         )
-    native = native_shape(shape)
-    whole, face, certificate = insert_shape(
-        to_topods(native), edges_of(edges), blend, None if first is None else face_of(first, "first")
+    native = resolve_shape(shape)
+    whole, face, certificate = insert_into_shape(
+        to_topods(native), collect_edges(edges), blend, None if first is None else to_topods_face(first, "first")
     )
-    return BlendResult(wrapped_like(native, whole), (wrapped_like(native, face),), certificate)
+    return BlendResult(wrap_like(native, whole), (wrap_like(native, face),), certificate)
 
 
 def continuity(shape: Any, edge: Any) -> "Continuity":
@@ -347,7 +355,7 @@ def continuity(shape: Any, edge: Any) -> "Continuity":
     >>> round(cqblend.continuity(box, box.Edges()[0]).angle, 6)
     1.570796
     """
-    return edge_continuity.continuity(to_topods(native_shape(shape)), edge_of(edge))
+    return edge_continuity.measure_continuity(to_topods(resolve_shape(shape)), to_topods_edge(edge))
 
 
 def verify(shape: Any, faces: Any = None) -> "Verification":
@@ -374,7 +382,7 @@ def verify(shape: Any, faces: Any = None) -> "Verification":
     >>> cqblend.verify(cadquery.Solid.makeBox(30, 20, 10)).ok
     True
     """
-    return soundness.verify(to_topods(native_shape(shape)), None if faces is None else faces_of(faces))
+    return soundness.verify_shape(to_topods(resolve_shape(shape)), None if faces is None else collect_faces(faces))
 
 
 def to_surface(face: Any) -> "Surface":
@@ -396,7 +404,7 @@ def to_surface(face: Any) -> "Surface":
     >>> cqblend.to_surface(cadquery.Solid.makeBox(30, 20, 10).Faces()[0]).degree
     (1, 1)
     """
-    return spline_conversion.to_surface(face_of(face, "face"))
+    return spline_conversion.to_surface(to_topods_face(face, "face"))
 
 
 def to_face(surface: "Surface") -> "TopoDS_Face":
@@ -434,7 +442,7 @@ def to_curve(edge: Any) -> "Curve":
     >>> cqblend.to_curve(cadquery.Edge.makeCircle(2))(0.0)
     array([2., 0., 0.])
     """
-    return pcurves.curve_of(edge_of(edge))
+    return pcurves.edge_to_curve(to_topods_edge(edge))
 
 
 def to_edge(curve: "Curve") -> "TopoDS_Edge":
@@ -449,4 +457,4 @@ def to_edge(curve: "Curve") -> "TopoDS_Edge":
     """
     if not isinstance(curve, Curve) or curve.dim != 3:
         raise InputError(f"an edge covers a curve in space, a Curve of dim 3, not {shown(curve)}")
-    return pcurves.edge_of(curve)
+    return pcurves.curve_to_edge(curve)

@@ -14,30 +14,30 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cqblend.blend_options import (
-    ANGLE,
-    CONTINUITY,
-    EXACT,
-    FORM,
-    STEER,
-    TOLERANCE,
-    UNTIED,
-    choice,
-    leave_out,
-    pair,
-    positive,
-    turn,
+    CONTINUITIES,
+    DEFAULT_ANGULAR_TOLERANCE,
+    DEFAULT_STEER,
+    DEFAULT_TOLERANCE,
+    EXACT_FORM_IS_EXACT,
+    FORMS,
+    G0_HAS_NO_CROSS_FIELD,
+    check_angle,
+    check_choice,
+    check_pair,
+    check_positive,
+    refuse_ignored_options,
 )
-from cqblend.blends.checks import ask
-from cqblend.blends.quality.creases import Allowed, check_creases
-from cqblend.blends.rails.direction_fit import Aim, on_rails
+from cqblend.blends.checks import call_user_function
+from cqblend.blends.quality.creases import CreaseLimit, check_creases
+from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
-from cqblend.blends.rails.regularity import stations
+from cqblend.blends.rails.regularity import sample_stations
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import numbers, whole
+from cqblend.splines.knots import check_integer, to_float_array
 from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 Amount: TypeAlias = float | Curve | Callable[[Array], Any]
 """A number, or one that varies along the rail: a curve of dim 1, or a function of arrays of its parameter t."""
 
-Length: TypeAlias = Amount | Literal["field"] | None
+CrossLength: TypeAlias = Amount | Literal["field"] | None
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Guide:
 
     def operands(self, side: int) -> tuple[Curve, ...]:
         """Return the guiding curve of side 0 or 1."""
-        side = _checked_side(self, side)
+        side = _check_side_index(self, side)
         return (self.first if side == 0 else -self.first if self.second is None else self.second,)
 
 
@@ -75,25 +75,25 @@ class Combination:
 
     def operands(self, side: int) -> tuple[Curve, ...]:
         """Return the one curve or the two, the same on side 0 and 1."""
-        _checked_side(self, side)
+        _check_side_index(self, side)
         return (self.first,) if self.second is None else (self.first, self.second)
 
 
-def _checked_side(field: Guide | Combination, side: object) -> int:
+def _check_side_index(field: Guide | Combination, side: object) -> int:
     """Return side 0 or 1 of a field of cross directions that is made of one or two curves."""
     for curve in (field.first, field.second):
         if curve is not None and not isinstance(curve, Curve):
             raise InputError(f"a {type(field).__name__} is made of Curves, not {shown(curve)}")
     if field.first is None:
         raise InputError(f"a {type(field).__name__} takes a Curve")
-    return whole("side", side, 0, 1)
+    return check_integer("side", side, 0, 1)
 
 
 Tangents: TypeAlias = FieldName | Guide | Combination
 
 
 @dataclass(frozen=True)
-class Blend(blend_surface.Blend):
+class Blend(blend_surface.BlendSurface):
     """A blend surface H(t, v) between two rails, v = 0 on the first and 1 on the second.
 
     Attributes
@@ -135,11 +135,11 @@ def hermite_blend(
     tangents: Tangents | tuple[Tangents, Tangents] = "perpendicular",
     continuity: str | tuple[str, str] = "G1",
     bulge: Amount | tuple[Amount, Amount] = 1.0,
-    length: Length | tuple[Length, Length] = None,
+    length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = TOLERANCE,
-    angular_tolerance: float = ANGLE,
-    steer: float = STEER,
+    tolerance: float = DEFAULT_TOLERANCE,
+    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
+    steer: float = DEFAULT_STEER,
     crease: float | None = None,
 ) -> Blend:
     r"""Blend two surfaces along given rails.
@@ -201,21 +201,26 @@ def hermite_blend(
     >>> blend.surface.degree, blend.form
     ((1, 5), 'exact')
     """
-    orders = pair("continuity", continuity, partial(choice, built=CONTINUITY))
+    orders = check_pair("continuity", continuity, partial(check_choice, built=CONTINUITIES))
     if orders == ("G0", "G0"):
-        check_untied(UNTIED, tangents, bulge, length, steer)
-    rails, ribbons = along_rails((rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer)
-    form = choice("form", form, FORM)
+        refuse_derivative_options(G0_HAS_NO_CROSS_FIELD, tangents, bulge, length, steer)
+    rails, ribbons = prepare_rails(
+        (rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer
+    )
+    form = check_choice("form", form, FORMS)
     if form == "exact":
-        leave_out(EXACT, tolerance=(tolerance, TOLERANCE))
-    tolerance, angular_tolerance = positive("tolerance", tolerance), positive("angular_tolerance", angular_tolerance)
-    allowed = Allowed(angular_tolerance, None if crease is None else turn("crease", crease))
-    made = blend_surface.hermite(ribbons, form, tolerance, angular_tolerance)
+        refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, DEFAULT_TOLERANCE))
+    tolerance, angular_tolerance = (
+        check_positive("tolerance", tolerance),
+        check_positive("angular_tolerance", angular_tolerance),
+    )
+    allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
+    made = blend_surface.blend_ribbons(ribbons, form, tolerance, angular_tolerance)
     check_creases(made, allowed)
     return Blend(made.surface, made.ribbons, made.form, rails)
 
 
-def along_rails(
+def prepare_rails(
     given: tuple[Rail, Rail], orders: tuple[int, int], tangents: object, bulge: object, length: object, steer: object
 ) -> tuple[tuple[Rail, Rail], tuple[Ribbon, Ribbon]]:
     """Check two rails and what is wanted along them; return them, with sides and one domain, and their ribbons.
@@ -237,29 +242,37 @@ def along_rails(
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
     if orders == (0, 0):
-        leave_out(UNTIED, bulge=(bulge, 1.0), steer=(steer, STEER))
-    kinds = pair("tangents", tangents, _tangents)
+        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, DEFAULT_STEER))
+    kinds = check_pair("tangents", tangents, _check_tangents)
     for kind in kinds:
         if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
             raise InputError("the second curve of a Guide has no effect unless the Guide is that of both sides")
-    bulges = pair("bulge", bulge, _amount)
-    lengths = pair("length", length, _length)
-    steer = turn("steer", steer)
+    bulges = check_pair("bulge", bulge, _check_amount)
+    lengths = check_pair("length", length, _check_length)
+    steer = check_angle("steer", steer)
     closed = rail1.closed and rail2.closed
     aims = []
     for i in (0, 1):
-        side = _Side(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
-        side.check()
+        side = _BlendSide(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
+        side.check_inputs()
         if orders[i] and given[i].side is not None:
             side.check_side()
-        aims.append(Aim(rails[i], side.vectors, orders[i], closed and side.returns(), side.exact))
-    return rails, on_rails((aims[0], aims[1]), steer)
+        aims.append(
+            DirectionFit(
+                rails[i], side.cross_derivatives, orders[i], closed and side.has_closed_field(), side.exact_direction
+            )
+        )
+    return rails, fit_ribbons_on_rails((aims[0], aims[1]), steer)
 
 
-def check_untied(why: str, tangents: object, bulge: object, length: object, steer: object) -> None:
+def refuse_derivative_options(why: str, tangents: object, bulge: object, length: object, steer: object) -> None:
     """Raise InputError if an option of cross derivatives along rails was given where there are none."""
-    leave_out(
-        why, tangents=(tangents, "perpendicular"), bulge=(bulge, 1.0), length=(length, None), steer=(steer, STEER)
+    refuse_ignored_options(
+        why,
+        tangents=(tangents, "perpendicular"),
+        bulge=(bulge, 1.0),
+        length=(length, None),
+        steer=(steer, DEFAULT_STEER),
     )
 
 
@@ -278,10 +291,10 @@ def curve_on(face: Any, edge: Any) -> Curve:
     GeometryError
         Its curve in the parameter plane cannot be followed.
     """
-    from cqblend.api.host_shapes import edge_of, face_of
+    from cqblend.api.host_shapes import to_topods_edge, to_topods_face
     from cqblend.brep.read import pcurves
 
-    return pcurves.curve_on(face_of(face, "face"), edge_of(edge))
+    return pcurves.read_edge_pcurve(to_topods_face(face, "face"), to_topods_edge(edge))
 
 
 def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
@@ -299,46 +312,46 @@ def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
     GeometryError
         A point of the curve has no foot inside the surface; the message names t.
     """
-    from cqblend.api.host_shapes import edge_of, face_of
+    from cqblend.api.host_shapes import to_topods_edge, to_topods_face
     from cqblend.brep.read import pcurves, spline_conversion
 
     if not isinstance(surface, Surface):
-        surface = spline_conversion.to_surface(face_of(surface, "surface"))
+        surface = spline_conversion.to_surface(to_topods_face(surface, "surface"))
     if not isinstance(curve, Curve):
-        curve = edge_of(curve)
-    return pcurves.projected(surface, curve, positive("tolerance", tolerance))
+        curve = to_topods_edge(curve)
+    return pcurves.project_to_parameters(surface, curve, check_positive("tolerance", tolerance))
 
 
 @dataclass(frozen=True)
-class _Side:
+class _BlendSide:
     """What the cross derivatives along one rail are to be."""
 
     rail: Rail
     other: Rail
     tangents: Tangents
     number: int
-    length: Length
+    length: CrossLength
     bulge: Amount
 
     @property
-    def _name(self) -> FieldName:
+    def _field_name(self) -> FieldName:
         if isinstance(self.tangents, Guide):
             return "guide"
         return "combination" if isinstance(self.tangents, Combination) else self.tangents
 
     @property
-    def _operands(self) -> tuple[Any, ...]:
+    def _field_operands(self) -> tuple[Any, ...]:
         if isinstance(self.tangents, Guide | Combination):
             return self.tangents.operands(self.number)
         return (self.other,) if self.tangents == "chord" else ()
 
-    def coordinates(self, t: Array) -> Array:
+    def field_coordinates(self, t: Array) -> Array:
         """Return the field's own (r, s), (n, 2), at t."""
-        return self.rail.coordinates(self._name, t, *self._operands)
+        return self.rail.coordinates(self._field_name, t, *self._field_operands)
 
-    def vectors(self, t: Array) -> Array:
+    def cross_derivatives(self, t: Array) -> Array:
         """Return the wanted cross derivatives (n, 3) at t."""
-        rs, uv = self.coordinates(t), self.rail.curve(t)
+        rs, uv = self.field_coordinates(t), self.rail.curve(t)
         jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], 1)
         vectors = rs[:, :1] * jet[1, 0] + rs[:, 1:] * jet[0, 1]
         size = np.linalg.norm(vectors, axis=1)
@@ -347,10 +360,10 @@ class _Side:
         elif isinstance(self.length, str):  # "field"
             size = np.ones_like(size)
         else:
-            size = _at(self.length, t) / size
-        return vectors * (size * _at(self.bulge, t))[:, None]
+            size = _evaluate_amount(self.length, t) / size
+        return vectors * (size * _evaluate_amount(self.bulge, t))[:, None]
 
-    def check(self) -> None:
+    def check_inputs(self) -> None:
         """Check what is given along the rail, and the field at stations, before it is divided by its length."""
         for name, curve in (("length", self.length), ("bulge", self.bulge)):
             if isinstance(curve, Curve) and curve.domain != self.rail.domain:
@@ -359,9 +372,9 @@ class _Side:
                     f"the {name} of rail {self.number + 1} runs over [{c:.9g}, {d:.9g}], its rail over [{a:.9g}, "
                     f"{b:.9g}]; use .reparametrized({a:.9g}, {b:.9g})"
                 )
-        t = stations(self.rail.curve3d().breaks)
-        self.rail.check_direction(self.coordinates(t), t)
-        size = np.linalg.norm(self.vectors(t), axis=1)
+        t = sample_stations(self.rail.curve3d().breaks)
+        self.rail.check_direction(self.field_coordinates(t), t)
+        size = np.linalg.norm(self.cross_derivatives(t), axis=1)
         if not np.all(size > 0):
             raise GeometryError(
                 f"the cross derivative at t = {t[size.argmin()]:.9g} of rail {self.number + 1} has no length: do the "
@@ -372,12 +385,12 @@ class _Side:
     def check_side(self) -> None:
         """Raise InputError if the direction, which has an own side, is on the other side of the rail than asked."""
         t = np.array([sum(self.rail.domain) / 2])
-        (rate,), ((r, s),) = self.rail.curve(t, 1), self.coordinates(t)
+        (rate,), ((r, s),) = self.rail.curve(t, 1), self.field_coordinates(t)
         side = "left" if rate[0] * s - rate[1] * r > 0 else "right"
         if side != self.rail.side:
             raise InputError(
-                f'side="{self.rail.side}" of rail {self.number + 1} has no effect: the {self._name} points to its '
-                f"{side}; leave the side out, or turn the direction"
+                f'side="{self.rail.side}" of rail {self.number + 1} has no effect: the {self._field_name} points '
+                f"to its {side}; leave the side out, or turn the direction"
             )
 
     def _check_jumps(self) -> None:
@@ -393,13 +406,13 @@ class _Side:
                     f"{t[jump.argmax()]:.6g}: a cross direction must be continuous"
                 )
 
-    def returns(self) -> bool:
+    def has_closed_field(self) -> bool:
         """Whether the cross derivative ends as it starts."""
-        first, last = self.vectors(np.array(self.rail.domain))
+        first, last = self.cross_derivatives(np.array(self.rail.domain))
         return bool(np.linalg.norm(first - last) <= 1e-9 * np.linalg.norm(first))
 
     @property
-    def exact(self) -> Curve | None:
+    def exact_direction(self) -> Curve | None:
         """The direction (r, s) as a curve, if it is the field's own, scaled by a number, of low degree, and C1.
 
         One that is less than C1, such as T1 of a rail that is no more than C1, would leave a crease in the blend: it is
@@ -407,7 +420,7 @@ class _Side:
         """
         if not isinstance(self.length, str) or not isinstance(self.bulge, float) or self.rail.curve.rational:
             return None
-        rs = self.rail.symbolic_coordinates(self._name, *self._operands)
+        rs = self.rail.symbolic_coordinates(self._field_name, *self._field_operands)
         return None if rs is None or rs.rational or (rs.continuity < 1).any() else rs * self.bulge
 
 
@@ -421,10 +434,12 @@ def _check_senses(rail1: Rail, rail2: Rail) -> None:
             raise GeometryError("the rails run in opposite senses, and the sections between them cross: .reverse() one")
 
 
-def _at(amount: Amount, t: Array) -> Array:
+def _evaluate_amount(amount: Amount, t: Array) -> Array:
     """Return what may vary along the rail at t (n,), above zero."""
     rule = "a length or bulge that is a function takes an array of parameters and returns as many numbers"
-    given = numbers(f"{rule}, which", ask(rule, amount, t) if callable(amount) else amount).squeeze()
+    given = to_float_array(
+        f"{rule}, which", call_user_function(rule, amount, t) if callable(amount) else amount
+    ).squeeze()
     if given.shape not in ((), t.shape):
         raise InputError(
             f"a length or bulge that is a function takes an array of parameters, here {len(t)}, and returns as many "
@@ -437,7 +452,7 @@ def _at(amount: Amount, t: Array) -> Array:
     return values
 
 
-def _tangents(name: str, value: object) -> Tangents:
+def _check_tangents(name: str, value: object) -> Tangents:
     if isinstance(value, Guide | Combination):
         return value
     for known in FIELDS[:3]:
@@ -446,15 +461,15 @@ def _tangents(name: str, value: object) -> Tangents:
     raise InputError(f"{name} must be one of {', '.join(FIELDS[:3])}, a Guide or a Combination, not {shown(value)}")
 
 
-def _amount(name: str, value: object) -> Amount:
+def _check_amount(name: str, value: object) -> Amount:
     if isinstance(value, Curve) and value.dim != 1:
         raise InputError(f"{name} must be a curve of dim 1, not {value.dim}")
-    return value if callable(value) else positive(name, value)
+    return value if callable(value) else check_positive(name, value)
 
 
-def _length(name: str, value: object) -> Length:
+def _check_length(name: str, value: object) -> CrossLength:
     if isinstance(value, str):
         if value != "field":
             raise InputError(f"{name} must be 'field', None, a number, a Curve or a function of t, not {shown(value)}")
         return "field"
-    return None if value is None else _amount(name, value)
+    return None if value is None else _check_amount(name, value)

@@ -7,23 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend.errors import GeometryError, InputError, reason
-from cqblend.splines.knots import numbers
+from cqblend.splines.knots import to_float_array
 
 
-class TooFine(GeometryError):
+class TooManySpansError(GeometryError):
     """A fit within a tolerance takes more spans than there may be."""
 
 
-def as_point(value: object) -> NDArray[np.float64] | None:
+def to_point(value: object) -> NDArray[np.float64] | None:
     """Return three finite numbers as an array (3,); None if the value is something else."""
     try:
-        found = numbers("a point", value)
+        found = to_float_array("a point", value)
     except InputError:
         return None
     return found if found.shape == (3,) and np.isfinite(found).all() else None
 
 
-def ask(rule: str, function: Callable[..., Any], *arguments: Any) -> Any:
+def call_user_function(rule: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function of the caller's gives; `rule` says what it should take and return.
 
     Raises

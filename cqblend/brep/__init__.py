@@ -7,6 +7,6 @@ Below this line nothing knows OCCT; above it nothing needs to import it.
 try:
     import OCP.Standard  # noqa: F401  (fails here, in one place, if the binding is missing or cannot be loaded)
 except ImportError as error:
-    from cqblend.installation import explain_failure
+    from cqblend.installation import explain_import_failure
 
-    raise explain_failure(error) from error
+    raise explain_import_failure(error) from error

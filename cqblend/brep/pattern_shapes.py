@@ -20,44 +20,44 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, To
 
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import to_face
-from cqblend.brep.shape_kinds import downcast
+from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
     BUILDER,
     CONFUSION,
-    attach,
-    explore,
-    flipped,
-    location_of,
+    attach_pcurves,
+    explore_subshapes,
+    locate_vertex,
+    make_bare_face,
+    make_closed_wire,
+    make_degenerate_edge,
     make_edge,
-    make_face,
-    make_pole,
     make_vertex,
-    make_wire,
+    reverse_edge,
 )
 from cqblend.errors import GeometryError, InputError, PatternWarning, warn
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.trim.trimmed_patch import Trim
+from cqblend.patterns.trim.trimmed_patch import TrimmedSurface
 from cqblend.splines import Curve, Surface, hermite
 from cqblend.splines.bernstein import Array
 
-PLANAR = 1e-9
+PLANARITY_TOLERANCE = 1e-9
 """Largest distance of a rail's poles from a plane, relative to its size, for it to count as planar."""
 
-_WHOLE = 1e-12
+_UNTRIMMED_TOLERANCE = 1e-12
 """A loop that leaves out less than this part of a surface's parameters is its natural boundary."""
 
-_SLOWEST = 1e-3
+_LEAST_SPEED = 1e-3
 """Of a surface's size: what a step across all its parameters counts for at least where it is short in space."""
 
-_CLOSE, _PIECES = 1e-11, 2048
+_QUINTIC_TOLERANCE, _MOST_SPANS = 1e-11, 2048
 """Of their size: what splines of a lower degree may be off the curves they stand for; pieces of them at most."""
 
-_FLAT = 1e-8
+_LEAST_BULGE = 1e-8
 """An arc of less bulge is a segment: its radius would cost more digits than its sagitta has."""
 
 
-def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
+def sew_strip_faces(trims: Sequence[TrimmedSurface], tolerance: float) -> TopoDS_Shape:
     """Return strips as B-spline faces, sewn where their borders are closer than a tolerance.
 
     The curve of an edge is the exact image of its run in the parameter plane.
@@ -95,7 +95,7 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
     sewing = BRepBuilderAPI_Sewing(max(tolerance, CONFUSION))
     lowered: list[float] = []
     for number, trim in enumerate(trims, start=1):
-        face = _trimmed(trim, number, lowered)
+        face = _make_trimmed_face(trim, number, lowered)
         sewing.Add(face if trim.outward else face.Reversed())
     if lowered:
         warn(
@@ -105,13 +105,13 @@ def strips_3d(trims: Sequence[Trim], tolerance: float) -> TopoDS_Shape:
             )
         )
     sewing.Perform()
-    sewn = downcast(sewing.SewedShape())
-    for shell in explore(sewn, TopAbs_SHELL):
+    sewn = downcast_shape(sewing.SewedShape())
+    for shell in explore_subshapes(sewn, TopAbs_SHELL):
         shell.Closed(BRep_Tool.IsClosed_s(shell))
     return sewn
 
 
-def planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_Face]:
+def make_planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_Face]:
     """Return pieces as faces in the plane z = 0, bounded by segments and exact arcs of circles.
 
     Parameters
@@ -136,14 +136,14 @@ def planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[TopoDS_
     plane = Geom_Plane(gp_Ax3())
     faces = []
     for piece in pieces:
-        face = make_face(plane)
+        face = make_bare_face(plane)
         for path in piece.cuts if tabs else piece.outlines:
-            BUILDER.Add(face, make_wire(_path_edges(path)))
-        faces.append(_checked(face, f"piece {piece.name}"))
+            BUILDER.Add(face, make_closed_wire(_make_path_edges(path)))
+        faces.append(_require_valid_face(face, f"piece {piece.name}"))
     return faces
 
 
-def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoDS_Face | TopoDS_Wire]:
+def make_formers(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoDS_Face | TopoDS_Wire]:
     """Return the formers over which strips are assembled (Elber 1995, figure 3b): faces or wires through rails.
 
     Rails are joined end to end where two of them meet, and only two. A closed chain that lies in a plane bounds a
@@ -163,32 +163,36 @@ def sections(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoD
     >>> [former.ShapeType().name for former in sections([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
     ['TopAbs_FACE']
     """
-    rails = [rail if rail.degree <= spline_arrays.MAX_DEGREE else _lowered([rail])[0][0] for rail in rails]
-    chains = _chains(_distinct([rail for rail in rails if _extent(rail) > tolerance], tolerance), tolerance)
-    return [_former(chain, tolerance) for chain in chains]
+    rails = [
+        rail if rail.degree <= spline_arrays.MAX_DEGREE else _approximate_by_quintics([rail])[0][0] for rail in rails
+    ]
+    chains = _chain_rails(
+        _drop_duplicate_rails([rail for rail in rails if _measure_extent(rail) > tolerance], tolerance), tolerance
+    )
+    return [_make_former(chain, tolerance) for chain in chains]
 
 
-def _trimmed(trim: Trim, number: int, lowered: list[float]) -> TopoDS_Face:
+def _make_trimmed_face(trim: TrimmedSurface, number: int, lowered: list[float]) -> TopoDS_Face:
     """Make a face whose edges are images of curves in the parameter plane; add how far lower degrees are off."""
     surface = trim.surface
     if surface.degree[0] > spline_arrays.MAX_DEGREE:
-        rails, off = _lowered([surface.isoparametric(v=v) for v in surface.domain[1]])
+        rails, off = _approximate_by_quintics([surface.isoparametric(v=v) for v in surface.domain[1]])
         surface = Surface.from_rows(rails, surface.domain[1])
         lowered.append(off)
-    loops = [[_drawn(surface, run) for run in loop] for loop in trim.loops]
+    loops = [[_convert_run(surface, run) for run in loop] for loop in trim.loops]
     (u0, u1), (v0, v1) = surface.domain
-    area = _area(np.concatenate([curve(curve.breaks[:-1]) for curve in loops[0]])) if loops else np.inf
-    if len(loops) <= 1 and abs(area) >= (1 - _WHOLE) * (u1 - u0) * (v1 - v0):
+    area = _compute_signed_area(np.concatenate([curve(curve.breaks[:-1]) for curve in loops[0]])) if loops else np.inf
+    if len(loops) <= 1 and abs(area) >= (1 - _UNTRIMMED_TOLERANCE) * (u1 - u0) * (v1 - v0):
         return to_face(surface)
     if area < 0:
         loops = [[curve.reverse() for curve in loop[::-1]] for loop in loops]
-    face = make_face(spline_arrays.surface_from_arrays(*surface.to_bspline()))
+    face = make_bare_face(spline_arrays.surface_from_arrays(*surface.to_bspline()))
     for loop in loops:
-        BUILDER.Add(face, make_wire(_loop_edges(face, surface, loop, lowered)))
-    return _checked(face, f"strip {number}")
+        BUILDER.Add(face, make_closed_wire(_make_loop_edges(face, surface, loop, lowered)))
+    return _require_valid_face(face, f"strip {number}")
 
 
-def _drawn(surface: Surface, run: Array | Curve) -> Curve:
+def _convert_run(surface: Surface, run: Array | Curve) -> Curve:
     """Return a run as a curve; a polygon at about unit speed in space, or straight along a parameter line."""
     if isinstance(run, Curve):
         return run
@@ -198,19 +202,19 @@ def _drawn(surface: Surface, run: Array | Curve) -> Curve:
     points, apart = points[np.append(True, apart > 0)], apart[apart > 0]
     places = surface(points[:, 0], points[:, 1])
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    t = np.append(0.0, np.cumsum(np.maximum(steps, _SLOWEST * _extent(surface) * apart)))
+    t = np.append(0.0, np.cumsum(np.maximum(steps, _LEAST_SPEED * _measure_extent(surface) * apart)))
     if (points == points[0]).all(axis=0).any():
         t, points = t[[0, -1]], points[[0, -1]]
     return Curve.from_bspline(1, np.concatenate([t[:1], t, t[-1:]]), points)
 
 
-def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered: list[float]) -> list[TopoDS_Edge]:
+def _make_loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered: list[float]) -> list[TopoDS_Edge]:
     """Make the edge uses of one wire; runs that meet in space from both sides of a closed surface are a seam."""
     images = []
     for curve in loop:
         image, off = surface.compose(curve), 0.0
         if image.degree > spline_arrays.MAX_DEGREE:
-            (image,), off = _lowered([image])
+            (image,), off = _approximate_by_quintics([image])
             lowered.append(off)
         images.append((image, off))
     vertices: list[TopoDS_Vertex] = []
@@ -218,31 +222,31 @@ def _loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered:
     for i, (curve, (image, off)) in enumerate(zip(loop, images, strict=True)):
         if i in edges:
             continue
-        start, stop = (_vertex_at(point, vertices) for point in image(image.domain))
-        pcurve = _plane_curve(curve)
-        if _extent(image) <= CONFUSION:
-            edges[i] = make_pole(face, start, pcurve, curve.domain)
+        start, stop = (_find_or_make_vertex(point, vertices) for point in image(image.domain))
+        pcurve = _make_plane_curve(curve)
+        if _measure_extent(image) <= CONFUSION:
+            edges[i] = make_degenerate_edge(face, start, pcurve, curve.domain)
             continue
         edges[i] = make_edge(spline_arrays.curve_from_arrays(*image.to_bspline()), (start, stop), curve.domain, off)
         for j in range(i + 1, len(loop)):
             back = loop[j].reverse().reparametrized(*curve.domain)
-            if j not in edges and _same_in_space(surface, back, image):
-                edges[j] = flipped(edges[i])
-                attach(edges[i], face, pcurve, _plane_curve(back))
+            if j not in edges and _has_image(surface, back, image):
+                edges[j] = reverse_edge(edges[i])
+                attach_pcurves(edges[i], face, pcurve, _make_plane_curve(back))
                 break
         else:
-            attach(edges[i], face, pcurve)
+            attach_pcurves(edges[i], face, pcurve)
     return [edges[i] for i in range(len(loop))]
 
 
-def _lowered(curves: Sequence[Curve]) -> tuple[list[Curve], float]:
+def _approximate_by_quintics(curves: Sequence[Curve]) -> tuple[list[Curve], float]:
     """Return curves over one domain as quintic splines of common breaks, and how far they are off at most, mm.
 
     The splines have the curves' values and first two derivatives at their breaks, which are halved until that is less
     than rounding; the rest is a little more than what is found at many parameters.
     """
     t = np.unique(np.concatenate([curve.breaks for curve in curves]))
-    close = _CLOSE * max(_extent(curve) for curve in curves)
+    close = _QUINTIC_TOLERANCE * max(_measure_extent(curve) for curve in curves)
     part = (np.arange(8) + 0.5) / 8
     while True:
         splines, worst = [], np.zeros(len(t) - 1)
@@ -254,21 +258,21 @@ def _lowered(curves: Sequence[Curve]) -> tuple[list[Curve], float]:
             off = np.linalg.norm(splines[-1](between.ravel()) - curve(between.ravel()), axis=1).reshape(between.shape)
             worst = np.maximum(worst, off.max(axis=1))
         open_ = worst > close
-        if not open_.any() or len(t) > _PIECES:
+        if not open_.any() or len(t) > _MOST_SPANS:
             return splines, float(1.2 * worst.max())
         t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[open_] / 2]))
 
 
-def _vertex_at(point: Array, vertices: list[TopoDS_Vertex]) -> TopoDS_Vertex:
+def _find_or_make_vertex(point: Array, vertices: list[TopoDS_Vertex]) -> TopoDS_Vertex:
     """Return the vertex at a point, made anew if there is none among those known."""
     for vertex in vertices:
-        if np.linalg.norm(location_of(vertex) - point) <= CONFUSION:
+        if np.linalg.norm(locate_vertex(vertex) - point) <= CONFUSION:
             return vertex
     vertices.append(make_vertex(point))
     return vertices[-1]
 
 
-def _same_in_space(surface: Surface, curve: Curve, image: Curve) -> bool:
+def _has_image(surface: Surface, curve: Curve, image: Curve) -> bool:
     """Whether a curve in the parameter plane runs along a curve of space, at the same parameters."""
     start, stop = image.domain
     t = start + (stop - start) * np.arange(8) / 7
@@ -276,11 +280,11 @@ def _same_in_space(surface: Surface, curve: Curve, image: Curve) -> bool:
     return bool(np.abs(surface(uv[:, 0], uv[:, 1]) - image(t)).max() <= CONFUSION)
 
 
-def _plane_curve(curve: Curve) -> Geom2d_BSplineCurve:
+def _make_plane_curve(curve: Curve) -> Geom2d_BSplineCurve:
     return spline_arrays.curve2d_from_arrays(*curve.to_bspline())
 
 
-def _path_edges(path: Path) -> list[TopoDS_Edge]:
+def _make_path_edges(path: Path) -> list[TopoDS_Edge]:
     """Return the segments and arcs of a closed path as edges with common vertices."""
     long = path.lengths > CONFUSION
     starts, bulges = path.points[:-1][long], path.bulges[long]
@@ -288,16 +292,16 @@ def _path_edges(path: Path) -> list[TopoDS_Edge]:
     edges = []
     for i, (start, bulge) in enumerate(zip(starts, bulges, strict=True)):
         following = (i + 1) % len(starts)
-        curve, extent = _segment(start, starts[following], float(bulge))
+        curve, extent = _make_line_or_arc(start, starts[following], float(bulge))
         edges.append(make_edge(curve, (vertices[i], vertices[following]), (0.0, extent)))
     return edges
 
 
-def _segment(start: Array, stop: Array, bulge: float) -> tuple[Geom_Curve, float]:
+def _make_line_or_arc(start: Array, stop: Array, bulge: float) -> tuple[Geom_Curve, float]:
     """Return a line or a circle that starts at parameter 0, and the parameter at which it stops."""
     chord = stop - start
     length = float(np.linalg.norm(chord))
-    if abs(bulge) < _FLAT:
+    if abs(bulge) < _LEAST_BULGE:
         return Geom_Line(gp_Pnt(*start, 0.0), gp_Dir(*chord, 0.0)), length
     left = np.array([-chord[1], chord[0]])
     centre = start + chord / 2 + (1 - bulge**2) / (4 * bulge) * left
@@ -306,7 +310,7 @@ def _segment(start: Array, stop: Array, bulge: float) -> tuple[Geom_Curve, float
     return Geom_Circle(axes, radius), 4 * abs(float(np.arctan(bulge)))
 
 
-def _distinct(rails: Iterable[Curve], tolerance: float) -> list[Curve]:
+def _drop_duplicate_rails(rails: Iterable[Curve], tolerance: float) -> list[Curve]:
     """Drop rails that run where another one does, in either sense."""
     kept: list[Curve] = []
     places: list[Array] = []
@@ -319,7 +323,7 @@ def _distinct(rails: Iterable[Curve], tolerance: float) -> list[Curve]:
     return kept
 
 
-def _chains(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
+def _chain_rails(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
     """Join rails end to end at every point at which exactly two ends meet; all of a chain run one way."""
     ends = np.array([rail(rail.domain) for rail in rails]).reshape(-1, 3)  # 2i and 2i + 1 are those of rail i
     near = np.linalg.norm(ends[:, None] - ends, axis=-1) <= tolerance
@@ -339,48 +343,48 @@ def _chains(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
     return chains
 
 
-def _former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_Wire:
+def _make_former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_Wire:
     starts = [make_vertex(curve(curve.domain[0]), tolerance) for curve in chain]
     end = chain[-1](chain[-1].domain[1])
-    closed = bool(np.linalg.norm(end - location_of(starts[0])) <= tolerance)
+    closed = bool(np.linalg.norm(end - locate_vertex(starts[0])) <= tolerance)
     stops = [*starts[1:], starts[0] if closed else make_vertex(end, tolerance)]
-    wire = make_wire(
+    wire = make_closed_wire(
         make_edge(spline_arrays.curve_from_arrays(*curve.to_bspline()), pair, curve.domain, tolerance)
         for curve, pair in zip(chain, zip(starts, stops, strict=True), strict=True)
     )
     wire.Closed(closed)
-    plane = _plane(chain) if closed else None
+    plane = _find_plane(chain) if closed else None
     if plane is None:
         return wire
-    face = make_face(plane)
+    face = make_bare_face(plane)
     BUILDER.Add(face, wire)
-    return _checked(face, "former")
+    return _require_valid_face(face, "former")
 
 
-def _plane(chain: Sequence[Curve]) -> Geom_Plane | None:
+def _find_plane(chain: Sequence[Curve]) -> Geom_Plane | None:
     """Return the plane of closed curves, around which they turn to the left; None if they lie in none."""
     poles = np.concatenate([curve.to_bspline()[2] for curve in chain])
     middle = poles.mean(axis=0)
     normal = np.linalg.svd(poles - middle)[2][-1]
-    if np.abs((poles - middle) @ normal).max() > PLANAR * np.ptp(poles, axis=0).max():
+    if np.abs((poles - middle) @ normal).max() > PLANARITY_TOLERANCE * np.ptp(poles, axis=0).max():
         return None
     points = np.concatenate([curve(np.linspace(*curve.domain, 65)[:-1]) for curve in chain])
     turning = np.cross(points - middle, np.roll(points, -1, axis=0) - middle).sum(axis=0) @ normal
     return Geom_Plane(gp_Pnt(*middle), gp_Dir(*(normal if turning > 0 else -normal)))
 
 
-def _checked(face: TopoDS_Face, name: str) -> TopoDS_Face:
+def _require_valid_face(face: TopoDS_Face, name: str) -> TopoDS_Face:
     if not BRepCheck_Analyzer(face).IsValid():
         raise GeometryError(f"OCCT finds the face of {name} invalid: does its boundary touch itself?")
     return face
 
 
-def _extent(spline: Curve | Surface) -> float:
+def _measure_extent(spline: Curve | Surface) -> float:
     """Return the longest side of the box around all poles."""
     poles = spline.to_bspline()[2]
     return float(np.ptp(poles.reshape(-1, poles.shape[-1]), axis=0).max())
 
 
-def _area(polygon: Array) -> float:
+def _compute_signed_area(polygon: Array) -> float:
     x, y = (polygon - polygon[0]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)

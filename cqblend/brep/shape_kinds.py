@@ -8,7 +8,7 @@ from typing import Literal, TypeGuard, cast
 
 from OCP.TopoDS import TopoDS, TopoDS_Iterator, TopoDS_Shape
 
-Kind = Literal["compound", "compsolid", "solid", "shell", "face", "wire", "edge", "vertex"]
+ShapeKind = Literal["compound", "compsolid", "solid", "shell", "face", "wire", "edge", "vertex"]
 
 _DOWNCAST = {
     "compound": TopoDS.Compound_s,
@@ -27,21 +27,21 @@ def is_topods(thing: object) -> TypeGuard[TopoDS_Shape]:
     return isinstance(thing, TopoDS_Shape) and not thing.IsNull()
 
 
-def kind(shape: TopoDS_Shape) -> Kind:
+def find_shape_kind(shape: TopoDS_Shape) -> ShapeKind:
     """Return the kind of a shape that is not null, as a word."""
-    return cast(Kind, shape.ShapeType().name.removeprefix("TopAbs_").lower())
+    return cast(ShapeKind, shape.ShapeType().name.removeprefix("TopAbs_").lower())
 
 
-def downcast(shape: TopoDS_Shape) -> TopoDS_Shape:
+def downcast_shape(shape: TopoDS_Shape) -> TopoDS_Shape:
     """Return the same shape as an object of its own class."""
-    return _DOWNCAST[kind(shape)](shape)
+    return _DOWNCAST[find_shape_kind(shape)](shape)
 
 
-def children(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
+def list_children(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """Return the direct parts of a shape, each with the location and the orientation it has in there."""
     parts = []
     iterator = TopoDS_Iterator(shape)
     while iterator.More():
-        parts.append(downcast(iterator.Value()))
+        parts.append(downcast_shape(iterator.Value()))
         iterator.Next()
     return parts

@@ -35,22 +35,32 @@ from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.errors import DamagedFileWarning, StepError, shown, warn
-from cqblend.installation import fresh_interpreter
-from cqblend.whole_files import written_beside
+from cqblend.installation import build_interpreter_command
+from cqblend.whole_files import write_atomically
 
-_GEOMETRY: Final = ("StepShape_", "StepGeom_")
+_GEOMETRY_PREFIXES: Final = ("StepShape_", "StepGeom_")
 """OCCT's classes of STEP entities without which a shape is incomplete; notes, colours and tolerances are others."""
 
-_TORN: Final = ("Shell", "Loop", "Bound", "OrientedEdge", "SolidBrep", "BrepWithVoids", "Context", "Ctx", "file")
+_STRUCTURAL_KINDS: Final = (
+    "Shell",
+    "Loop",
+    "Bound",
+    "OrientedEdge",
+    "SolidBrep",
+    "BrepWithVoids",
+    "Context",
+    "Ctx",
+    "file",
+)
 """What a solid cannot do without: with one of these unusable, a face or the unit of length is lost."""
 
-_PATIENCE: Final = 120.0
+_TRANSLATION_TIMEOUT: Final = 120.0
 """Seconds after which OCCT counts as lost in a damaged file."""
 
-_NAMED: Final = 20
+_MOST_NAMED: Final = 20
 """Unusable entities that a message names."""
 
-_REAL: Final = "%#.16G"
+_REAL_FORMAT: Final = "%#.16G"
 """OCCT formats a real into 24 bytes: one digit more, which would be bit exact, overruns them below 1e-99."""
 
 _WRITE_SETTINGS: Final = {
@@ -87,32 +97,32 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
         raise StepError(f"{path}: the file is empty")
     if b"ISO-10303-21" not in data[:4096]:
         raise StepError(f"{path}: not a STEP file (no ISO-10303-21 at its start)")
-    with _silence():
+    with _silence_messages():
         reader = STEPControl_Reader()
         status = reader.ReadStream(path.name, io.BytesIO(data))
         if status != IFSelect_ReturnStatus.IFSelect_RetDone:
             cause = "its syntax is damaged" if b"END-ISO-10303-21" in data[-4096:] else "it is cut off before its end"
             raise StepError(f"{path}: cannot be read as STEP: {cause}")
         # OCCT crashes on some incomplete entities, so they are not translated here before another process has survived.
-        failed = _failed(data, reader.StepModel(), reader.WS().ModelCheckList(False))
-        _require_pcurves(path, reader.StepModel())
-        if failed and (any(map(_tears, failed)) or not _survives(path)):
-            raise _damaged(path, failed)
+        failed = _find_unusable_entities(data, reader.StepModel(), reader.WS().ModelCheckList(False))
+        _require_pcurve_curves(path, reader.StepModel())
+        if failed and (any(map(_is_structural, failed)) or not _is_translatable(path)):
+            raise _make_damage_error(path, failed)
         reader.SetSystemLengthUnit(1.0)
         reader.TransferRoots()
-        failed += _failed(data, reader.StepModel(), reader.WS().TransferReader().LastCheckList())
+        failed += _find_unusable_entities(data, reader.StepModel(), reader.WS().TransferReader().LastCheckList())
         shape = reader.OneShape()
         if failed and not _is_whole(shape, reader.StepModel()):
-            raise _damaged(path, failed)
-    if shape.IsNull() or not _faces_and_edges(shape):
+            raise _make_damage_error(path, failed)
+    if shape.IsNull() or not _has_geometry(shape):
         raise StepError(f"{path}: the file holds no geometry")
     if failed:
         instead = "OCCT has put something else in their place, and the solids are whole and valid"
-        warn(DamagedFileWarning(f"{path}: {_named(failed)}; {instead}"))
+        warn(DamagedFileWarning(f"{path}: {_describe_unusable(failed)}; {instead}"))
     return shape
 
 
-def translate(path: str) -> None:
+def probe_translation(path: str) -> None:
     """Translate a file, for nothing but to see whether OCCT survives that."""
     reader = STEPControl_Reader()
     if reader.ReadStream("probe", io.BytesIO(Path(path).read_bytes())) == IFSelect_ReturnStatus.IFSelect_RetDone:
@@ -131,24 +141,24 @@ def write_step(shape: TopoDS_Shape, path: str | os.PathLike[str]) -> None:
         If there is nothing to write, or OCCT or the file system refuses.
     """
     path = Path(path)
-    if shape is None or shape.IsNull() or not _faces_and_edges(shape):
+    if shape is None or shape.IsNull() or not _has_geometry(shape):
         raise StepError(f"{path}: nothing to write: the shape is empty")
-    with _silence(), _settings(_WRITE_SETTINGS):
+    with _silence_messages(), _override_settings(_WRITE_SETTINGS):
         writer = STEPControl_Writer()
-        status = writer.Transfer(_readable(shape), STEPControl_StepModelType.STEPControl_AsIs)
+        status = writer.Transfer(_drop_sphere_pcurves(shape), STEPControl_StepModelType.STEPControl_AsIs)
         if status != IFSelect_ReturnStatus.IFSelect_RetDone:
             raise StepError(f"{path}: OCCT cannot translate the shape to STEP ({status.name})")
-        data = _serialise(writer.Model())
+        data = _serialise_model(writer.Model())
     if not data.rstrip().endswith(b"END-ISO-10303-21;"):
         raise StepError(f"{path}: OCCT wrote an incomplete file")
     try:
-        with written_beside(path) as part:
+        with write_atomically(path) as part:
             part.write_bytes(data)
     except OSError as error:
         raise StepError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-class _Failure(NamedTuple):
+class _UnusableEntity(NamedTuple):
     """An entity of the geometry that OCCT cannot use: its name in the file, if known, its kind, and what is wrong."""
 
     name: str
@@ -156,7 +166,7 @@ class _Failure(NamedTuple):
     why: str
 
 
-def _failed(data: bytes, model: Any, checks: Interface_CheckIterator) -> list[_Failure]:
+def _find_unusable_entities(data: bytes, model: Any, checks: Interface_CheckIterator) -> list[_UnusableEntity]:
     """Return the entities of the geometry on which a check has failed."""
     failures, names = [], None
     checks.Start()
@@ -164,44 +174,44 @@ def _failed(data: bytes, model: Any, checks: Interface_CheckIterator) -> list[_F
         check, number = checks.Value(), checks.Number()
         if check.HasFailed():
             entity = model.Value(number) if number > 0 else None
-            kind = _GEOMETRY[0] + "file" if entity is None else entity.DynamicType().Name()
-            if kind.startswith(_GEOMETRY):
-                names = _names(data, model.NbEntities()) if names is None else names
-                failures.append(_Failure(names.get(number, ""), kind.split("_", 1)[1], check.CFail(1).strip()))
+            kind = _GEOMETRY_PREFIXES[0] + "file" if entity is None else entity.DynamicType().Name()
+            if kind.startswith(_GEOMETRY_PREFIXES):
+                names = _read_entity_names(data, model.NbEntities()) if names is None else names
+                failures.append(_UnusableEntity(names.get(number, ""), kind.split("_", 1)[1], check.CFail(1).strip()))
         checks.Next()
     return failures
 
 
-def _names(data: bytes, count: int) -> dict[int, str]:
+def _read_entity_names(data: bytes, count: int) -> dict[int, str]:
     """Return the names, such as #12, of the entities of a file in their order; none if they are not as many as read."""
     plain = re.sub(rb"'[^']*'|/\*.*?\*/", b"", data, flags=re.DOTALL)
     found = re.findall(rb"(#\d+)\s*=", plain)
     return {i: name.decode() for i, name in enumerate(found, 1)} if len(found) == count else {}
 
 
-def _tears(failure: _Failure) -> bool:
-    return any(part in failure.kind for part in _TORN)
+def _is_structural(failure: _UnusableEntity) -> bool:
+    return any(part in failure.kind for part in _STRUCTURAL_KINDS)
 
 
-def _named(failed: list[_Failure]) -> str:
+def _describe_unusable(failed: list[_UnusableEntity]) -> str:
     """Say which entities are unusable, and why the first is."""
     first = failed[0]
     text = f"damaged: {len(failed)} entities of its geometry are unusable, first {first.kind}: {first.why}"
-    named = ", ".join(f"{one.name} {one.kind}" for one in failed[:_NAMED] if one.name)
-    more = f" and {len(failed) - _NAMED} more" if len(failed) > _NAMED else ""
+    named = ", ".join(f"{one.name} {one.kind}" for one in failed[:_MOST_NAMED] if one.name)
+    more = f" and {len(failed) - _MOST_NAMED} more" if len(failed) > _MOST_NAMED else ""
     return f"{text} ({named}{more})" if named else text
 
 
-def _damaged(path: Path, failed: list[_Failure]) -> StepError:
-    return StepError(f"{path}: {_named(failed)}")
+def _make_damage_error(path: Path, failed: list[_UnusableEntity]) -> StepError:
+    return StepError(f"{path}: {_describe_unusable(failed)}")
 
 
-def _survives(path: Path) -> bool:
+def _is_translatable(path: Path) -> bool:
     """Whether a process that translates the file comes back."""
-    code = "from cqblend.brep.step_files import translate; translate(sys.argv[1])"
-    command = fresh_interpreter(code, str(path))
+    code = "from cqblend.brep.step_files import probe_translation; probe_translation(sys.argv[1])"
+    command = build_interpreter_command(code, str(path))
     try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=_PATIENCE)  # noqa: S603  (our own code)
+        done = subprocess.run(command, capture_output=True, check=False, timeout=_TRANSLATION_TIMEOUT)  # noqa: S603  (our own code)
     except subprocess.TimeoutExpired:
         return False
     return done.returncode == 0
@@ -211,11 +221,11 @@ def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
     """Whether a shape is valid, all its shells are closed, and it has every solid and every face of its file."""
     if shape.IsNull() or not BRepCheck_Analyzer(shape).IsValid():
         return False
-    if not all(map(BRep_Tool.IsClosed_s, _subshapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
+    if not all(map(BRep_Tool.IsClosed_s, _list_subshapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
         return False
     entities = [model.Value(number) for number in range(1, model.NbEntities() + 1)]
     return all(
-        _count_apart(shape, kind) >= sum(isinstance(one, wanted) for one in entities) > 0
+        _count_distinct_subshapes(shape, kind) >= sum(isinstance(one, wanted) for one in entities) > 0
         for kind, wanted in (
             (TopAbs_ShapeEnum.TopAbs_SOLID, StepShape_ManifoldSolidBrep),
             (TopAbs_ShapeEnum.TopAbs_FACE, StepShape_FaceSurface),
@@ -223,15 +233,15 @@ def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
     )
 
 
-def _count_apart(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
+def _count_distinct_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
     """Return the number of subshapes of a kind; of one that stands in several places, once."""
     found = TopTools_IndexedMapOfShape()
-    for one in _subshapes(shape, kind):
+    for one in _list_subshapes(shape, kind):
         found.Add(one.Located(TopLoc_Location()))
     return int(found.Extent())
 
 
-def _require_pcurves(path: Path, model: Any) -> None:
+def _require_pcurve_curves(path: Path, model: Any) -> None:
     """Refuse a model in which a pcurve is no curve: OCCT takes it for one unseen, and may crash any time."""
     for number in range(1, model.NbEntities() + 1):
         entity = model.Value(number)
@@ -241,56 +251,56 @@ def _require_pcurves(path: Path, model: Any) -> None:
                 raise StepError(f"{path}: damaged: a pcurve has no curve")
 
 
-def _serialise(model: Any) -> bytes:
+def _serialise_model(model: Any) -> bytes:
     writer = StepData_StepWriter(model)
-    writer.FloatWriter().SetFormat(_REAL)
+    writer.FloatWriter().SetFormat(_REAL_FORMAT)
     writer.SendModel(model.Protocol())
     stream = io.BytesIO()
     writer.Print(stream)
     return stream.getvalue()
 
 
-def _readable(shape: TopoDS_Shape) -> TopoDS_Shape:
+def _drop_sphere_pcurves(shape: TopoDS_Shape) -> TopoDS_Shape:
     """Return the shape, without pcurves on the spheres that OCCT's own reader would destroy because of them.
 
     A sphere with both poles whose seam is cut into three or more comes back as its holes' walls and little else, with a
     seventh of its volume; if its pcurves are left out, the reader builds them anew, and all is well.
     """
-    if not any(map(_loses_its_seam, _subshapes(shape, TopAbs_ShapeEnum.TopAbs_FACE))):
+    if not any(map(_has_split_seam, _list_subshapes(shape, TopAbs_ShapeEnum.TopAbs_FACE))):
         return shape
     copy, builder = BRepBuilderAPI_Copy(shape, False).Shape(), BRep_Builder()
-    for face in filter(_loses_its_seam, _subshapes(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
+    for face in filter(_has_split_seam, _list_subshapes(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
         location = TopLoc_Location()
         surface = BRep_Tool.Surface_s(TopoDS.Face_s(face), location)
-        for edge in map(TopoDS.Edge_s, _subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)):
+        for edge in map(TopoDS.Edge_s, _list_subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)):
             if not BRep_Tool.Degenerated_s(edge):
                 both = 2 if BRep_Tool.IsClosed_s(edge, TopoDS.Face_s(face)) else 1
                 builder.UpdateEdge(edge, *[None] * both, surface, location, BRep_Tool.Tolerance_s(edge))
     return copy
 
 
-def _loses_its_seam(face: TopoDS_Shape) -> bool:
+def _has_split_seam(face: TopoDS_Shape) -> bool:
     face = TopoDS.Face_s(face)
     if GeomAdaptor_Surface(BRep_Tool.Surface_s(face)).GetType() != GeomAbs_SurfaceType.GeomAbs_Sphere:
         return False
-    edges = [TopoDS.Edge_s(edge) for edge in _subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)]
+    edges = [TopoDS.Edge_s(edge) for edge in _list_subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)]
     poles = sum(BRep_Tool.Degenerated_s(edge) for edge in edges)
     pieces = sum(BRep_Tool.IsClosed_s(edge, face) for edge in edges)
     return bool(poles == 2 and pieces >= 3)
 
 
-def _faces_and_edges(shape: TopoDS_Shape) -> bool:
-    return any(_subshapes(shape, kind) for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE))
+def _has_geometry(shape: TopoDS_Shape) -> bool:
+    return any(_list_subshapes(shape, kind) for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE))
 
 
-def _subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
+def _list_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     found = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, found)
     return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
 
 
 @contextmanager
-def _silence() -> Iterator[None]:
+def _silence_messages() -> Iterator[None]:
     """Take OCCT's message printers away for a while: they write to standard output, past Python."""
     messenger = Message.DefaultMessenger_s()
     printers = list(messenger.Printers())
@@ -303,7 +313,7 @@ def _silence() -> Iterator[None]:
 
 
 @contextmanager
-def _settings(values: dict[str, str]) -> Iterator[None]:
+def _override_settings(values: dict[str, str]) -> Iterator[None]:
     """Change OCCT's global settings for a while."""
     STEPControl_Controller.Init_s()  # which resets them, the first time
     before = {name: Interface_Static.CVal_s(name) for name in values}

@@ -40,7 +40,7 @@ from OCP.TopoDS import (
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, unit
+from cqblend.surfaces.primaries import Array, normalise_vectors
 
 CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
 BUILDER = BRep_Builder()
@@ -54,7 +54,7 @@ _CAST = {
 }
 
 
-class Index:
+class ShapeIndex:
     """The sub-shapes of one kind, numbered from 1 as ``TopExp.MapShapes`` numbers them."""
 
     def __init__(self, shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> None:
@@ -71,12 +71,12 @@ class Index:
     def __getitem__(self, number: int) -> TopoDS_Shape:
         return _CAST[self._kind](self._map.FindKey(number))
 
-    def of(self, shape: TopoDS_Shape) -> int:
+    def find_number(self, shape: TopoDS_Shape) -> int:
         """Return the number of a sub-shape, whatever its orientation; 0 if it is foreign."""
         return int(self._map.FindIndex(shape))
 
 
-class Ancestors:
+class AncestorMap:
     """Which sub-shapes of one kind use which of another."""
 
     def __init__(self, shape: TopoDS_Shape, of: TopAbs_ShapeEnum, kind: TopAbs_ShapeEnum) -> None:
@@ -88,10 +88,10 @@ class Ancestors:
         """Return the distinct ancestors of a sub-shape."""
         if not self._map.Contains(part):
             return []
-        return distinct(_CAST[self._kind](s) for s in self._map.FindFromKey(part))
+        return drop_duplicate_shapes(_CAST[self._kind](s) for s in self._map.FindFromKey(part))
 
 
-def distinct(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
+def drop_duplicate_shapes(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
     """Drop repeated shapes, orientation ignored; order is kept."""
     out: list[TopoDS_Shape] = []
     for shape in shapes:
@@ -100,7 +100,7 @@ def distinct(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
     return out
 
 
-def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
+def explore_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
     """Yield every use of sub-shapes of a kind, with the orientation composed along the way (a seam comes twice)."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
@@ -108,22 +108,22 @@ def explore(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shap
         explorer.Next()
 
 
-def forward(shape: TopoDS_Shape) -> TopoDS_Shape:
+def orient_forward(shape: TopoDS_Shape) -> TopoDS_Shape:
     """Return the shape with orientation FORWARD."""
     return _CAST[shape.ShapeType()](shape.Oriented(TopAbs_FORWARD))
 
 
-def flipped(edge: TopoDS_Edge) -> TopoDS_Edge:
+def reverse_edge(edge: TopoDS_Edge) -> TopoDS_Edge:
     """Return the edge with the opposite orientation."""
     return TopoDS.Edge_s(edge.Reversed())
 
 
-def ends(edge: TopoDS_Edge) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
+def find_end_vertices(edge: TopoDS_Edge) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
     """Return the vertices an edge use runs from and to, by its orientation."""
     return TopExp.FirstVertex_s(edge, True), TopExp.LastVertex_s(edge, True)
 
 
-def ends_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
+def find_end_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
     """Return the (u, v) at which an edge use starts and stops."""
     curve = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
     first, last = BRep_Tool.Range_s(use)
@@ -131,35 +131,35 @@ def ends_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
     return (b, a) if use.Orientation() == TopAbs_REVERSED else (a, b)
 
 
-def direction_from(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
+def find_outgoing_tangent(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
     """Return the unit tangent of an edge at one of its vertices, pointing away from it."""
     curve, sign = BRepAdaptor_Curve(edge), 1.0
     at = curve.FirstParameter()
-    if not ends(forward(edge))[0].IsSame(vertex):
+    if not find_end_vertices(orient_forward(edge))[0].IsSame(vertex):
         at, sign = curve.LastParameter(), -1.0
     tangent = curve.DN(at, 1)
-    return sign * unit(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
+    return sign * normalise_vectors(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
 
 
-def parameters_at(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
+def find_vertex_uv(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
     """Return a vertex's (u, v) on a face, from the end of an edge of that face."""
-    for use in explore(face, TopAbs_EDGE):
-        for end, uv in zip(ends(use), ends_uv(use, face), strict=True):
+    for use in explore_subshapes(face, TopAbs_EDGE):
+        for end, uv in zip(find_end_vertices(use), find_end_uv(use, face), strict=True):
             if end.IsSame(vertex) and not BRep_Tool.Degenerated_s(use):
                 return uv
     raise GeometryError("a vertex is not on the boundary of its face")
 
 
-def seams(face: TopoDS_Face) -> list[TopoDS_Edge]:
+def find_seam_edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
     """Return the edges, FORWARD, on both sides of which the face itself lies.
 
     An edge with two pcurves on a face need not be one: booleans leave such edges where a seam has become a border.
     """
-    uses = [use for use in explore(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(use, face)]
-    return [forward(use) for use in distinct(uses) if sum(use.IsSame(other) for other in uses) == 2]
+    uses = [use for use in explore_subshapes(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(use, face)]
+    return [orient_forward(use) for use in drop_duplicate_shapes(uses) if sum(use.IsSame(other) for other in uses) == 2]
 
 
-def location_of(vertex: TopoDS_Vertex) -> Array:
+def locate_vertex(vertex: TopoDS_Vertex) -> Array:
     """Return a vertex's point (3,)."""
     p = BRep_Tool.Pnt_s(vertex)
     return np.array([p.X(), p.Y(), p.Z()])
@@ -178,7 +178,7 @@ def make_edge(
     span: tuple[float, float],
     tolerance: float = CONFUSION,
 ) -> TopoDS_Edge:
-    """Make a FORWARD edge on a 3D curve; pcurves are added with :func:`attach`."""
+    """Make a FORWARD edge on a 3D curve; pcurves are added with :func:`attach_pcurves`."""
     edge = TopoDS_Edge()
     BUILDER.MakeEdge(edge, curve, max(tolerance, CONFUSION))
     BUILDER.Add(edge, vertices[0].Oriented(TopAbs_FORWARD))
@@ -189,7 +189,9 @@ def make_edge(
     return edge
 
 
-def make_pole(face: TopoDS_Face, vertex: TopoDS_Vertex, pcurve: Geom2d_Curve, span: tuple[float, float]) -> TopoDS_Edge:
+def make_degenerate_edge(
+    face: TopoDS_Face, vertex: TopoDS_Vertex, pcurve: Geom2d_Curve, span: tuple[float, float]
+) -> TopoDS_Edge:
     """Make a FORWARD degenerate edge: a vertex in space, a line on the face."""
     edge = TopoDS_Edge()
     BUILDER.MakeEdge(edge)
@@ -201,27 +203,29 @@ def make_pole(face: TopoDS_Face, vertex: TopoDS_Vertex, pcurve: Geom2d_Curve, sp
     return edge
 
 
-def attach(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve) -> None:
+def attach_pcurves(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve) -> None:
     """Give an edge its pcurve on a face, whatever its location; two, for FORWARD and REVERSED use, make it a seam."""
     BUILDER.UpdateEdge(edge, *pcurves, face, BRep_Tool.Tolerance_s(edge))
 
 
-def trimmed(edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]) -> TopoDS_Edge:
+def make_trimmed_copy(
+    edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]
+) -> TopoDS_Edge:
     """Return a FORWARD copy of an edge over another range, with all its curves."""
-    copy = TopoDS.Edge_s(forward(edge).EmptyCopied())
+    copy = TopoDS.Edge_s(orient_forward(edge).EmptyCopied())
     BUILDER.Add(copy, vertices[0].Oriented(TopAbs_FORWARD))
     BUILDER.Add(copy, vertices[1].Oriented(TopAbs_REVERSED))
     BUILDER.Range(copy, *span)
     return copy
 
 
-def loosen(vertex: TopoDS_Vertex, tolerance: float) -> None:
+def raise_vertex_tolerance(vertex: TopoDS_Vertex, tolerance: float) -> None:
     """Raise a vertex's tolerance to at least the given one."""
     if tolerance > BRep_Tool.Tolerance_s(vertex):
         BUILDER.UpdateVertex(vertex, tolerance)
 
 
-def make_wire(edges: Iterable[TopoDS_Edge]) -> TopoDS_Wire:
+def make_closed_wire(edges: Iterable[TopoDS_Edge]) -> TopoDS_Wire:
     """Make a closed wire of edge uses in order."""
     wire = TopoDS_Wire()
     BUILDER.MakeWire(wire)
@@ -231,23 +235,23 @@ def make_wire(edges: Iterable[TopoDS_Edge]) -> TopoDS_Wire:
     return wire
 
 
-def make_face(surface: Geom_Surface) -> TopoDS_Face:
+def make_bare_face(surface: Geom_Surface) -> TopoDS_Face:
     """Make a face without a boundary."""
     face = TopoDS_Face()
     BUILDER.MakeFace(face, surface, CONFUSION)
     return face
 
 
-def with_faces(
-    solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: Index, added: Iterable[TopoDS_Face]
+def replace_solid_faces(
+    solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: ShapeIndex, added: Iterable[TopoDS_Face]
 ) -> TopoDS_Solid:
     """Return a solid with faces replaced, by number; new faces go into the shell of the first one replaced."""
     out = TopoDS_Solid()
     BUILDER.MakeSolid(out)
     pending = list(added)
-    for shell in explore(forward(solid), TopAbs_SHELL):
-        faces = list(explore(shell, TopAbs_FACE))
-        numbers = [index.of(face) for face in faces]
+    for shell in explore_subshapes(orient_forward(solid), TopAbs_SHELL):
+        faces = list(explore_subshapes(shell, TopAbs_FACE))
+        numbers = [index.find_number(face) for face in faces]
         if not any(number in replaced for number in numbers):
             BUILDER.Add(out, shell)
             continue
@@ -263,7 +267,7 @@ def with_faces(
     return out
 
 
-def replaced_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) -> TopoDS_Shape:
+def replace_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) -> TopoDS_Shape:
     """Return the shape with one of its solids replaced."""
     if shape.IsSame(old):
         return new
@@ -272,7 +276,7 @@ def replaced_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) ->
     return reshape.Apply(shape)
 
 
-def compound_of(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+def make_compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
     """Return shapes as one compound."""
     compound = TopoDS_Compound()
     BUILDER.MakeCompound(compound)

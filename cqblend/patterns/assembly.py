@@ -13,22 +13,28 @@ from functools import partial
 import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, Laying, Wishes
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
-from cqblend.patterns.soundness import covering, is_edge, refined, unlike
-from cqblend.patterns.strips.division_ways import cut_across, divided, finer, merged, other_way
-from cqblend.patterns.trim.flat_loops import Draft, Edges, Laid, carried
-from cqblend.patterns.trim.trimmed_patch import Patch, Skin, Trim
+from cqblend.patterns.soundness import add_edge_vertices, find_face_mismatch, find_self_overlapping, is_edge_key
+from cqblend.patterns.strips.division_ways import (
+    cut_strips_across,
+    divide_finer,
+    divide_other_way,
+    divide_patch,
+    merge_thin_strips,
+)
+from cqblend.patterns.trim.flat_loops import PieceDraft, RunDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""
 
-_BOW = 1.1
+_MOST_BOW = 1.1
 """Length to chord of an arc of 86 degrees. Samples of edges are closer."""
 
-_ROUNDS = 6
+_MOST_ROUNDS = 6
 """Vertices are added to edges so often at most."""
 
 
@@ -53,7 +59,7 @@ class Record:
         seam included, straight ends of strips not.
     twist
         Proven bound of the angle by which the normal turns along a ruling, rad, see
-        :func:`cqblend.patterns.strips.developability.turn_between`; 0 if the strip is developable.
+        :func:`cqblend.patterns.strips.developability.bound_normal_turn`; 0 if the strip is developable.
     ruling
         Largest change in length of a ruling, relative.
     strain
@@ -100,7 +106,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class PieceSource:
     """What a piece was before it was laid flat.
 
     Attributes
@@ -116,30 +122,30 @@ class Source:
     """
 
     patch: Patch
-    laying: Laying | None
+    laying: UnrolledStrip | None
     upward: bool
     loops: tuple[tuple[Array | Curve, ...], ...]
 
-    def trim(self) -> Trim:
+    def to_trimmed_surface(self) -> TrimmedSurface:
         """Return the piece in space: a ruled surface or a plane, and what is kept of it."""
         if self.laying is None:
-            return Trim(self.patch.surface, self.loops, self.patch.outward)
-        return Trim(self.laying.ruled(), self.loops, self.upward)
+            return TrimmedSurface(self.patch.surface, self.loops, self.patch.outward)
+        return TrimmedSurface(self.laying.to_ruled_surface(), self.loops, self.upward)
 
     def fold(self, points: Array) -> Array:
         """Return where points (.., 2) of the flat piece are in space, (.., 3)."""
         if self.laying is not None:
             return self.laying.flat.fold(points)
         assert self.patch.frame is not None
-        return self.patch.frame.space(points)
+        return self.patch.frame.to_world_coords(points)
 
-    def on_face(self, points: Array) -> Array:
+    def map_to_face(self, points: Array) -> Array:
         """Return the points of the face, (n, 3), for which points (n, 2) of the flat piece stand."""
-        return self.fold(points) if self.laying is None else self.laying.on_surface(points)
+        return self.fold(points) if self.laying is None else self.laying.map_to_surface(points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unrolled:
+class UnrollResult:
     """Pieces with their seams, a record and a source for each, and what could not be done.
 
     Attributes
@@ -160,7 +166,7 @@ class Unrolled:
 
     pieces: Pieces
     records: tuple[Record, ...]
-    sources: tuple[Source, ...]
+    sources: tuple[PieceSource, ...]
     failures: tuple[Failure, ...]
     stretch: float
     strips: int
@@ -170,82 +176,82 @@ class Unrolled:
     detours: tuple[str, ...]
 
 
-def unroll(skin: Skin, wishes: Wishes, progress: Progress | None = None) -> Unrolled:
+def unroll_patches(skin: PatchShell, wishes: UnrollOptions, progress: Progress | None = None) -> UnrollResult:
     """Unroll patches to pieces.
 
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
     """
-    tell = _silent if progress is None else progress
-    work = _Work(wishes, failures=[Failure((face,), error) for face, error in skin.refused.items()])
+    tell = _ignore_progress if progress is None else progress
+    work = _UnrollState(wishes, failures=[Failure((face,), error) for face, error in skin.refused.items()])
     for i, patch in enumerate(skin.patches):
         tell(0.6 * i / len(skin.patches), f"dividing face {patch.index}")
         try:
-            work.faces.append(divided(patch, wishes))
+            work.faces.append(divide_patch(patch, wishes))
         except CqblendError as error:
-            work.failures.append(_failure(patch, error))
+            work.failures.append(_make_failure(patch, error))
     extra: dict[int, Array] = {}
     turn = 0
     while True:
-        edges = Edges(skin, work.faces, wishes, extra)
-        laid: list[Laid] = []
+        edges = SampledEdges(skin, work.faces, wishes, extra)
+        laid: list[PieceDraft] = []
         again = False
         for i, face in enumerate(tuple(work.faces)):
             tell(0.6 + 0.4 * i / len(work.faces), f"laying face {face.patch.index} flat")
             try:
-                laid += carried(face, edges, wishes)
+                laid += flatten_patch_loops(face, edges, wishes)
             except CqblendError as error:
-                again |= work.replace(face, partial(other_way, face, wishes, error))
+                again |= work.replace_division(face, partial(divide_other_way, face, wishes, error))
         if again:
             continue
         turn += 1
-        if turn < _ROUNDS and refined(extra, laid, edges, wishes):
+        if turn < _MOST_ROUNDS and add_edge_vertices(extra, laid, edges, wishes):
             continue
-        result = _joined(skin, laid, work)
-        if not (work.mended(laid, result, edges) or work.widened(laid, result)):
+        result = _assemble_pieces(skin, laid, work)
+        if not (work.redivide_faulty(laid, result, edges) or work.merge_thin_strips(laid, result)):
             return result
 
 
 @dataclass(slots=True, eq=False)
-class _Work:
+class _UnrollState:
     """The faces that are being unrolled, and those that cannot be."""
 
-    wishes: Wishes
+    wishes: UnrollOptions
     failures: list[Failure]
     faces: list[DividedPatch] = field(default_factory=list)
 
-    def replace(self, face: DividedPatch, another: Callable[[], DividedPatch]) -> bool:
+    def replace_division(self, face: DividedPatch, another: Callable[[], DividedPatch]) -> bool:
         """Put another division of a face in its place; leave it out if there is none, and return False."""
         place = self.faces.index(face)
         try:
             self.faces[place] = another()
         except CqblendError as error:
-            self.failures.append(_failure(face.patch, error))
+            self.failures.append(_make_failure(face.patch, error))
             del self.faces[place]
             return False
         return True
 
-    def mended(self, laid: Sequence[Laid], result: Unrolled, edges: Edges) -> bool:
+    def redivide_faulty(self, laid: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
         """Divide faces anew whose pieces cover themselves, or are not what they stand for; whether there were any."""
-        twice = covering(laid, result.pieces.pieces)
-        pieces: dict[int, list[tuple[Laid, Piece]]] = defaultdict(list)
+        twice = find_self_overlapping(laid, result.pieces.pieces)
+        pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
         for one, piece in zip(laid, result.pieces.pieces, strict=True):
             pieces[id(one.face)].append((one, piece))
         found = False
         for face in tuple(self.faces):
             rows = [(one.row, sum(one.span) / 2) for one, bent in twice if one.face is face and not bent]
             if rows:
-                self.replace(face, partial(cut_across, face, rows))
+                self.replace_division(face, partial(cut_strips_across, face, rows))
             elif any(one.face is face for one, _ in twice):
-                self.replace(face, partial(finer, face, self.wishes, _COVERS))
-            elif (wrong := unlike(face, pieces[id(face)], edges)) is not None:
+                self.replace_division(face, partial(divide_finer, face, self.wishes, _SELF_OVERLAP_ERROR))
+            elif (wrong := find_face_mismatch(face, pieces[id(face)], edges)) is not None:
                 error, factor = wrong
-                self.replace(face, partial(finer, face, self.wishes, error, 1.1 * factor))
+                self.replace_division(face, partial(divide_finer, face, self.wishes, error, 1.1 * factor))
             else:
                 continue
             found = True
         return found
 
-    def widened(self, laid: Sequence[Laid], result: Unrolled) -> bool:
+    def merge_thin_strips(self, laid: Sequence[PieceDraft], result: UnrollResult) -> bool:
         """Merge strips whose pieces are too thin with their neighbours; whether there were any that could be."""
         least = self.wishes.least_width
         if least is None:
@@ -259,46 +265,48 @@ class _Work:
                 wide.add(id(one.face))
         found = False
         for face in tuple(self.faces):
-            union = merged(face, sorted(thin[id(face)]), self.wishes) if thin[id(face)] and face.strips else None
+            union = (
+                merge_thin_strips(face, sorted(thin[id(face)]), self.wishes) if thin[id(face)] and face.strips else None
+            )
             if union is not None:
-                found |= self.replace(face, partial(_same, union))
+                found |= self.replace_division(face, partial(_return_division, union))
             elif face.refusal is not None and id(face) not in wide:
                 found = True
-                self.replace(face, partial(_raised, face.refusal))
+                self.replace_division(face, partial(_raise_error, face.refusal))
         return found
 
 
-_COVERS = GeometryError(
+_SELF_OVERLAP_ERROR = GeometryError(
     "a piece would cover itself where its border is bowed to the length of a longer seam, however narrow its strips; "
     "take a smaller tolerance"
 )
 
 
-def _same(face: DividedPatch) -> DividedPatch:
+def _return_division(face: DividedPatch) -> DividedPatch:
     return face
 
 
-def _raised(error: CqblendError) -> DividedPatch:
+def _raise_error(error: CqblendError) -> DividedPatch:
     raise error
 
 
-def _failure(patch: Patch, error: CqblendError) -> Failure:
+def _make_failure(patch: Patch, error: CqblendError) -> Failure:
     """Name the face in an error, unless it is named already."""
     text = str(error)
     named = text.startswith("face ")
     return Failure(patch.faces, error if named else type(error)(f"face {patch.index}: {text}"))
 
 
-def _silent(part: float, what: str) -> None:
+def _ignore_progress(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _joined(skin: Skin, laid: Sequence[Laid], work: _Work) -> Unrolled:
+def _assemble_pieces(skin: PatchShell, laid: Sequence[PieceDraft], work: _UnrollState) -> UnrollResult:
     """Bow the runs to the lengths of their seams, and make the pieces."""
-    members: dict[Hashable, list[tuple[Place, Draft]]] = defaultdict(list)
+    members: dict[Hashable, list[tuple[Place, RunDraft]]] = defaultdict(list)
     for i, one in enumerate(laid):
         for j, loop in enumerate(one.loops):
-            for k, draft in enumerate(_runs(loop)):
+            for k, draft in enumerate(_skip_poles(loop)):
                 members[draft.key].append((Place(i, j, k), draft))
     seams: list[Seam] = []
     numbers: dict[Hashable, int] = {}
@@ -306,14 +314,14 @@ def _joined(skin: Skin, laid: Sequence[Laid], work: _Work) -> Unrolled:
     for key, sides in members.items():
         if work.wishes.layout == "triangles":
             for _, draft in sides:
-                draft.lengths = draft.chords
-        elif is_edge(key):
-            stretch = max(stretch, _agree([draft for _, draft in sides]))
+                draft.lengths = draft.chord_lengths
+        elif is_edge_key(key):
+            stretch = max(stretch, _equalise_lengths([draft for _, draft in sides]))
         if len(sides) == 2:
             numbers[key] = len(seams)
             (first, here), (second, there) = sides
             there.inward = here.kind == there.kind == "end"
-            angle = _turn(skin, key, laid[first.piece], laid[second.piece])
+            angle = _measure_fold_angle(skin, key, laid[first.piece], laid[second.piece])
             seams.append(Seam(str(len(seams) + 1), (first, second), here.rising != there.rising, angle))
     counts: dict[int, int] = defaultdict(int)
     for one in laid:
@@ -324,58 +332,58 @@ def _joined(skin: Skin, laid: Sequence[Laid], work: _Work) -> Unrolled:
         ordinals[id(one.face)] += 1
         index = one.face.patch.index
         name = f"{index}.{ordinals[id(one.face)]}" if counts[id(one.face)] > 1 else str(index)
-        loops = [tuple(_run(draft, numbers.get(draft.key)) for draft in _runs(loop)) for loop in one.loops]
+        loops = [tuple(_make_run(draft, numbers.get(draft.key)) for draft in _skip_poles(loop)) for loop in one.loops]
         piece = Piece(name, tuple(loops))
         pieces.append(piece)
-        records.append(_record(one, piece))
+        records.append(_make_record(one, piece))
     faces = {id(one.face): one.face for one in laid}.values()
-    return Unrolled(
+    return UnrollResult(
         Pieces(tuple(pieces), tuple(seams)),
         tuple(records),
-        tuple(_source(one) for one in laid),
+        tuple(_make_source(one) for one in laid),
         tuple(work.failures),
         stretch,
         sum(max(len(face.strips), 1) for face in faces),
         sum(face.elber for face in faces),
         sum(face.ideal for face in faces),
-        tuple(_areas(face, laid, pieces) for face in faces),
-        tuple(_detour(face) for face in faces if face.failed),
+        tuple(_compare_areas(face, laid, pieces) for face in faces),
+        tuple(_describe_detour(face) for face in faces if face.failed),
     )
 
 
-def _areas(face: DividedPatch, laid: Sequence[Laid], pieces: Sequence[Piece]) -> Areas:
+def _compare_areas(face: DividedPatch, laid: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
     own = sum(piece.area for one, piece in zip(laid, pieces, strict=True) if one.face is face)
     return Areas(face.patch.faces, face.patch.area, own)
 
 
-def _detour(face: DividedPatch) -> str:
+def _describe_detour(face: DividedPatch) -> str:
     reasons = "; ".join(f"not {way}: {error}" for way, error in face.failed)
     return f"face {face.patch.index}: {face.way}, {reasons}"
 
 
-def _run(draft: Draft, seam: int | None) -> Run:
-    final = draft.straightened() if draft.kind == "end" else draft
-    return Run(final.path(), final.space, final.kind, seam)
+def _make_run(draft: RunDraft, seam: int | None) -> Run:
+    final = draft.drop_inner_vertices() if draft.kind == "end" else draft
+    return Run(final.to_path(), final.space, final.kind, seam)
 
 
-def _runs(loop: Sequence[Draft]) -> list[Draft]:
+def _skip_poles(loop: Sequence[RunDraft]) -> list[RunDraft]:
     """Return the drafts of a loop that are more than a pole."""
     return [draft for draft in loop if draft.key is not None]
 
 
-def _natural(draft: Draft) -> Array:
+def _clamp_lengths(draft: RunDraft) -> Array:
     """Return the lengths of segments, where they are not much longer than their chords; else they would be balloons."""
-    return np.clip(draft.lengths, draft.chords, _BOW * draft.chords)
+    return np.clip(draft.lengths, draft.chord_lengths, _MOST_BOW * draft.chord_lengths)
 
 
-def _agree(drafts: Sequence[Draft]) -> float:
+def _equalise_lengths(drafts: Sequence[RunDraft]) -> float:
     """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
 
     Returns by how much that is longer than the edge, relative to it. A segment becomes as long as its part of the
     edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next to a
     pole, it would be a balloon. What is missing then is shared by all.
     """
-    natural = [_natural(draft) for draft in drafts]
+    natural = [_clamp_lengths(draft) for draft in drafts]
     edge = float(drafts[0].lengths.sum())
     total = max(edge, *(float(lengths.sum()) for lengths in natural))
     for draft, lengths in zip(drafts, natural, strict=True):
@@ -384,7 +392,7 @@ def _agree(drafts: Sequence[Draft]) -> float:
     return total / edge - 1 if edge > 0 else 0.0
 
 
-def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
+def _measure_fold_angle(skin: PatchShell, key: Hashable, first: PieceDraft, second: PieceDraft) -> float:
     """Return the angle by which the outer normal turns across the middle of a seam, positive if convex."""
     assert isinstance(key, tuple)
     if key[0] == "edge":
@@ -403,12 +411,14 @@ def _turn(skin: Skin, key: Hashable, first: Laid, second: Laid) -> float:
     return angle if (after - before) @ up > 0 else -angle
 
 
-def _record(one: Laid, piece: Piece) -> Record:
+def _make_record(one: PieceDraft, piece: Piece) -> Record:
     faces, laying = one.face.patch.faces, one.laying
-    error = max((float(draft.off().max()) for loop in one.loops for draft in _runs(loop)), default=0.0)
+    error = max(
+        (float(draft.measure_arc_error().max()) for loop in one.loops for draft in _skip_poles(loop)), default=0.0
+    )
     width = 2 * piece.area / max(sum(path.length for path in piece.outlines), np.finfo(float).tiny)
     if laying is None:
-        off = one.face.patch.off
+        off = one.face.patch.plane_deviation
         return Record(piece.name, faces, "plane", off, True, error, 0.0, 0.0, 0.0, piece.area, piece.area, width)
     flat = laying.flat
     return Record(
@@ -427,6 +437,6 @@ def _record(one: Laid, piece: Piece) -> Record:
     )
 
 
-def _source(one: Laid) -> Source:
-    loops = tuple(tuple(draft.trim() for draft in loop) for loop in one.loops)
-    return Source(one.face.patch, one.laying, one.face.upward, loops)
+def _make_source(one: PieceDraft) -> PieceSource:
+    loops = tuple(tuple(draft.to_trim_curve() for draft in loop) for loop in one.loops)
+    return PieceSource(one.face.patch, one.laying, one.face.upward, loops)

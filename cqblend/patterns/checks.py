@@ -8,11 +8,11 @@ from numbers import Real
 
 from cqblend.errors import InputError, shown
 
-LEAST, MOST = 1e-9, 1e6
+LEAST_LENGTH, MOST_LENGTH = 1e-9, 1e6
 """What makes sense on flat stock, mm: an atom, and a kilometre."""
 
 
-def millimetres(name: str, value: object, *, zero: bool = False) -> float:
+def check_millimetres(name: str, value: object, *, zero: bool = False) -> float:
     """Return a length from `LEAST` to `MOST` (or 0, if that is allowed) as a float. A bool is no length.
 
     Raises
@@ -30,8 +30,10 @@ def millimetres(name: str, value: object, *, zero: bool = False) -> float:
             number = float(value)
         except OverflowError:
             number = math.inf
-        if LEAST <= number <= MOST or (zero and number == 0):
+        if LEAST_LENGTH <= number <= MOST_LENGTH or (zero and number == 0):
             return number
         if math.isfinite(number) and number > 0:
-            raise InputError(f"{name} is a positive number of mm, from {LEAST:g} to {MOST:g}, not {shown(value)}")
+            raise InputError(
+                f"{name} is a positive number of mm, from {LEAST_LENGTH:g} to {MOST_LENGTH:g}, not {shown(value)}"
+            )
     raise InputError(f"{name} is {'0 or ' if zero else ''}a positive number of mm, not {shown(value)}")

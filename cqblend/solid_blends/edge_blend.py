@@ -14,23 +14,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend.blend_options import BlendRequest
-from cqblend.blends.contacts.contact_solver import Contacts, Solver, intersect, remembering, rolling_ball, set_back
-from cqblend.blends.pde.problem import Problem
-from cqblend.blends.potential.edge_sweep import EdgeSweep, from_edge
-from cqblend.blends.potential.swept_section import Skin, loosened, tied
-from cqblend.blends.quality.creases import Allowed, check_creases
+from cqblend.blends.contacts.contact_solver import (
+    Contacts,
+    ContactSolver,
+    cache_contacts,
+    project_to_intersection,
+    solve_ball_contacts,
+    solve_setback_contacts,
+)
+from cqblend.blends.pde.problem import PdeSettings
+from cqblend.blends.potential.edge_sweep import EdgeSweep, sweep_from_edge
+from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
+from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails import cross_fields, rail_fit
-from cqblend.blends.rails.rail_fit import Wanted
-from cqblend.blends.rails.ribbon import Ribbon, in_space
-from cqblend.blends.sections.blend_surface import Blend, folded, hermite
-from cqblend.brep.read.face_surface import FaceSide
-from cqblend.brep.rewrite.end_curve import EndError
-from cqblend.brep.rewrite.shell_edit import Proposal, RailsTooShort, Surgery
+from cqblend.blends.rails.rail_fit import RibbonTargets
+from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
+from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
+from cqblend.brep.read.face_surface import SupportFace
+from cqblend.brep.rewrite.end_curve import BlendEndError
+from cqblend.brep.rewrite.shell_edit import ProposedSolid, RailsTooShortError, ShellEdit
 from cqblend.brep.select.edge_joint import Joint
-from cqblend.brep.select.selection import Picks
-from cqblend.brep.select.united_faces import unified
-from cqblend.brep.topology import replaced_solid
-from cqblend.brep.verification.certify import certify
+from cqblend.brep.select.selection import PendingEdges
+from cqblend.brep.select.united_faces import unify_faces
+from cqblend.brep.topology import replace_solid
+from cqblend.brep.verification.certify import certify_blend
 from cqblend.brep.verification.soundness import check_solid, is_valid
 from cqblend.certificate import Certificate, EndRecord
 from cqblend.errors import (
@@ -44,33 +51,36 @@ from cqblend.errors import (
     VerificationError,
 )
 from cqblend.solid_blends import size_limits
-from cqblend.solid_blends.end_plan import Attempts, EndPlan, plan_ends, record_ends
-from cqblend.surfaces.primaries import Array, Tensor, unit
+from cqblend.solid_blends.end_plan import EndAttempts, EndPlan, plan_ends, record_ends
+from cqblend.surfaces.primaries import Array, TensorSurface, normalise_vectors
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 RAIL_TOLERANCE = 1e-5  # of the size asked for: how near rails run to the ball's contacts
 EXACT_ANGLE = 1e-7  # rad: measured by OCCT, whose derivatives of high degree have rounding of their own
-EXACT_BEND, COMPACT_BEND = 1e-6, 1e-3  # jump of the curvature where it is continuous, in units of 1/size
-GAP = 1e-7  # mm
-CROSSED = (
+EXACT_CURVATURE_JUMP, COMPACT_CURVATURE_JUMP = (
+    1e-6,
+    1e-3,
+)  # jump of the curvature where it is continuous, in units of 1/size
+GAP_TOLERANCE = 1e-7  # mm
+CROSSING_STATUSES = (
     "IntersectingWires",
     "SelfIntersectingWire",
     "InvalidImbricationOfWires",
     "cuts through",
 )  # what is said of that
-SAME_FACE = 1e-10  # of the size of a solid: a surface that differs less from a face's is that of the face
+SAME_SURFACE = 1e-10  # of the size of a solid: a surface that differs less from a face's is that of the face
 EDGE_TOLERANCE = 5e-7  # mm, the most that a new edge may have on clean input
 
 
-FIELDS = {
-    "parametric": cross_fields.parametric,
-    "perpendicular": cross_fields.perpendicular,
-    "chord": cross_fields.chord,
+CROSS_FIELDS = {
+    "parametric": cross_fields.parametric_field,
+    "perpendicular": cross_fields.perpendicular_field,
+    "chord": cross_fields.chord_field,
 }
 
-Caps = tuple[float | None, float | None]
+CapParameters = tuple[float | None, float | None]
 
 
 def blend_shape(
@@ -90,26 +100,26 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     faces, certificates = [], []
-    picks, before = Picks(shape, edges, request.first), shape
+    picks, before = PendingEdges(shape, edges, request.first), shape
     while picks:
-        shape, joint = _seen_through(shape, picks, request)
-        _take(shape, picks, joint, request, hints=hints)
+        shape, joint = _unify_next_joint(shape, picks, request)
+        _take_joint(shape, picks, joint, request, hints=hints)
         try:
-            proposal, blend, plan, ends = _blended(joint, request)
+            proposal, blend, plan, ends = _blend_joint(joint, request)
         except CqblendError as error:
-            raise _named(error, joint, request, hints=hints) from error
-        certificate = certify(joint, proposal, blend)
+            raise _annotate_error(error, joint, request, hints=hints) from error
+        certificate = certify_blend(joint, proposal, blend)
         if plan is not None:
             certificate = replace(certificate, coverage=plan.coverage, ends=ends)
-        _check_promise(certificate, request, joint, _allowed(request).along(blend.ribbons))
-        shape = replaced_solid(shape, joint.solid, proposal.solid)
-        faces.append(proposal.blend)
-        certificates.append(replace(certificate, method=certificate.method + picks.taken_as_one()))
+        _check_promises(certificate, request, joint, _get_crease_limits(request).find_limit(blend.ribbons))
+        shape = replace_solid(shape, joint.solid, proposal.solid)
+        faces.append(proposal.blend_face)
+        certificates.append(replace(certificate, method=certificate.method + picks.describe_unified_faces()))
     certificate = Certificate.merge(certificates)
-    return shape, tuple(faces), replace(certificate, valid=_still_valid(before, shape), skipped=picks.skipped)
+    return shape, tuple(faces), replace(certificate, valid=_check_still_valid(before, shape), skipped=picks.skipped)
 
 
-def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
+def _check_still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
     """Whether OCCT's ordinary check accepts a result; it may refuse it only if it refuses what that was made from.
 
     Raises
@@ -124,50 +134,52 @@ def _still_valid(before: TopoDS_Shape, after: TopoDS_Shape) -> bool:
     return False
 
 
-def _seen_through(
-    shape: TopoDS_Shape, picks: Picks, request: BlendRequest, *, everything: bool = False
+def _unify_next_joint(
+    shape: TopoDS_Shape, picks: PendingEdges, request: BlendRequest, *, everything: bool = False
 ) -> tuple[TopoDS_Shape, Joint]:
     """Return the next joint, and the shape in which its faces are one with what they go on in, as far as it gets.
 
     A joint whose faces have become one with others may be longer, and have others yet to become one with.
     """
 
-    def reach(joint: Joint) -> float:
+    def estimate_reach(joint: Joint) -> float:
         if everything:
             return np.inf
         try:
-            return size_limits.reach(joint, request, _solver)
+            return size_limits.measure_reach(joint, request, _make_contact_solver)
         except CqblendError:
             return 0.0  # whatever is wrong is said later, of the joint as it is then
 
-    joint = picks.find(shape)
-    while (united := unified(joint, partial(reach, joint))) is not None:
-        picks.unify(united)
-        shape = replaced_solid(shape, joint.solid, united.solid)
-        joint = picks.find(shape)
+    joint = picks.find_next_joint(shape)
+    while (united := unify_faces(joint, partial(estimate_reach, joint))) is not None:
+        picks.record_unified_faces(united)
+        shape = replace_solid(shape, joint.solid, united.solid)
+        joint = picks.find_next_joint(shape)
     return shape, joint
 
 
-def _take(shape: TopoDS_Shape, picks: Picks, joint: Joint, request: BlendRequest, *, hints: bool) -> None:
+def _take_joint(shape: TopoDS_Shape, picks: PendingEdges, joint: Joint, request: BlendRequest, *, hints: bool) -> None:
     """Take a joint; where it may not go together with other picks, but one does not fit anyway, that is told."""
     try:
-        picks.take(joint)
+        picks.take_joint(joint)
     except UnsupportedError:
-        for one in picks.joints(shape):
+        for one in picks.find_joints(shape):
             try:
-                size_limits.check(one, request, _solver)
+                size_limits.check_size(one, request, _make_contact_solver)
             except SizeError as error:
-                raise _named(error, one, request, hints=hints) from error
+                raise _annotate_error(error, one, request, hints=hints) from error
         raise
 
 
-def _named(error: CqblendError, joint: Joint, request: BlendRequest, *, hints: bool) -> CqblendError:
+def _annotate_error(error: CqblendError, joint: Joint, request: BlendRequest, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, of sizes, with what may fit."""
-    hint = size_limits.hint(joint, request, _solver) if hints and isinstance(error, SizeError) else ""
-    return type(error)(f"edge {joint.edge}: {error}{hint}")
+    hint = (
+        size_limits.suggest_size(joint, request, _make_contact_solver) if hints and isinstance(error, SizeError) else ""
+    )
+    return type(error)(f"edge {joint.edge_number}: {error}{hint}")
 
 
-def cheap_trial(
+def make_cheap_trial(
     shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], request: BlendRequest
 ) -> tuple[Callable[[float], bool], float]:
     """Return the cheap trial of :func:`blend_shape`, and the size (mm) of the smallest solid.
@@ -179,17 +191,20 @@ def cheap_trial(
     CqblendError
         As :func:`blend_shape`, of what no size would mend.
     """
-    picks = Picks(shape, edges, request.first)
+    picks = PendingEdges(shape, edges, request.first)
     joints = []
     while picks:
-        shape, joint = _seen_through(shape, picks, request, everything=True)
-        joints.append(picks.take(joint))
+        shape, joint = _unify_next_joint(shape, picks, request, everything=True)
+        joints.append(picks.take_joint(joint))
     extent = min(joint.extent for joint in joints)
-    return lambda factor: all(size_limits.fits(joint, request.scaled(factor), _solver) for joint in joints), extent
+    return lambda factor: all(
+        size_limits.is_possible_size(joint, request.with_scaled_lengths(factor), _make_contact_solver)
+        for joint in joints
+    ), extent
 
 
-def insert_shape(
-    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], blend: Blend, first: TopoDS_Face | None
+def insert_into_shape(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], blend: BlendSurface, first: TopoDS_Face | None
 ) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend of surfaces into a shape, in the place of an edge between faces on these surfaces.
 
@@ -202,48 +217,53 @@ def insert_shape(
     CqblendError
         The blend does not fit into the shape.
     """
-    picks = Picks(shape, edges, first)
-    joint = picks.take(picks.find(shape))
+    picks = PendingEdges(shape, edges, first)
+    joint = picks.take_joint(picks.find_next_joint(shape))
     if picks:
         raise SelectionError("the edges belong to several joints: a blend takes the place of one")
     try:
-        return _inserted(shape, joint, blend)
-    except RailsTooShort as error:
-        (low, high), (first_t, last_t) = error.needed, blend.ribbons[0].c.domain
+        return _insert_at_joint(shape, joint, blend)
+    except RailsTooShortError as error:
+        (low, high), (first_t, last_t) = error.needed_domain, blend.ribbons[0].c.domain
         raise GeometryError(
-            f"edge {joint.edge}: the blend ends before it meets the faces at the ends of the edge: it runs over t = "
+            f"edge {joint.edge_number}: the blend ends before it meets the faces at the ends of the edge: it runs "
+            "over t = "
             f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
             "it is made between"
         ) from error
-    except EndError as error:
+    except BlendEndError as error:
         where = joint.name_end(error.end)
-        raise type(error.cause)(f"edge {joint.edge}: the blend cannot end at {where}: {error.cause}") from error
+        raise type(error.cause)(f"edge {joint.edge_number}: the blend cannot end at {where}: {error.cause}") from error
     except CqblendError as error:
-        raise type(error)(f"edge {joint.edge}: {error}") from error
+        raise type(error)(f"edge {joint.edge_number}: {error}") from error
 
 
-def _inserted(shape: TopoDS_Shape, joint: Joint, blend: Blend) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
+def _insert_at_joint(
+    shape: TopoDS_Shape, joint: Joint, blend: BlendSurface
+) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
-    fitted = _fitted(joint, blend)
-    surgery = Surgery(joint.solid, joint.spine, joint.sides, fitted, joint.named)
-    natural = EndPlan.natural(surgery.domain)
-    proposal = surgery.closed() if joint.spine.closed else surgery.open(natural.caps)
+    fitted = _align_to_joint(joint, blend)
+    surgery = ShellEdit(joint.solid, joint.spine, joint.sides, fitted, joint.name_part)
+    natural = EndPlan.from_domain(surgery.domain)
+    proposal = surgery.blend_closed_edge() if joint.spine.closed else surgery.blend_open_edge(natural.caps)
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
-    problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
+    problems = check_solid(
+        joint.solid, proposal.solid, [proposal.blend_face], grows=not joint.is_convex, tolerance=limit
+    )
     if problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
-    result = replaced_solid(shape, joint.solid, proposal.solid)
+    result = replace_solid(shape, joint.solid, proposal.solid)
     ends = () if joint.spine.closed else record_ends(joint, natural)
-    valid = _still_valid(shape, result)
-    return result, proposal.blend, replace(certify(joint, proposal, fitted), valid=valid, ends=ends)
+    valid = _check_still_valid(shape, result)
+    return result, proposal.blend_face, replace(certify_blend(joint, proposal, fitted), valid=valid, ends=ends)
 
 
-def _fitted(joint: Joint, blend: Blend) -> Blend:
+def _align_to_joint(joint: Joint, blend: BlendSurface) -> BlendSurface:
     """Return a blend with its sides and its sense those of a joint, its ribbons on the joint's own surfaces."""
     size = joint.extent
     for swapped in (False, True):
         ribbons = blend.ribbons[::-1] if swapped else blend.ribbons
-        if all(_on(ribbon, side, size) for ribbon, side in zip(ribbons, joint.sides, strict=True)):
+        if all(_is_on_face(ribbon, side, size) for ribbon, side in zip(ribbons, joint.sides, strict=True)):
             break
     else:
         raise InputError(
@@ -253,8 +273,8 @@ def _fitted(joint: Joint, blend: Blend) -> Blend:
     first, second = (replace(ribbon, primary=side.primary) for ribbon, side in zip(ribbons, joint.sides, strict=True))
     surface = blend.surface.reverse(1) if swapped else blend.surface
     t = np.linspace(*first.c.domain, 257)
-    point, rate = in_space(first.primary.position(first.c).jet(t, 1))
-    stations = joint.stations(np.linspace(0.02, 0.98, 33))
+    point, rate = dehomogenise_jets(first.primary.compose_position(first.c).jet(t, 1))
+    stations = joint.locate_stations(np.linspace(0.02, 0.98, 33))
     nearest = np.linalg.norm(stations.point[:, None] - point, axis=2).argmin(axis=1)
     if (rate[nearest] * stations.direction).sum() < 0:
         first, second = (
@@ -270,110 +290,130 @@ def _fitted(joint: Joint, blend: Blend) -> Blend:
     return replace(blend, surface=surface, ribbons=(first, second))
 
 
-def _on(ribbon: Ribbon, side: FaceSide, size: float) -> bool:
+def _is_on_face(ribbon: Ribbon, side: SupportFace, size: float) -> bool:
     """Whether a ribbon runs on a face, in the face's own parameters."""
-    if not isinstance(ribbon.primary, Tensor) or not isinstance(side.primary, Tensor) or not side.native.is_native():
+    if (
+        not isinstance(ribbon.primary, TensorSurface)
+        or not isinstance(side.primary, TensorSurface)
+        or not side.face_primary.has_exact_pcurves()
+    ):
         return False
     t = np.linspace(*ribbon.c.domain, 33)
-    uv = ribbon.native(t)
-    return bool(np.abs(side.primary.jet(uv)[0] - ribbon.primary.jet(uv)[0]).max() <= SAME_FACE * size)
+    uv = ribbon.find_native_parameters(t)
+    return bool(np.abs(side.primary.jet(uv)[0] - ribbon.primary.jet(uv)[0]).max() <= SAME_SURFACE * size)
 
 
-def _size(request: BlendRequest) -> float:
+def _get_largest_size(request: BlendRequest) -> float:
     return max(request.lengths)
 
 
-def _inside(request: BlendRequest) -> float:
+def _get_section_tolerance(request: BlendRequest) -> float:
     """Return how far a potential blend may be from the curves that it is made of (mm)."""
-    return max(request.tolerance, RAIL_TOLERANCE * _size(request))
+    return max(request.tolerance, RAIL_TOLERANCE * _get_largest_size(request))
 
 
-def _swept(joint: Joint, request: BlendRequest) -> EdgeSweep | None:
+def _make_edge_sweep(joint: Joint, request: BlendRequest) -> EdgeSweep | None:
     """Return the intersection curves of the moved sides, for a potential section."""
     if request.relation is None:
         return None
-    return from_edge(joint.sides, joint.stations, joint.spine.length, request.relation, closed=joint.spine.closed)
+    return sweep_from_edge(
+        joint.sides, joint.locate_stations, joint.spine.length, request.relation, closed=joint.spine.closed
+    )
 
 
-def _solver(joint: Joint, request: BlendRequest) -> Solver:
+def _make_contact_solver(joint: Joint, request: BlendRequest) -> ContactSolver:
     """Return the function from t to contacts."""
-    swept = _swept(joint, request)
+    swept = _make_edge_sweep(joint, request)
 
-    def solve(t: Array) -> Contacts:
+    def solve_contacts_at(t: Array) -> Contacts:
         if swept is not None:
-            return swept.contacts(t)
-        stations = intersect(joint.sides, joint.stations(t), joint.spine.length)
+            return swept.solve_contacts(t)
+        stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
         if request.radius is not None:
-            return rolling_ball(joint.sides, stations, request.radius)
+            return solve_ball_contacts(joint.sides, stations, request.radius)
         assert request.width is not None
-        return set_back(joint.sides, stations, request.width)
+        return solve_setback_contacts(joint.sides, stations, request.width)
 
     if joint.spine.closed:
-        return rail_fit.around(remembering(solve), joint.primaries)
-    return rail_fit.along(remembering(solve), joint.primaries)
+        return rail_fit.unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
+    return rail_fit.unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
 
 
-def _blended(joint: Joint, request: BlendRequest) -> tuple[Proposal, Blend, EndPlan | None, tuple[EndRecord, ...]]:
+def _blend_joint(
+    joint: Joint, request: BlendRequest
+) -> tuple[ProposedSolid, BlendSurface, EndPlan | None, tuple[EndRecord, ...]]:
     """Propose a blended solid and verify it, an open one with the first ends, of those asked for, that can be built."""
-    size_limits.check(joint, request, _solver)
+    size_limits.check_size(joint, request, _make_contact_solver)
     if joint.spine.closed:
-        return *_proposed(joint, request, (None, None), (0.0, 1.0)), None, ()
-    attempts, solve = Attempts(request.ends[::-1] if joint.backward else request.ends), _solver(joint, request)
+        return *_propose_solid(joint, request, (None, None), (0.0, 1.0)), None, ()
+    attempts, solve = (
+        EndAttempts(request.ends[::-1] if joint.is_backward else request.ends),
+        _make_contact_solver(joint, request),
+    )
     for how in attempts:
         try:
             plan = plan_ends(joint, solve, how)
-            proposal, blend = _proposed(joint, request, plan.caps, plan.domain)
-        except (EndError, SizeError, TopologyError, VerificationError) as error:
-            attempts.fail(how, error)
+            proposal, blend = _propose_solid(joint, request, plan.caps, plan.domain)
+        except (BlendEndError, SizeError, TopologyError, VerificationError) as error:
+            attempts.record_failure(how, error)
         else:
             return proposal, blend, plan, record_ends(joint, plan, attempts)
-    raise attempts.error(joint)
+    raise attempts.make_error(joint)
 
 
-def _proposed(joint: Joint, request: BlendRequest, caps: Caps, domain: tuple[float, float]) -> tuple[Proposal, Blend]:
+def _propose_solid(
+    joint: Joint, request: BlendRequest, caps: CapParameters, domain: tuple[float, float]
+) -> tuple[ProposedSolid, BlendSurface]:
     """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(4):
-        blend = _section(_rails(joint, request, domain), joint, request)
+        blend = _make_blend_surface(_fit_rails(joint, request, domain), joint, request)
         _check_sections(blend, request)
-        first, second = joint.faces
-        check_creases(blend, _allowed(request), (f"face {first}", f"face {second}"), steers=request.relation is None)
-        surgery = Surgery(joint.solid, joint.spine, joint.sides, blend, joint.named)
+        first, second = joint.face_numbers
+        check_creases(
+            blend, _get_crease_limits(request), (f"face {first}", f"face {second}"), steers=request.relation is None
+        )
+        surgery = ShellEdit(joint.solid, joint.spine, joint.sides, blend, joint.name_part)
         try:
-            proposal = surgery.closed() if joint.spine.closed else surgery.open(caps)
+            proposal = surgery.blend_closed_edge() if joint.spine.closed else surgery.blend_open_edge(caps)
             break
-        except RailsTooShort as short:
-            slack = 0.1 * (short.needed[1] - short.needed[0])
-            domain = (min(domain[0], short.needed[0] - slack), max(domain[1], short.needed[1] + slack))
+        except RailsTooShortError as short:
+            slack = 0.1 * (short.needed_domain[1] - short.needed_domain[0])
+            domain = (min(domain[0], short.needed_domain[0] - slack), max(domain[1], short.needed_domain[1] + slack))
     else:
         raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance, 2 * request.tolerance)
-    problems = check_solid(joint.solid, proposal.solid, [proposal.blend], grows=not joint.convex, tolerance=limit)
-    if any(status in line for line in problems for status in CROSSED):
+    problems = check_solid(
+        joint.solid, proposal.solid, [proposal.blend_face], grows=not joint.is_convex, tolerance=limit
+    )
+    if any(status in line for line in problems for status in CROSSING_STATUSES):
         raise SizeError("the blend runs into another boundary or face: the size is too large for it")
     if problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
     return proposal, blend
 
 
-def _section(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest) -> Blend:
+def _make_blend_surface(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: BlendRequest) -> BlendSurface:
     """Fill what is between two ribbons."""
     form = request.form, request.tolerance, request.angular_tolerance
-    swept = _swept(joint, request)
+    swept = _make_edge_sweep(joint, request)
     if swept is not None:
-        domain, turn = ribbons[0].c.domain, joint.spine.turn()
+        domain, turn = ribbons[0].c.domain, joint.spine.measure_arc_angle()
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
-            arc = _largest_arc(joint)
-            swept = replace(swept, clock=lambda t: rail_fit.arc_clock(domain, turn, t, arc)[0])
+            arc = _get_largest_arc(joint)
+            swept = replace(swept, edge_parameter_at=lambda t: rail_fit.map_arc_parameters(domain, turn, t, arc)[0])
         curves, closed = swept, joint.spine.closed
-        return loosened(lambda inside: Skin.over(curves, closed, inside).blend(ribbons, *form), _inside(request))
+        return loosen_until_feasible(
+            lambda inside: SweptSection.from_sweep(curves, closed, inside).blend_ribbons(ribbons, *form),
+            _get_section_tolerance(request),
+        )
     if request.order is None:
-        return hermite(ribbons, *form)
-    problem = Problem(request.order, request.parameters, request.terms)
-    return problem.blend(ribbons, *form, closed=joint.spine.closed)[0]
+        return blend_ribbons(ribbons, *form)
+    problem = PdeSettings(request.order, request.parameters, request.terms)
+    return problem.blend_ribbons(ribbons, *form, closed=joint.spine.closed)[0]
 
 
-def _check_sections(blend: Blend, request: BlendRequest) -> None:
+def _check_sections(blend: BlendSurface, request: BlendRequest) -> None:
     """Raise GeometryError where a section loops, its cross derivatives being too long, or the blend folds.
 
     Those of potential blends may set out backwards, at acute edges, but not turn by more than half a turn.
@@ -382,7 +422,7 @@ def _check_sections(blend: Blend, request: BlendRequest) -> None:
     t, v = np.meshgrid(np.linspace(*surface.domain[0], 33), np.linspace(0, 1, 33), indexing="ij")
     rate = surface(t, v, 0, 1)
     if request.relation is not None:
-        way = unit(rate.reshape(-1, 3)).reshape(rate.shape)
+        way = normalise_vectors(rate.reshape(-1, 3)).reshape(rate.shape)
         turned = np.arccos(np.clip((way[:, 1:] * way[:, :-1]).sum(axis=-1), -1, 1)).sum(axis=1)
         if turned.max() >= np.pi:
             raise GeometryError(
@@ -402,7 +442,7 @@ def _check_sections(blend: Blend, request: BlendRequest) -> None:
                     "bulge"
                 )
             )
-    fold = folded(surface)
+    fold = find_fold(surface)
     if fold is not None:
         raise GeometryError(
             f"the blend folds at t = {fold:.4g}: its sections cross; take another size"
@@ -410,17 +450,17 @@ def _check_sections(blend: Blend, request: BlendRequest) -> None:
         )
 
 
-def _allowed(request: BlendRequest) -> Allowed:
+def _get_crease_limits(request: BlendRequest) -> CreaseLimit:
     """Return how sharp creases inside a blend may be."""
-    return Allowed(request.angular_tolerance, request.crease)
+    return CreaseLimit(request.angular_tolerance, request.crease)
 
 
-def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint, crease: float) -> None:
+def _check_promises(certificate: Certificate, request: BlendRequest, joint: Joint, crease: float) -> None:
     """Raise VerificationError if the finished faces do not measure up to what the form promises."""
     exact = certificate.form == "exact"
     angle = EXACT_ANGLE if exact else request.angular_tolerance
-    bend = (EXACT_BEND if exact else COMPACT_BEND) / _size(request)
-    gap = max(GAP, request.tolerance, 2 * joint.tolerance)
+    bend = (EXACT_CURVATURE_JUMP if exact else COMPACT_CURVATURE_JUMP) / _get_largest_size(request)
+    gap = max(GAP_TOLERANCE, request.tolerance, 2 * joint.tolerance)
     promises = [("inner crease", certificate.inner_crease, 1.05 * crease, "rad")]
     for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
         promises.append(("gap", rail.gap, gap, "mm"))
@@ -431,50 +471,53 @@ def _check_promise(certificate: Certificate, request: BlendRequest, joint: Joint
     for name, value, limit, measure in promises:
         if not value <= limit:
             raise VerificationError(
-                f"edge {joint.edge}: the blend was made, but its {name} is {value:.2g} {measure}, over {limit:.2g}; it "
+                f"edge {joint.edge_number}: the blend was made, but its {name} is {value:.2g} {measure}, over "
+                f"{limit:.2g}; it "
                 "is withheld; try another size or form"
             )
 
 
-def _rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
+def _fit_rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
     """Fit rails of the lightest form."""
-    solve, closed = _solver(joint, request), joint.spine.closed
-    wanted = _wanted(request)
+    solve, closed = _make_contact_solver(joint, request), joint.spine.closed
+    wanted = _get_ribbon_targets(request)
     if not closed:
-        rails = rail_fit.straight(joint.primaries, solve, domain, wanted, joint.extent)
+        rails = rail_fit.fit_straight_ribbons(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
             return rails
-    turn = joint.spine.turn()
+    turn = joint.spine.measure_arc_angle()
     if turn is not None:
-        rails = rail_fit.circular(joint.primaries, solve, domain, turn, wanted, joint.extent, _largest_arc(joint))
+        rails = rail_fit.fit_circular_ribbons(
+            joint.primaries, solve, domain, turn, wanted, joint.extent, _get_largest_arc(joint)
+        )
         if rails is not None:
             return rails
     if closed:
-        start = joint.clear_start(solve(np.arange(64) / 64))
+        start = joint.choose_rail_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
-    return rail_fit.cubic(joint.primaries, solve, domain, wanted, closed=closed)
+    return rail_fit.fit_cubic_ribbons(joint.primaries, solve, domain, wanted, closed=closed)
 
 
-def _largest_arc(joint: Joint) -> float:
+def _get_largest_arc(joint: Joint) -> float:
     """Return the largest angle of a piece of a circular rail."""
-    return rail_fit.QUARTER if joint.spine.closed else rail_fit.THIRD
+    return rail_fit.QUARTER_TURN if joint.spine.closed else rail_fit.THIRD_TURN
 
 
-def _wanted(request: BlendRequest) -> Wanted:
+def _get_ribbon_targets(request: BlendRequest) -> RibbonTargets:
     """Return what the ribbons are to be."""
     if request.relation is not None:
-        return tied(_inside(request), _size(request))
+        return make_ribbon_targets(_get_section_tolerance(request), _get_largest_size(request))
     first, second = (partial(np.full_like, fill_value=factor) for factor in request.bulge)
-    return Wanted(
-        position=max(RAIL_TOLERANCE * _size(request), 1e-7),
-        fields=(FIELDS[request.tangents[0]], FIELDS[request.tangents[1]]),
+    return RibbonTargets(
+        position=max(RAIL_TOLERANCE * _get_largest_size(request), 1e-7),
+        fields=(CROSS_FIELDS[request.tangents[0]], CROSS_FIELDS[request.tangents[1]]),
         bulges=(first, second),
-        orders=_orders(request),
+        orders=_get_ribbon_orders(request),
         steer=request.steer,
     )
 
 
-def _orders(request: BlendRequest) -> tuple[int, int]:
+def _get_ribbon_orders(request: BlendRequest) -> tuple[int, int]:
     """Return how many directions ribbons take: of equations, what the highest one needs."""
     if request.order is not None:
         return (max(request.order) // 2 - 1,) * 2

@@ -14,21 +14,23 @@ from typing import Literal
 import numpy as np
 
 from cqblend.blend_options import EndWanted
-from cqblend.blends.contacts.contact_solver import Solver, intersect
-from cqblend.brep.rewrite.end_curve import EndError
+from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
+from cqblend.brep.rewrite.end_curve import BlendEndError
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
 
-BEFORE = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
-ALONG = 0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
-LONGEST = 0.3  # of the edge: more than that no cap leaves open at one end
+CAP_OFFSETS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
+PARALLEL_COSINE = (
+    0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
+)
+MAX_UNCOVERED = 0.3  # of the edge: more than that no cap leaves open at one end
 
-SMALLER = "A smaller size may help"
-EARLIER = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
+SMALLER_SIZE_HINT = "A smaller size may help"
+EARLIER_BLEND_HINT = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
 
-How = Literal["natural", "flat at the vertex", "flat"]
-WAYS: dict[EndWanted, tuple[How, ...]] = {
+EndMethod = Literal["natural", "flat at the vertex", "flat"]
+METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
     "auto": ("natural", "flat at the vertex"),
     "natural": ("natural",),
     "flat": ("flat",),
@@ -39,12 +41,12 @@ WAYS: dict[EndWanted, tuple[How, ...]] = {
 class EndPlan:
     """How a blend ends at t = 0 and at t = 1: in caps at these t, or naturally (None); and the range of its rails."""
 
-    how: tuple[How, How]
+    methods: tuple[EndMethod, EndMethod]
     caps: tuple[float | None, float | None]
     domain: tuple[float, float]
 
     @classmethod
-    def natural(cls, domain: tuple[float, float]) -> EndPlan:
+    def from_domain(cls, domain: tuple[float, float]) -> EndPlan:
         """Return the plan of natural ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
@@ -55,39 +57,39 @@ class EndPlan:
         return (1.0 if last is None else last) - (first or 0.0)
 
 
-class Attempts:
+class EndAttempts:
     """Which ends to try, the wanted ones first; what failed at one end is not tried again with another at the other.
 
-    Iterate, and tell with :meth:`fail` why an attempt failed.
+    Iterate, and tell with :meth:`record_failure` why an attempt failed.
     """
 
     def __init__(self, wanted: tuple[EndWanted, EndWanted]) -> None:
         self._wanted = wanted
-        self._combinations = list(product(WAYS[wanted[0]], WAYS[wanted[1]]))
-        self._failed: dict[tuple[int, How], CqblendError] = {}
+        self._combinations = list(product(METHODS_TO_TRY[wanted[0]], METHODS_TO_TRY[wanted[1]]))
+        self._failed: dict[tuple[int, EndMethod], CqblendError] = {}
         self._errors: list[CqblendError] = []
 
-    def __iter__(self) -> Iterator[tuple[How, How]]:
+    def __iter__(self) -> Iterator[tuple[EndMethod, EndMethod]]:
         for how in self._combinations:
             if not any((end, how[end]) in self._failed for end in (0, 1)):
                 yield how
 
-    def fail(self, how: tuple[How, How], error: CqblendError) -> None:
+    def record_failure(self, how: tuple[EndMethod, EndMethod], error: CqblendError) -> None:
         """Remember why an attempt failed."""
-        if isinstance(error, EndError):
+        if isinstance(error, BlendEndError):
             self._failed.setdefault((error.end, how[error.end]), error.cause)
             error = error.cause
         self._errors.append(error)
 
-    def cause(self, end: int) -> CqblendError:
+    def get_first_cause(self, end: int) -> CqblendError:
         """Return why the first choice at an end was not to be had."""
         return self._failed.get((end, "natural"), self._errors[0])
 
-    def error(self, joint: Joint) -> CqblendError:
+    def make_error(self, joint: Joint) -> CqblendError:
         """Return the error to raise when nothing came of any: the first one, and why a flat end was no way out."""
         for end in (0, 1):
             failures = {how: error for (where, how), error in self._failed.items() if where == end}
-            if len(failures) == len(WAYS[self._wanted[end]]):
+            if len(failures) == len(METHODS_TO_TRY[self._wanted[end]]):
                 first, *others = failures.values()
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
                 way = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
@@ -95,7 +97,7 @@ class Attempts:
         return self._errors[0]
 
 
-def plan_ends(joint: Joint, solve: Solver, how: tuple[How, How]) -> EndPlan:
+def plan_ends(joint: Joint, solve: ContactSolver, how: tuple[EndMethod, EndMethod]) -> EndPlan:
     """Return where the ends of an open blend stand, each as it is to be.
 
     Rails reach the planes of the faces at their ends, or of the caps, and a little more.
@@ -114,59 +116,59 @@ def plan_ends(joint: Joint, solve: Solver, how: tuple[How, How]) -> EndPlan:
         try:
             if way == "natural":
                 caps.append(None)
-                domain.append(end + sign * (_past(joint, solve, end) + reach / 5) / length)
+                domain.append(end + sign * (_measure_end_overrun(joint, solve, end) + reach / 5) / length)
             else:
-                cap = _cap(joint, solve, end, reach, BEFORE if way == "flat" else BEFORE[:1])
+                cap = _place_cap(joint, solve, end, reach, CAP_OFFSETS if way == "flat" else CAP_OFFSETS[:1])
                 caps.append(cap)
                 domain.append(cap + sign * 0.02 * reach / length)
         except (TopologyError, SizeError, GeometryError) as error:
-            raise EndError(end, error) from error
+            raise BlendEndError(end, error) from error
     return EndPlan(how, (caps[0], caps[1]), (domain[0], domain[1]))
 
 
-def record_ends(joint: Joint, plan: EndPlan, attempts: Attempts | None = None) -> tuple[EndRecord, ...]:
+def record_ends(joint: Joint, plan: EndPlan, attempts: EndAttempts | None = None) -> tuple[EndRecord, ...]:
     """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for."""
     records = []
-    for end, (how, cap) in enumerate(zip(plan.how, plan.caps, strict=True)):
+    for end, (how, cap) in enumerate(zip(plan.methods, plan.caps, strict=True)):
         before = 0.0 if cap is None else abs(end - cap) * joint.spine.length
         why = ""
         if how == "flat at the vertex" and attempts is not None:
-            cause = attempts.cause(end)
-            why, help_ = str(cause), SMALLER if isinstance(cause, SizeError) else EARLIER
-            where = f"edge {joint.edge}: the blend ends in a flat cap at {joint.name_end(end)}"
+            cause = attempts.get_first_cause(end)
+            why, help_ = str(cause), SMALLER_SIZE_HINT if isinstance(cause, SizeError) else EARLIER_BLEND_HINT
+            where = f"edge {joint.edge_number}: the blend ends in a flat cap at {joint.name_end(end)}"
             warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
         kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
-        records.append(EndRecord(joint.edge, joint.vertex_number(end), kind, before, why))
+        records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, before, why))
     return tuple(records)
 
 
-def _past(joint: Joint, solve: Solver, end: int) -> float:
+def _measure_end_overrun(joint: Joint, solve: ContactSolver, end: int) -> float:
     """Return how far past the end of the edge (mm) the rails meet the plane of the face there."""
-    corner, normal = joint.end_plane(end)
+    corner, normal = joint.find_end_plane(end)
     t = np.array([float(end)])
     try:
         contacts = solve(t)
     except (GeometryError, SizeError) as error:
         raise TopologyError("the joint fades out before it gets there") from error
-    direction = joint.stations(t).direction[0] * (1.0 if end else -1.0)
+    direction = joint.locate_stations(t).direction[0] * (1.0 if end else -1.0)
     across = float(direction @ normal)
-    if abs(across) < ALONG:  # the face runs along the edge: the rails meet it before the end, or at it
+    if abs(across) < PARALLEL_COSINE:  # the face runs along the edge: the rails meet it before the end, or at it
         return 0.0
     points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
     return max([0.0, *(float((corner - point) @ normal) / across for point in points)])
 
 
-def _cap(joint: Joint, solve: Solver, end: int, reach: float, steps: tuple[float, ...]) -> float:
+def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, steps: tuple[float, ...]) -> float:
     """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
     error: CqblendError | None = None
     for back in steps:
         step = back * reach / joint.spine.length
-        if step > LONGEST:
+        if step > MAX_UNCOVERED:
             break
         t = np.array([end + step if end == 0 else end - step])
         try:
-            stations = intersect(joint.sides, joint.stations(t), joint.spine.length)
-            joint.check_cap(solve(t), stations, end)
+            stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+            joint.check_end_cap(solve(t), stations, end)
             return float(t[0])
         except CqblendError as failure:
             error = error or failure

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-Series: TypeAlias = Sequence[Array]
+PowerSeries: TypeAlias = Sequence[Array]
 """A truncated power series in a second variable: by order, polynomials of any degrees."""
 
 
 @lru_cache(maxsize=512)
-def _binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
+def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
     """Tensor of products of binomials C(p1, i1) C(p2, i2) .., with `trailing` axes of length one; cached, read-only."""
     table = np.array(1, dtype=object)
     for degree in degrees:
@@ -37,13 +37,13 @@ def _binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
     return table
 
 
-def _weights(coefs: Array, directions: int = 1) -> Array:
+def _binomial_weights(coefs: Array, directions: int = 1) -> Array:
     """Binomials that turn `coefs` into coefficients of the scaled basis t^i (1-t)^(p-i), ready to multiply."""
     degrees = tuple(n - 1 for n in coefs.shape[:directions])
-    return _binomials(degrees, coefs.ndim - directions, coefs.dtype == object)
+    return _tabulate_binomials(degrees, coefs.ndim - directions, coefs.dtype == object)
 
 
-def _convolve(a: Array, b: Array, directions: int = 1) -> Array:
+def _convolve_scaled(a: Array, b: Array, directions: int = 1) -> Array:
     """Multiply in the scaled basis: plain convolution over the leading axes, broadcasting over the others."""
     small, large = a.shape[:directions], b.shape[:directions]
     if small > large:
@@ -58,7 +58,7 @@ def _convolve(a: Array, b: Array, directions: int = 1) -> Array:
     return out
 
 
-def product(a: Array, b: Array, directions: int = 1) -> Array:
+def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
     r"""Multiply Bernstein polynomials, of one variable or of two.
 
     .. math:: c_k = \binom{p+q}{k}^{-1} \sum_{i+j=k} \binom{p}{i} a_i \binom{q}{j} b_j
@@ -81,11 +81,11 @@ def product(a: Array, b: Array, directions: int = 1) -> Array:
     >>> product(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
     array([0. , 0.5, 0. ])
     """
-    out = _convolve(a * _weights(a, directions), b * _weights(b, directions), directions)
-    return np.asarray(out / _weights(out, directions))
+    out = _convolve_scaled(a * _binomial_weights(a, directions), b * _binomial_weights(b, directions), directions)
+    return np.asarray(out / _binomial_weights(out, directions))
 
 
-def elevate(coefs: Array, amount: int) -> Array:
+def elevate_degree(coefs: Array, amount: int) -> Array:
     """Raise the degree by `amount` (>= 0) along axis 0: the product with a one of that degree.
 
     Examples
@@ -96,17 +96,17 @@ def elevate(coefs: Array, amount: int) -> Array:
     if amount == 0:
         return coefs
     one = np.ones((amount + 1,) + (1,) * (coefs.ndim - 1), dtype=coefs.dtype)
-    return product(coefs, one)
+    return multiply_polynomials(coefs, one)
 
 
 @lru_cache(maxsize=128)
-def _reduction(degree: int, amount: int) -> tuple[Array, Array]:
+def _build_reduction_matrix(degree: int, amount: int) -> tuple[Array, Array]:
     """Elevation matrix from degree - amount to degree, and its pseudoinverse."""
-    matrix = elevate(np.eye(degree - amount + 1), amount)
+    matrix = elevate_degree(np.eye(degree - amount + 1), amount)
     return matrix, np.linalg.pinv(matrix)
 
 
-def reduce(coefs: Array, amount: int) -> Array:
+def reduce_degree(coefs: Array, amount: int) -> Array:
     """Lower the degree by `amount` along axis 0, right if the polynomials really are of lower degree.
 
     Least squares for the coefficients whose elevation is given, refined once: 3e-16 from degree 48 to 47. Division by
@@ -114,20 +114,20 @@ def reduce(coefs: Array, amount: int) -> Array:
     and loses where least squares does not (48 to 8: 6e-12 against 1e-15; 48 to 28: 1e-10 against 4e-13). For float64
     only. The caller checks the remainder by elevating the result.
     """
-    up, down = _reduction(len(coefs) - 1, amount)
+    up, down = _build_reduction_matrix(len(coefs) - 1, amount)
     flat = coefs.reshape(len(coefs), -1)
     out = down @ flat
     out += down @ (flat - up @ out)
     return out.reshape(-1, *coefs.shape[1:])
 
 
-def derivative(coefs: Array) -> Array:
+def differentiate_coefs(coefs: Array) -> Array:
     """Differentiate along axis 0 by the local parameter in [0, 1]; a constant gives the constant zero."""
     degree = len(coefs) - 1
     return degree * np.diff(coefs, axis=0) if degree else np.zeros_like(coefs)
 
 
-def restrict(coefs: Array, x0: Array, x1: Array) -> Array:
+def restrict_pieces(coefs: Array, x0: Array, x1: Array) -> Array:
     """Coefficients over the part [x0, x1] of each piece, 0 <= x0 < x1 <= 1 (or outside, as polynomial continuation).
 
     Parameters
@@ -148,7 +148,7 @@ def restrict(coefs: Array, x0: Array, x1: Array) -> Array:
     return out
 
 
-def blossom(coefs: Array, arguments: Array) -> Array:
+def evaluate_blossom(coefs: Array, arguments: Array) -> Array:
     """Polar form of each piece at p local arguments.
 
     Parameters
@@ -168,7 +168,7 @@ def blossom(coefs: Array, arguments: Array) -> Array:
     return np.asarray(coefs[0])
 
 
-def basis(degree: int, s: Array, t: Array) -> Array:
+def evaluate_basis(degree: int, s: Array, t: Array) -> Array:
     """Bernstein polynomials C(p, i) s^(p-i) t^i, shape (p+1, ..); ordinary for s = 1 - t.
 
     Pass s and t each computed from the ends of its piece, and both ends are met without rounding.
@@ -182,51 +182,51 @@ def basis(degree: int, s: Array, t: Array) -> Array:
         out[i] *= power
         power = power * s
     if degree > 1:
-        out *= _weights(out)
+        out *= _binomial_weights(out)
     return out
 
 
-def evaluate(coefs: Array, values: Array) -> Array:
+def contract_with_basis(coefs: Array, values: Array) -> Array:
     """Contract the degree axis of coefs (p+1, .., n) with basis values (p+1, n), column by column of the batch."""
     return np.asarray(np.einsum("i...,i...->...", coefs, values.reshape(len(values), *(1,) * (coefs.ndim - 2), -1)))
 
 
-def _summed(terms: Sequence[Array]) -> Array:
+def _add_scaled(terms: Sequence[Array]) -> Array:
     """Add polynomials of several degrees in the scaled basis."""
-    return np.asarray(reduce_by(add, _lengthened(terms)))
+    return np.asarray(reduce_by(add, _elevate_scaled(terms)))
 
 
-def _lengthened(terms: Sequence[Array]) -> list[Array]:
+def _elevate_scaled(terms: Sequence[Array]) -> list[Array]:
     """Elevate polynomials in the scaled basis to the largest of their degrees."""
     size = max(map(len, terms))
     return [
-        _convolve(term, _binomials((size - len(term),), term.ndim - 1, term.dtype == object))
+        _convolve_scaled(term, _tabulate_binomials((size - len(term),), term.ndim - 1, term.dtype == object))
         if len(term) < size
         else term
         for term in terms
     ]
 
 
-def _basis_products(degree: int, x: Series, y: Series) -> list[Array]:
+def _form_basis_products(degree: int, x: PowerSeries, y: PowerSeries) -> list[Array]:
     """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), by order, in the scaled basis: (p+1, .., n) by order."""
     pair = [np.concatenate([a[:, None], b[:, None]], axis=1) for a, b in zip(x, y, strict=True)]
     orders = range(len(pair))
     powers = [[np.ones_like(pair[0][:1]), *(np.zeros_like(pair[0][:1]) for _ in orders[1:])], pair]
     while len(powers) <= degree:
         last = powers[-1]
-        powers.append([_summed([_convolve(last[k - i], pair[i]) for i in range(k + 1)]) for k in orders])
+        powers.append([_add_scaled([_convolve_scaled(last[k - i], pair[i]) for i in range(k + 1)]) for k in orders])
     products = []
     for k in orders:
         terms = []
         for i in range(degree + 1):
             a, b = powers[degree - i], powers[i]
-            parts = [_convolve(a[k - j][:, 0], b[j][:, 1]) for j in range(k + 1)]
-            terms.append(comb(degree, i) * _summed(parts))
-        products.append(np.array(_lengthened(terms)))
+            parts = [_convolve_scaled(a[k - j][:, 0], b[j][:, 1]) for j in range(k + 1)]
+            terms.append(comb(degree, i) * _add_scaled(parts))
+        products.append(np.array(_elevate_scaled(terms)))
     return products
 
 
-def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
+def compose_patch(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
     r"""Compose patches with barycentric coordinate functions.
 
     .. math:: \sum_{i,j} \binom{p}{i} \binom{q}{j} P_{ij}\, \alpha^{p-i} \beta^i \gamma^{q-j} \delta^j
@@ -252,8 +252,10 @@ def compose(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array)
     return compose_series(patch, [alpha], [beta], [gamma], [delta])[0]
 
 
-def compose_series(patch: Array, alpha: Series, beta: Series, gamma: Series, delta: Series) -> list[Array]:
-    """Compose patches with power series in a second variable, whose coefficients are as those of :func:`compose`.
+def compose_series(
+    patch: Array, alpha: PowerSeries, beta: PowerSeries, gamma: PowerSeries, delta: PowerSeries
+) -> list[Array]:
+    """Compose patches with power series in a second variable, whose coefficients are as those of :func:`compose_patch`.
 
     Parameters
     ----------
@@ -274,22 +276,22 @@ def compose_series(patch: Array, alpha: Series, beta: Series, gamma: Series, del
     to 48, most of it in calls.
     """
     p, q = patch.shape[0] - 1, patch.shape[1] - 1
-    scaled = [[f * _weights(f) for f in series] for series in (alpha, beta, gamma, delta)]
+    scaled = [[f * _binomial_weights(f) for f in series] for series in (alpha, beta, gamma, delta)]
     if p == q and [f.shape for f in alpha] == [f.shape for f in gamma]:  # both directions at once
         x, y = ([np.concatenate(both, axis=-1) for both in zip(*scaled[i::2], strict=True)] for i in (0, 1))
-        halves = [np.split(basis, 2, axis=-1) for basis in _basis_products(p, x, y)]
+        halves = [np.split(basis, 2, axis=-1) for basis in _form_basis_products(p, x, y)]
         columns, others = [half[0] for half in halves], [half[1] for half in halves]
     else:
-        columns, others = _basis_products(p, *scaled[:2]), _basis_products(q, *scaled[2:])
+        columns, others = _form_basis_products(p, *scaled[:2]), _form_basis_products(q, *scaled[2:])
     rows = [np.einsum("jln,ijdn->ildn", basis, patch) for basis in others]
     out = []
     for k in range(len(columns)):
-        total = _summed([_contracted(columns[k - j], rows[j]) for j in range(k + 1)])
-        out.append(np.asarray(total / _weights(total)))
+        total = _add_scaled([_multiply_and_sum(columns[k - j], rows[j]) for j in range(k + 1)])
+        out.append(np.asarray(total / _binomial_weights(total)))
     return out
 
 
-def _contracted(columns: Array, rows: Array) -> Array:
+def _multiply_and_sum(columns: Array, rows: Array) -> Array:
     """Multiply (p+1, m, n) by (p+1, k, dim, n), both in the scaled basis, and sum over p."""
     m, k = columns.shape[1], rows.shape[1]
     # all products of coefficients, skewed so that those of one degree stand in one column
@@ -300,7 +302,9 @@ def _contracted(columns: Array, rows: Array) -> Array:
 
 
 def compose_curve(coefs: Array, alpha: Array, beta: Array) -> Array:
-    """Compose polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose`."""
-    products = _basis_products(len(coefs) - 1, [alpha * _weights(alpha)], [beta * _weights(beta)])[0]
+    """Compose polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose_patch`."""
+    products = _form_basis_products(
+        len(coefs) - 1, [alpha * _binomial_weights(alpha)], [beta * _binomial_weights(beta)]
+    )[0]
     out = np.einsum("imn,idn->mdn", products, coefs)
-    return np.asarray(out / _weights(out))
+    return np.asarray(out / _binomial_weights(out))

@@ -15,19 +15,19 @@ import numpy as np
 from cqblend.splines import SMOOTH, Curve, bernstein
 from cqblend.splines.bernstein import Array
 
-NEAR = 1e-6  # of the domain: breaks of a blend that differ by less are brought together
-SAME = 1e-9  # of the domain: breaks of a ribbon that differ by less are one break, reached on different ways
-MOVED = 1e-13  # of the domain: beyond that, a break has been moved
-JUMP = 1e-4  # relative: pieces that are farther apart where their common break has been moved to do not meet
+NEAR_BREAKS = 1e-6  # of the domain: breaks of a blend that differ by less are brought together
+SAME_BREAK = 1e-9  # of the domain: breaks of a ribbon that differ by less are one break, reached on different ways
+MOVED_BREAK = 1e-13  # of the domain: beyond that, a break has been moved
+PIECE_GAP = 1e-4  # relative: pieces that are farther apart where their common break has been moved to do not meet
 
 
-def merged(*sets: Array, near: float = NEAR) -> Array:
+def merge_breaks(*sets: Array, near: float = NEAR_BREAKS) -> Array:
     """Unite sets of parameters, ascending; of those that differ by less than ``near`` one stays, the ends for sure."""
     t = np.unique(np.concatenate(sets))
-    return _gathered(t, np.zeros(len(t)), near * (t[-1] - t[0]))
+    return _pick_from_clusters(t, np.zeros(len(t)), near * (t[-1] - t[0]))
 
 
-def _gathered(t: Array, order: Array, near: float) -> Array:
+def _pick_from_clusters(t: Array, order: Array, near: float) -> Array:
     """Choose one of each cluster of parameters (n,), ascending: the first of least order; the ends for sure."""
     apart = np.diff(t) > near
     if apart.all():
@@ -40,7 +40,7 @@ def _gathered(t: Array, order: Array, near: float) -> Array:
     return np.unique(np.concatenate([t[[0]], t[best], t[[-1]]]))
 
 
-def aligned(curves: Sequence[Curve], near: float = NEAR) -> list[Curve]:
+def align_breaks(curves: Sequence[Curve], near: float = NEAR_BREAKS) -> list[Curve]:
     """Cut curves at each other's breaks; those that differ by less than ``near`` become the least smooth of them."""
     first = curves[0].breaks
     slack = near * (first[-1] - first[0])
@@ -52,11 +52,13 @@ def aligned(curves: Sequence[Curve], near: float = NEAR) -> list[Curve]:
     least = np.full(len(inner), SMOOTH)
     np.minimum.at(least, np.searchsorted(inner, t), order)
     ends = np.array([0])
-    breaks = _gathered(np.concatenate([first[:1], inner, first[-1:]]), np.concatenate([ends, least, ends]), slack)
-    return [onto(curve, breaks) for curve in curves]
+    breaks = _pick_from_clusters(
+        np.concatenate([first[:1], inner, first[-1:]]), np.concatenate([ends, least, ends]), slack
+    )
+    return [cut_at_breaks(curve, breaks) for curve in curves]
 
 
-def onto(curve: Curve, breaks: Array) -> Curve:
+def cut_at_breaks(curve: Curve, breaks: Array) -> Curve:
     """Cut at the breaks, to which its own ones next to them move: pieces go on as polynomials as far as that takes.
 
     Pieces between own breaks that move to one place vanish. Over a distance d, going on errs by d to the power of the
@@ -68,22 +70,24 @@ def onto(curve: Curve, breaks: Array) -> Curve:
     if not np.array_equal(own, old):
         kept = np.flatnonzero(np.diff(to) > 0)
         start, end, length = own[kept], own[kept + 1], np.diff(old)[kept]
-        coefs = bernstein.restrict(curve.coefs[..., kept], (start - old[kept]) / length, (end - old[kept]) / length)
-        moved = np.abs(own - old)[1:-1] > MOVED * (old[-1] - old[0])
+        coefs = bernstein.restrict_pieces(
+            curve.coefs[..., kept], (start - old[kept]) / length, (end - old[kept]) / length
+        )
+        moved = np.abs(own - old)[1:-1] > MOVED_BREAK * (old[-1] - old[0])
         rough = moved & (curve.continuity > 0) & (curve.continuity < SMOOTH)
         order = curve.continuity - rough
         least = np.full(len(breaks), SMOOTH)
         np.minimum.at(least, to[1:-1], order)
         apart = np.zeros(len(breaks), bool)
         np.logical_or.at(apart, to[1:-1], moved)
-        _joined(coefs, apart[to[kept[1:]]])
+        _close_gaps(coefs, apart[to[kept[1:]]])
         curve = Curve(np.append(start, end[-1]), coefs, continuity=least[to[kept[1:]]])
     return curve.cut(breaks[1:-1])
 
 
-def _joined(coefs: Array, moved: Array) -> None:
+def _close_gaps(coefs: Array, moved: Array) -> None:
     """Let pieces meet at breaks that have moved, but not those that jump: at creases, or what comes near to them."""
     before, after = coefs[-1, :, :-1], coefs[0, :, 1:]
     jump = np.abs(after - before).max(axis=0, initial=0.0)
-    meet = moved & (jump <= JUMP * np.abs(coefs).max())
+    meet = moved & (jump <= PIECE_GAP * np.abs(coefs).max())
     before[:, meet] = after[:, meet] = (before[:, meet] + after[:, meet]) / 2

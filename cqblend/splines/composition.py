@@ -14,38 +14,40 @@ from typing import TypeVar
 import numpy as np
 
 from cqblend.splines.bernstein import Array
-from cqblend.splines.roots import sign_changes
+from cqblend.splines.roots import find_sign_changes
 from cqblend.splines.spline import Spline
 
-S = TypeVar("S", bound=Spline)
+SplineT = TypeVar("SplineT", bound=Spline)
 _EPS = float(np.finfo(float).eps)
 
-_MERGE = 1e-9
+_MERGE_DISTANCE = 1e-9
 """Crossings of C1 lines closer than this (relative to the domain) are one break: continuing the wrong patch over such a
 distance errs by its square, while a piece so short would have derivatives of rounding noise."""
 
-_MET = 1e-12
+_KINK_MERGE_DISTANCE = 1e-12
 """The same of lines with a kink: nearer than that, a break was meant to be on the line."""
 
 
-def _coordinates(curve: Spline) -> tuple[Array, Array]:
+def _split_coordinates(curve: Spline) -> tuple[Array, Array]:
     """Numerator (m+1, k, n) and weight (m+1, n) of a curve; the weight of a polynomial one is (1, n), all ones."""
-    numerator, denominator = curve._parts()
+    numerator, denominator = curve._split_weight()
     return numerator, np.ones((1, numerator.shape[-1])) if denominator is None else denominator[:, 0]
 
 
-def _tolerance(coordinate: Array, weight: Array, lines: Array) -> float:
+def _bound_rounding(coordinate: Array, weight: Array, lines: Array) -> float:
     """Return the value up to which coordinate - line * weight is zero to rounding."""
     return float(16 * _EPS * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
 
 
-def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array], merge: float) -> tuple[Array, Array]:
+def _find_line_crossings(
+    curve: Spline, lines: Sequence[Array], orders: Sequence[Array], merge: float
+) -> tuple[Array, Array]:
     """Find the parameters where a coordinate may cross an interior line, and how far each may be moved."""
     (breaks,) = curve._breaks
-    numerator, weight = _coordinates(curve)
+    numerator, weight = _split_coordinates(curve)
     functions, tolerances, loose = [], [], []
     for k, (line, order) in enumerate(zip(lines, orders, strict=True)):
-        u, inner, tolerance = numerator[:, k], line[1:-1], _tolerance(numerator[:, k], weight, line)
+        u, inner, tolerance = numerator[:, k], line[1:-1], _bound_rounding(numerator[:, k], weight, line)
         position = u / weight
         low, high = np.searchsorted(inner, (position.min() - tolerance, position.max() + tolerance))
         functions.append(u[:, None, :] - inner[low:high, None] * weight[:, None, :])
@@ -55,16 +57,18 @@ def _candidates(curve: Spline, lines: Sequence[Array], orders: Sequence[Array], 
     if not f.size:
         return np.empty(0), np.empty(0)
     n = len(breaks) - 1
-    column, x = sign_changes(f.reshape(len(f), -1), np.repeat(tolerances, n))
+    column, x = find_sign_changes(f.reshape(len(f), -1), np.repeat(tolerances, n))
     line_of, piece = np.divmod(column, n)
     size = max(abs(breaks[0]), abs(breaks[-1]))
     length = breaks[-1] - breaks[0]
     least = 4 * _EPS * size
-    slack = np.where(np.concatenate(loose)[line_of], np.maximum(merge * length, least), max(_MET * length, least))
+    slack = np.where(
+        np.concatenate(loose)[line_of], np.maximum(merge * length, least), max(_KINK_MERGE_DISTANCE * length, least)
+    )
     return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
 
-def _merged(fixed: Array, candidates: Array, slack: Array) -> Array:
+def _merge_crossings(fixed: Array, candidates: Array, slack: Array) -> Array:
     """Add to the fixed breaks those candidates that are not within their slack of a break already chosen."""
     if not len(candidates):
         return fixed
@@ -79,7 +83,7 @@ def _merged(fixed: Array, candidates: Array, slack: Array) -> Array:
     return np.array(chosen)
 
 
-def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
+def _assign_patches(coordinate: Array, weight: Array, lines: Array) -> Array:
     """Find the interval between lines that each piece lies in; a piece on a line stays with its neighbour's."""
     inner = lines[1:-1]
     mean, mean_weight = coordinate.mean(axis=0), weight.mean(axis=0)
@@ -87,7 +91,7 @@ def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
     if not len(inner):
         return index
     nearest = np.abs(np.subtract.outer(mean / mean_weight, inner)).argmin(axis=1)
-    undecided = np.abs(mean - inner[nearest] * mean_weight) <= _tolerance(coordinate, weight, lines)
+    undecided = np.abs(mean - inner[nearest] * mean_weight) <= _bound_rounding(coordinate, weight, lines)
     if undecided.any():
         decided = ~undecided
         for j in np.flatnonzero(undecided):
@@ -97,7 +101,9 @@ def _pieces(coordinate: Array, weight: Array, lines: Array) -> Array:
     return index
 
 
-def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array], merge: float = _MERGE) -> tuple[S, Array, Array]:
+def cut_at_knot_lines(
+    curve: SplineT, lines: Sequence[Array], orders: Sequence[Array], merge: float = _MERGE_DISTANCE
+) -> tuple[SplineT, Array, Array]:
     """Cut a curve at the lines it crosses.
 
     Parameters
@@ -120,15 +126,15 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array], merge: flo
         break.
     """
     (breaks,) = curve._breaks
-    merged = _merged(breaks, *_candidates(curve, lines, orders, merge))
-    cut = curve._cut(0, merged)
-    numerator, weight = _coordinates(cut)
-    index = np.array([_pieces(numerator[:, k], weight, line) for k, line in enumerate(lines)])
+    merged = _merge_crossings(breaks, *_find_line_crossings(curve, lines, orders, merge))
+    cut = curve._subdivide_at(0, merged)
+    numerator, weight = _split_coordinates(cut)
+    index = np.array([_assign_patches(numerator[:, k], weight, line) for k, line in enumerate(lines)])
     changed = (index[:, 1:] != index[:, :-1]).any(axis=0)
     needed = changed if changed.all() else changed | np.isin(merged[1:-1], breaks)
     if not needed.all():
         kept = np.concatenate([[True], needed])
-        cut, index = curve._cut(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
+        cut, index = curve._subdivide_at(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
     continuity = cut._continuity[0].copy()
     for k, order in enumerate(orders):
         step = np.diff(index[k])
@@ -141,13 +147,13 @@ def follow(curve: S, lines: Sequence[Array], orders: Sequence[Array], merge: flo
     return cut, index, continuity
 
 
-def barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
+def to_barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
     """Barycentric coordinate functions (m+1, n) of coordinate k in the interval that each piece of `cut` runs through.
 
     A polynomial coordinate that is constant to rounding on every piece comes back with degree 0, which keeps
     isoparametric curves at the degree they have.
     """
-    numerator, weight = _coordinates(cut)
+    numerator, weight = _split_coordinates(cut)
     u = numerator[:, k]
     if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * _EPS * np.abs(u).max():
         u = u.mean(axis=0, keepdims=True)

@@ -14,9 +14,9 @@ from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
-from cqblend.splines.composition import barycentric, follow
-from cqblend.splines.evaluation import BLOCK, Side, checked_side, locate, quotient
-from cqblend.splines.spline import ORDER, Spline, _elevated
+from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
+from cqblend.splines.evaluation import BLOCK_SIZE, BreakSide, check_break_side, dehomogenise_derivatives, locate_pieces
+from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _elevate_to
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -73,10 +73,10 @@ class Curve(Spline):
         cls, poles: ArrayLike, weights: ArrayLike | None = None, domain: tuple[float, float] = (0.0, 1.0)
     ) -> Self:
         """Single polynomial or rational piece from poles (p + 1, dim)."""
-        array = door.numbers("poles", poles)
+        array = door.to_float_array("poles", poles)
         if array.ndim != 2:
             raise InputError(f"poles have {array.ndim} axes, expected (p + 1, dim)")
-        ends = np.repeat(door.interval("domain", domain), len(array))
+        ends = np.repeat(door.check_interval("domain", domain), len(array))
         return cls.from_bspline(len(array) - 1, ends, array, weights)
 
     @classmethod
@@ -99,22 +99,22 @@ class Curve(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        knots, poles = door.numbers("knots", knots), door.numbers("poles", poles)
+        knots, poles = door.to_float_array("knots", knots), door.to_float_array("poles", poles)
         if poles.ndim != 2:
             raise InputError(f"poles have {poles.ndim} axes, expected (n, dim)")
-        degree = door.validate(degree, knots, len(poles))
-        homogeneous = door.homogeneous(poles, weights)
-        breaks, coefs, continuity = door.extract(degree, knots, homogeneous)
+        degree = door.check_knot_vector(degree, knots, len(poles))
+        homogeneous = door.to_homogeneous(poles, weights)
+        breaks, coefs, continuity = door.extract_pieces(degree, knots, homogeneous)
         source = None
-        if door.clamped(degree, knots):
+        if door.is_clamped(degree, knots):
             source = (degree, knots, poles, None if weights is None else np.array(weights, dtype=np.float64))
-        return cls._new((breaks,), coefs, weights is not None, (continuity,), source)
+        return cls._from_pieces((breaks,), coefs, weights is not None, (continuity,), source)
 
     def to_bspline(self) -> BSplineCurve:
         """Return degree, full clamped knot vector, poles (n, dim), and weights (n,) or None.
 
         A curve that came from a clamped B-spline gives it back as it was. Otherwise knots are as few as the known
-        continuity allows without losing digits; see :func:`cqblend.splines.knots.assemble`.
+        continuity allows without losing digits; see :func:`cqblend.splines.knots.assemble_bspline`.
 
         Raises
         ------
@@ -124,8 +124,8 @@ class Curve(Spline):
         if self._source is not None:
             degree, knots, poles, weights = self._source
             return degree, knots.copy(), poles.copy(), None if weights is None else weights.copy()
-        knots, homogeneous = door.assemble(self._breaks[0], self._coefs, self._continuity[0])
-        return (self.degree, knots, *self._poles(homogeneous))
+        knots, homogeneous = door.assemble_bspline(self._breaks[0], self._coefs, self._continuity[0])
+        return (self.degree, knots, *self._dehomogenise_poles(homogeneous))
 
     @property
     def degree(self) -> int:
@@ -149,12 +149,14 @@ class Curve(Spline):
 
     # -- evaluation
 
-    def _derivatives(self, t: Array, orders: Sequence[int], side: Side) -> Array:
+    def _evaluate_derivatives(self, t: Array, orders: Sequence[int], side: BreakSide) -> Array:
         """Homogeneous derivatives (len(orders), dim_h, N) at flat t; orders increase."""
-        if len(t) > BLOCK:
-            parts = [self._derivatives(t[i : i + BLOCK], orders, side) for i in range(0, len(t), BLOCK)]
+        if len(t) > BLOCK_SIZE:
+            parts = [
+                self._evaluate_derivatives(t[i : i + BLOCK_SIZE], orders, side) for i in range(0, len(t), BLOCK_SIZE)
+            ]
             return np.concatenate(parts, axis=-1)
-        piece, s, x, length = locate(self.breaks, t, side)
+        piece, s, x, length = locate_pieces(self.breaks, t, side)
         gathered = self._coefs.take(piece, axis=-1)
         out = np.zeros((len(orders), self._coefs.shape[1], len(t)))
         taken = 0
@@ -162,43 +164,51 @@ class Curve(Spline):
             if order > self.degree:
                 break
             for _ in range(order - taken):
-                gathered = bernstein.derivative(gathered)
+                gathered = bernstein.differentiate_coefs(gathered)
             taken = order
-            out[row] = bernstein.evaluate(gathered, bernstein.basis(len(gathered) - 1, s, x))
+            out[row] = bernstein.contract_with_basis(gathered, bernstein.evaluate_basis(len(gathered) - 1, s, x))
             if order:
                 out[row] /= length**order
         return out
 
-    def __call__(self, t: ArrayLike, k: int = 0, *, side: Side = "right") -> Array:
+    def __call__(self, t: ArrayLike, k: int = 0, *, side: BreakSide = "right") -> Array:
         """Values of the k-th derivative, shape (.., dim).
 
         At a break the piece to the right counts (at the last break the last piece), or the one on `side`. Beyond the
         domain the end pieces go on as polynomials.
         """
-        t, k, side = door.finite("t", t), door.whole("the order k", k, 0, ORDER), checked_side(side)
+        t, k, side = (
+            door.to_finite_array("t", t),
+            door.check_integer("the order k", k, 0, MAX_DERIVATIVE),
+            check_break_side(side),
+        )
         if self._rational:
             values = self.jet(t, k, side=side)[k]
             return np.asarray(values)
-        values = self._derivatives(t.ravel(), [k], side)[0]
+        values = self._evaluate_derivatives(t.ravel(), [k], side)[0]
         return np.asarray(np.moveaxis(values, 0, -1).reshape(*t.shape, self.dim))
 
-    def jet(self, t: ArrayLike, order: int, *, side: Side = "right") -> Array:
+    def jet(self, t: ArrayLike, order: int, *, side: BreakSide = "right") -> Array:
         """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
-        t, order, side = door.finite("t", t), door.whole("the order", order, 0, ORDER), checked_side(side)
-        jets = self._derivatives(t.ravel(), range(order + 1), side)
+        t, order, side = (
+            door.to_finite_array("t", t),
+            door.check_integer("the order", order, 0, MAX_DERIVATIVE),
+            check_break_side(side),
+        )
+        jets = self._evaluate_derivatives(t.ravel(), range(order + 1), side)
         if self._rational:
-            jets = quotient(jets[:, None])[:, 0]
+            jets = dehomogenise_derivatives(jets[:, None])[:, 0]
         return np.moveaxis(jets, 1, -1).reshape(order + 1, *t.shape, self.dim)
 
     # -- algebra of one parameter
 
     def derivative(self, k: int = 1) -> Self:
         """k-th derivative as a curve; of degree p - k, or (k + 1) p if rational."""
-        return self._derive((k,))
+        return self._take_derivative((k,))
 
     def elevate(self, amount: int = 1) -> Self:
         """Raise the degree by `amount`; the curve stays the same."""
-        return self._elevate((amount,))
+        return self._elevate_degrees((amount,))
 
     def reduce(self, amount: int | None = None, *, tolerance: float = 1e-12) -> Self:
         """Lower the degree by `amount`, or as far as it goes; the curve stays the same.
@@ -215,26 +225,26 @@ class Curve(Spline):
         GeometryError
             If the curve is not of that degree to the tolerance.
         """
-        return self._reduce((amount,), tolerance)
+        return self._reduce_degrees((amount,), tolerance)
 
     def clip(self, t0: float, t1: float) -> Self:
         """Take the part over [t0, t1], which must lie inside the domain."""
-        return self._clipped(0, t0, t1)
+        return self._clip_axis(0, t0, t1)
 
     def cut(self, breaks: ArrayLike) -> Self:
         """Insert breaks; those outside the domain or present already are ignored."""
-        return self._inserted(0, breaks)
+        return self._insert_breaks(0, breaks)
 
     def reverse(self) -> Self:
         """Run backwards over the same domain."""
-        return self._reversed(0)
+        return self._reverse_axis(0)
 
     def reparametrized(self, t0: float, t1: float) -> Self:
         """Change the parameter affinely, so that the domain becomes [t0, t1]."""
-        (t0, t1), (a, b) = door.interval("the domain", (t0, t1)), self.domain
+        (t0, t1), (a, b) = door.check_interval("the domain", (t0, t1)), self.domain
         breaks = t0 + (self.breaks - a) * ((t1 - t0) / (b - a))
         breaks[-1] = t1
-        return self._new((breaks,), self._coefs, self._rational, self._continuity)
+        return self._from_pieces((breaks,), self._coefs, self._rational, self._continuity)
 
     def join(self, other: Self, *, continuity: int = 0) -> Self:
         """Append another curve, whose domain starts where this one's ends.
@@ -251,19 +261,19 @@ class Curve(Spline):
         InputError
             If the dims differ, or the domains are not consecutive.
         """
-        a, b = self.domain[1], self._other(other).domain[0]
-        continuity = door.whole("continuity", continuity, -1, door.SMOOTH)
+        a, b = self.domain[1], self._check_same_kind(other).domain[0]
+        continuity = door.check_integer("continuity", continuity, -1, door.SMOOTH)
         if self.dim != other.dim:
             raise InputError(f"cannot join curves of dim {self.dim} and {other.dim}")
         if abs(a - b) > 1e-14 * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
             raise InputError(f"cannot join: the first domain ends at {a:.17g}, the second starts at {b:.17g}")
         first, second = (
-            (self, other) if self._rational is other._rational else (self._rationalised(), other._rationalised())
+            (self, other) if self._rational is other._rational else (self._to_rational(), other._to_rational())
         )
         degree = max(first.degree, second.degree)
-        coefs = np.concatenate([_elevated(first._coefs, [degree]), _elevated(second._coefs, [degree])], axis=-1)
+        coefs = np.concatenate([_elevate_to(first._coefs, [degree]), _elevate_to(second._coefs, [degree])], axis=-1)
         order = np.concatenate([first.continuity, [continuity], second.continuity])
-        return self._new((np.concatenate([first.breaks, second.breaks[1:]]),), coefs, first._rational, (order,))
+        return self._from_pieces((np.concatenate([first.breaks, second.breaks[1:]]),), coefs, first._rational, (order,))
 
     def compose(self, parameter: "Curve") -> Self:
         """f(g(t)) for a scalar curve g, polynomial or rational; of degree p m.
@@ -274,9 +284,9 @@ class Curve(Spline):
             raise InputError(f"the parameter of a curve is a Curve, not {shown(parameter)}")
         if parameter.dim != 1:
             raise InputError(f"the parameter of a curve has dim 1, not {parameter.dim}")
-        cut, index, continuity = follow(parameter, self._breaks, self._continuity)
-        alpha, beta = barycentric(cut, 0, self.breaks, index[0])
+        cut, index, continuity = cut_at_knot_lines(parameter, self._breaks, self._continuity)
+        alpha, beta = to_barycentric(cut, 0, self.breaks, index[0])
         rational = self._rational or parameter._rational
-        frame = self._rationalised() if rational else self
+        frame = self._to_rational() if rational else self
         coefs = bernstein.compose_curve(frame._coefs[..., index[0]], alpha, beta)
-        return self._new(cut._breaks, coefs, rational, (continuity,))
+        return self._from_pieces(cut._breaks, coefs, rational, (continuity,))

@@ -13,10 +13,10 @@ from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
 
-Side = Literal["left", "right"]
+BreakSide = Literal["left", "right"]
 
 
-def checked_side(side: object) -> Side:
+def check_break_side(side: object) -> BreakSide:
     """Return the side of a break.
 
     Raises
@@ -32,11 +32,11 @@ def checked_side(side: object) -> Side:
     raise InputError(f'the side of a break is "left" or "right", not {shown(side)}')
 
 
-BLOCK = 4096
+BLOCK_SIZE = 4096
 """Scattered points evaluated at a time: the coefficients gathered for them should stay in the cache."""
 
 
-def locate(breaks: Array, t: Array, side: Side = "right") -> tuple[Array, Array, Array, Array]:
+def locate_pieces(breaks: Array, t: Array, side: BreakSide = "right") -> tuple[Array, Array, Array, Array]:
     """Piece of each parameter, its barycentric coordinates (s, x) there, and the piece's length.
 
     At a break the piece on `side` is taken; beyond the ends the end piece, as polynomial continuation.
@@ -47,13 +47,13 @@ def locate(breaks: Array, t: Array, side: Side = "right") -> tuple[Array, Array,
     return piece, (end - t) / length, (t - start) / length, length
 
 
-def design(breaks: Array, degree: int, t: Array, k: int) -> Array:
+def build_design_matrix(breaks: Array, degree: int, t: Array, k: int) -> Array:
     """Matrix (len(t), (degree + 1) n) from coefficients (p+1, n) of all pieces to k-th derivatives at t."""
-    piece, s, x, length = locate(breaks, t)
+    piece, s, x, length = locate_pieces(breaks, t)
     n = len(breaks) - 1
     out = np.zeros((len(t), degree + 1, n))
     if k <= degree:
-        values = bernstein.basis(degree - k, s, x)
+        values = bernstein.evaluate_basis(degree - k, s, x)
         for _ in range(k):  # transpose of taking differences
             wider = np.zeros((len(values) + 1, len(t)))
             wider[1:] += values
@@ -63,7 +63,7 @@ def design(breaks: Array, degree: int, t: Array, k: int) -> Array:
     return out.reshape(len(t), (degree + 1) * n)
 
 
-def quotient(jets: Array) -> Array:
+def dehomogenise_derivatives(jets: Array) -> Array:
     """Euclidean partial derivatives from homogeneous ones, by the Leibniz rule for x = (w x) / w.
 
     Parameters

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.errors import GeometryError, InputError
-from cqblend.splines.bernstein import Array, basis, derivative
+from cqblend.splines.bernstein import Array, differentiate_coefs, evaluate_basis
 from cqblend.splines.curve import Curve
 from cqblend.splines.surface import Surface
 
 
 @lru_cache(maxsize=32)
-def end_table(k: int) -> Array:
+def tabulate_hermite_basis(k: int) -> Array:
     """Bernstein coefficients (2k+2, 2, k+1) of degree 2k+1 from derivatives 0..k at both ends of the unit interval."""
     p = 2 * k + 1
     table = np.zeros((p + 1, 2, k + 1))
@@ -33,9 +33,9 @@ def end_table(k: int) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _higher(k: int) -> Array:
+def _tabulate_end_derivatives(k: int) -> Array:
     """Tabulate derivatives 0..p of the unit-interval Hermite form, (2 ends, p+1, 2 ends of data, k+1)."""
-    table = end_table(k)
+    table = tabulate_hermite_basis(k)
     p = len(table) - 1
     out = np.zeros((2, p + 1, 2, k + 1))
     for r in range(p + 1):
@@ -45,7 +45,7 @@ def _higher(k: int) -> Array:
     return out
 
 
-def _checked(t: ArrayLike) -> Array:
+def _check_parameters(t: ArrayLike) -> Array:
     breaks = np.array(t, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not np.isfinite(breaks).all() or (np.diff(breaks) <= 0).any():
         raise InputError("interpolation needs at least two finite, strictly increasing parameters")
@@ -74,7 +74,7 @@ def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
     >>> hermite([0, 1], [[[0.0], [1.0]], [[1.0], [1.0]]])(0.25)
     array([0.25])
     """
-    breaks = _checked(t)
+    breaks = _check_parameters(t)
     data = np.array(jets, dtype=np.float64)
     n = len(breaks) - 1
     if data.ndim == 3 and data.shape[1] == n + 1:
@@ -87,7 +87,7 @@ def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
         raise InputError("a value or derivative to interpolate is not finite")
     k = len(data) - 1
     scaled = data * (np.diff(breaks) ** np.arange(k + 1)[:, None])[:, :, None, None]
-    coefs = np.einsum("ier,rned->idn", end_table(k), scaled)
+    coefs = np.einsum("ier,rned->idn", tabulate_hermite_basis(k), scaled)
     agree = (data[:, :-1, 1] == data[:, 1:, 0]).all(axis=-1)
     order = np.cumprod(agree, axis=0).sum(axis=0) - 1
     return Curve(breaks, coefs, continuity=order)
@@ -140,7 +140,7 @@ def interpolate(
     >>> bool(abs(interpolate(t, t[:, None] ** 3)(1.3) - 1.3**3).max() < 1e-14)
     True
     """
-    breaks = _checked(t)
+    breaks = _check_parameters(t)
     data = np.array(values, dtype=np.float64)
     n = len(breaks) - 1
     if data.ndim != 2 or len(data) != n + 1 or not data.shape[1] or not np.isfinite(data).all():
@@ -159,12 +159,12 @@ def interpolate(
             raise InputError(f"{len(given)} derivatives at the ends: degree {degree} takes {k}, and periodic ends none")
         if given is None and not periodic and n < degree:
             raise InputError(f"{n + 1} points are too few for not-a-knot ends of degree {degree}: give {degree + 1}")
-        jets[1:] = _solve(np.diff(breaks), data, k, periodic, sign, given)
+        jets[1:] = _solve_break_derivatives(np.diff(breaks), data, k, periodic, sign, given)
     curve = hermite(breaks, jets)
-    return curve._new(curve._breaks, curve._coefs, False, (np.full(n - 1, 2 * k),))
+    return curve._from_pieces(curve._breaks, curve._coefs, False, (np.full(n - 1, 2 * k),))
 
 
-def _tridiagonal(matrix: Array, right: Array) -> Array:
+def _solve_tridiagonal(matrix: Array, right: Array) -> Array:
     """Solve a tridiagonal system whose first and last rows may reach one column further, by parallel cyclic reduction.
 
     log2(n) sweeps over whole columns, each of which doubles the distance between coupled rows. A dense solver takes
@@ -179,25 +179,25 @@ def _tridiagonal(matrix: Array, right: Array) -> Array:
     low, up = np.append(0.0, np.diag(matrix, -1)), np.append(np.diag(matrix, 1), 0.0)
     step, n = 1, len(middle)
 
-    def back(x: Array, fill: float = 0.0) -> Array:
+    def shift_back(x: Array, fill: float = 0.0) -> Array:
         return np.concatenate([np.full((step, *x.shape[1:]), fill), x[:-step]])
 
-    def ahead(x: Array, fill: float = 0.0) -> Array:
+    def shift_ahead(x: Array, fill: float = 0.0) -> Array:
         return np.concatenate([x[step:], np.full((step, *x.shape[1:]), fill)])
 
     while step < n:
-        p, q = -low / back(middle, 1.0), -up / ahead(middle, 1.0)
-        middle = middle + p * back(up) + q * ahead(low)
-        right = right + p[:, None] * back(right) + q[:, None] * ahead(right)
-        low, up = p * back(low), q * ahead(up)
+        p, q = -low / shift_back(middle, 1.0), -up / shift_ahead(middle, 1.0)
+        middle = middle + p * shift_back(up) + q * shift_ahead(low)
+        right = right + p[:, None] * shift_back(right) + q[:, None] * shift_ahead(right)
+        low, up = p * shift_back(low), q * shift_ahead(up)
         step *= 2
     return np.asarray(right / middle[:, None])
 
 
-def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Array | None) -> Array:
+def _solve_break_derivatives(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Array | None) -> Array:
     """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k."""
     n, dim = len(h), values.shape[1]
-    table = _higher(k)
+    table = _tabulate_end_derivatives(k)
     # unknowns and equations of comparable size: f^(m) at a break times the m-th power of a length there
     around = np.concatenate([h[-1:], h, h[:1]] if periodic else [h[:1], h, h[-1:]])
     size = np.sqrt(around[:-1] * around[1:])
@@ -212,7 +212,7 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
     right = np.zeros(((n + 1) * k, dim))
     chord = np.diff(values, axis=0)
 
-    def jump(rows: Array, left: Array, after: Array, orders: slice, factor: float = 1.0) -> None:
+    def add_smoothness_rows(rows: Array, left: Array, after: Array, orders: slice, factor: float = 1.0) -> None:
         """Write rows that let no derivative in `orders` jump from the ends of pieces `left` to the starts of others."""
         for sense, index, end in ((1.0, after, 0), (-factor, left, 1)):
             for data_end in (0, 1):
@@ -221,10 +221,10 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
             right[rows] -= sense * piece[index, end, orders, 1, 0][..., None] * chord[index][:, None, :]
 
     inner = np.arange(1, n)
-    jump(columns[1:n], inner - 1, inner, slice(k + 1, 2 * k + 1))
+    add_smoothness_rows(columns[1:n], inner - 1, inner, slice(k + 1, 2 * k + 1))
     if periodic:
         last, first = np.array([n - 1]), np.array([0])
-        jump(columns[:1], last, first, slice(k + 1, 2 * k + 1), sign)
+        add_smoothness_rows(columns[:1], last, first, slice(k + 1, 2 * k + 1), sign)
         matrix[columns[n], columns[n]], matrix[columns[n], columns[0]] = 1.0, -sign
     elif given is not None:
         fixed = columns[[0, n]]
@@ -232,14 +232,14 @@ def _solve(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Ar
         right[fixed] = np.swapaxes(given, 0, 1) * (size[[0, n], None] ** powers)[..., None]
     else:
         outer = np.arange(k)
-        jump(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
-        jump(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
+        add_smoothness_rows(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
+        add_smoothness_rows(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
     narrow = k == 1 and not periodic and n > 3
-    solution = (_tridiagonal if narrow else np.linalg.solve)(matrix, right).reshape(n + 1, k, dim)
+    solution = (_solve_tridiagonal if narrow else np.linalg.solve)(matrix, right).reshape(n + 1, k, dim)
     return np.asarray(np.swapaxes(solution / (size[:, None] ** powers)[..., None], 0, 1))
 
 
-def approximate(
+def approximate_curve(
     function: Callable[[Array], Array],
     breaks: ArrayLike,
     tolerance: float,
@@ -284,23 +284,25 @@ def approximate(
     >>> len(corner.breaks), int(corner.continuity.min())
     (17, 0)
     """
-    given = _checked(breaks)
-    at, times = _merged(given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4))
+    given = _check_parameters(breaks)
+    at, times = _merge_kinks(
+        given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4)
+    )
     inside = (at < given[-1]) & ((at > given[0]) | closed)
     at, times = at[inside], times[inside]
-    t = _among(given, spans, at)
+    t = _place_knots(given, spans, at)
     read: dict[tuple[float, float], Array] = {}  # by span, values at nodes and at points in between
     while True:
         ends = list(zip(t[:-1].tolist(), t[1:].tolist(), strict=True))
         fresh = np.array([pair for pair in ends if pair not in read])
-        points = fresh[:, :1] + np.diff(fresh) * PLACES
-        values = function(points.ravel()).reshape(len(fresh), len(PLACES), -1)
+        points = fresh[:, :1] + np.diff(fresh) * SPAN_SAMPLES
+        values = function(points.ravel()).reshape(len(fresh), len(SPAN_SAMPLES), -1)
         read |= zip(map(tuple, fresh.tolist()), values, strict=True)
         found = np.stack([read[pair] for pair in ends])  # (spans, places, dim)
         repeats = np.ones(len(t) - 1, dtype=int)
         repeats[np.searchsorted(t, at)] = times
-        splines = _quintics(t, repeats, closed=closed)
-        nodes, between = np.split(t[:-1, None] + np.diff(t)[:, None] * PLACES, 2, axis=1)
+        splines = _build_quintic_basis(t, repeats, closed=closed)
+        nodes, between = np.split(t[:-1, None] + np.diff(t)[:, None] * SPAN_SAMPLES, 2, axis=1)
         q, r = np.linalg.qr(splines(nodes.ravel()))
         poles = np.linalg.solve(r, q.T @ found[:, :8].reshape(-1, found.shape[2]))
         curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
@@ -308,8 +310,8 @@ def approximate(
         bad = missed > tolerance
         if not bad.any():
             return curve
-        middles = _middles(t[:-1][bad], t[1:][bad], given)
-        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < SHORTEST * (given[-1] - given[0]):
+        middles = _bisect_spans(t[:-1][bad], t[1:][bad], given)
+        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < MIN_SPAN_SHARE * (given[-1] - given[0]):
             worst = t[missed.argmax()]
             raise GeometryError(
                 f"a spline of {len(t) - 1} spans errs by {missed.max():.2g} near t = {worst:.6g}, more than "
@@ -318,11 +320,11 @@ def approximate(
         t = np.sort(np.concatenate([t, middles]))
 
 
-PLACES = np.concatenate([(np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8])  # in a span: to fit, to measure
-SHORTEST = 1 / 4096  # span, as a share of the domain
+SPAN_SAMPLES = np.concatenate([(np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8])  # in a span: to fit, to measure
+MIN_SPAN_SHARE = 1 / 4096  # span, as a share of the domain
 
 
-def _middles(starts: Array, ends: Array, breaks: Array) -> Array:
+def _bisect_spans(starts: Array, ends: Array, breaks: Array) -> Array:
     """Return where to divide spans: half-way, or at a given break next to that."""
     middle = (starts + ends) / 2
     near = breaks[np.abs(middle[:, None] - breaks).argmin(axis=1)]
@@ -367,19 +369,19 @@ def approximate_surface(
     >>> wave.degree, bool(abs(wave(1.3, 0.4) - np.cos(1.7)) < 1e-9)
     ((5, 5), True)
     """
-    given = [_checked(some) for some in breaks]
+    given = [_check_parameters(some) for some in breaks]
     kinks = []
     for some, order in zip(given, orders, strict=True):
         inner, least = some[1:-1], np.clip(np.asarray(order, dtype=int), 0, 4)
-        kinks.append(_merged(some, inner[least < 4], 5 - least[least < 4]))
+        kinks.append(_merge_kinks(some, inner[least < 4], 5 - least[least < 4]))
     spans = 4
     while True:
         splines, backs, between = [], [], []
         for some, (at, times) in zip(given, kinks, strict=True):
-            t = _among(some, spans, at)
+            t = _place_knots(some, spans, at)
             repeats = np.ones(len(t) - 1, dtype=int)
             repeats[np.searchsorted(t, at)] = times
-            splines.append(_quintics(t, repeats, closed=False))
+            splines.append(_build_quintic_basis(t, repeats, closed=False))
             steps = np.diff(t)[:, None]
             nodes = (t[:-1, None] + steps * ((np.arange(8) + 0.5) / 8)).ravel()
             backs.append((nodes, np.linalg.pinv(splines[-1](nodes))))
@@ -401,17 +403,17 @@ def approximate_surface(
         spans *= 2
 
 
-SLIVER = 0.01  # of the domain
+KNOT_SNAP_SHARE = 0.01  # of the domain
 
 
-def _merged(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
+def _merge_kinks(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
     """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers.
 
     Those of functions that are C4 there move to breaks farther off: next to a break, a knot would leave a sliver.
     """
     near = breaks[np.abs(at[:, None] - breaks).argmin(axis=1)]
     same = 1e-9 * (breaks[-1] - breaks[0])
-    at = np.where(np.abs(near - at) <= np.where(times > 1, same, SLIVER * (breaks[-1] - breaks[0])), near, at)
+    at = np.where(np.abs(near - at) <= np.where(times > 1, same, KNOT_SNAP_SHARE * (breaks[-1] - breaks[0])), near, at)
     order = np.argsort(at, kind="stable")
     at, times = at[order], times[order]
     first = np.append(True, np.diff(at) > same) if len(at) else np.empty(0, bool)
@@ -419,7 +421,7 @@ def _merged(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
     return at[first], np.maximum.reduceat(times, starts) if len(at) else times
 
 
-def _among(breaks: Array, spans: int, kinks: Array) -> Array:
+def _place_knots(breaks: Array, spans: int, kinks: Array) -> Array:
     """Return the ends of nearly equal spans, at given breaks where there are some nearby, and at all kinks."""
     even = np.linspace(breaks[0], breaks[-1], spans + 1)
     step = even[1] - even[0]
@@ -430,7 +432,7 @@ def _among(breaks: Array, spans: int, kinks: Array) -> Array:
     return np.unique(np.concatenate([fixed, t[clear]]))
 
 
-def _quintics(t: Array, repeats: Array, *, closed: bool) -> Curve:
+def _build_quintic_basis(t: Array, repeats: Array, *, closed: bool) -> Curve:
     """Return all quintic B-splines with knots t, all but the last repeated, as one curve; periodic ones if closed."""
     knots = t[:-1].repeat(repeats)
     if not closed:
@@ -442,12 +444,14 @@ def _quintics(t: Array, repeats: Array, *, closed: bool) -> Curve:
     return Curve.from_bspline(5, long, np.eye(count)[np.arange(len(long) - 6) % count])
 
 
-SAMPLED = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
-MANY = 4096  # pieces
-ROUNDING, NOISE = 5e-14, 1e-12  # of the largest value: enough, and what a function may have of its own
+CHEBYSHEV_POINTS = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
+MAX_PIECES = 4096  # pieces
+TARGET_ERROR, ACCEPTED_ERROR = 5e-14, 1e-12  # of the largest value: enough, and what a function may have of its own
 
 
-def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *, closed: bool = False) -> Curve:
+def approximate_to_rounding(
+    function: Callable[[Array], Array], domain: tuple[float, float], *, closed: bool = False
+) -> Curve:
     """Spline of degree 7, C3, that is a smooth function to rounding: 5e-14 of its largest value, or the function's own.
 
     Derivatives up to the third at the breaks are those of local interpolants at Chebyshev points, the mean of both
@@ -473,18 +477,18 @@ def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *
     >>> bool(abs(wave(1.234) - np.sin(3.702)) < 1e-13)
     True
     """
-    x = (1 - np.cos(np.pi * np.arange(SAMPLED) / (SAMPLED - 1))) / 2
-    poles = np.linalg.inv(basis(SAMPLED - 1, 1 - x, x).T)  # from values to Bernstein coefficients
+    x = (1 - np.cos(np.pi * np.arange(CHEBYSHEV_POINTS) / (CHEBYSHEV_POINTS - 1))) / 2
+    poles = np.linalg.inv(evaluate_basis(CHEBYSHEV_POINTS - 1, 1 - x, x).T)  # from values to Bernstein coefficients
     count = 16
     best: tuple[float, Curve] | None = None
     while True:
         t = np.linspace(*domain, count + 1)
         nodes = t[:-1] + x[:, None] * np.diff(t)
-        coefs = np.einsum("pk,knd->pnd", poles, function(nodes.ravel()).reshape(SAMPLED, count, -1))
+        coefs = np.einsum("pk,knd->pnd", poles, function(nodes.ravel()).reshape(CHEBYSHEV_POINTS, count, -1))
         sides = []
         for k in range(4):
             sides.append(np.stack([coefs[0], coefs[-1]]) / (t[1] - t[0]) ** k)
-            coefs = derivative(coefs)
+            coefs = differentiate_coefs(coefs)
         first, last = np.stack(sides).swapaxes(0, 1)  # (4, count, dim) each
         inner = (first[:, 1:] + last[:, :-1]) / 2
         start, end = first[:, :1], last[:, -1:]
@@ -495,12 +499,12 @@ def reproduce(function: Callable[[Array], Array], domain: tuple[float, float], *
         values = function(between)
         error = np.abs(curve(between) - values).max(axis=1)
         share = float(error.max()) / (float(np.abs(values).max()) or 1.0)
-        if share <= ROUNDING or (best is not None and share > best[0] / 4 and best[0] <= NOISE):
+        if share <= TARGET_ERROR or (best is not None and share > best[0] / 4 and best[0] <= ACCEPTED_ERROR):
             return curve if best is None or share <= best[0] else best[1]
         best = share, curve
-        if count >= MANY and share <= NOISE:
+        if count >= MAX_PIECES and share <= ACCEPTED_ERROR:
             return curve
-        if count >= MANY:
+        if count >= MAX_PIECES:
             raise GeometryError(
                 f"a function of t is not smooth enough at t = {between[error.argmax()]:.6g} to be a spline: give it as "
                 "a Curve, with its kinks at breaks"

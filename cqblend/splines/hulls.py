@@ -8,23 +8,23 @@ not know what the functions mean.
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict
+from cqblend.splines.bernstein import Array, restrict_pieces
 
 _EPS = float(np.finfo(float).eps)
 
 
-def _halves(f: Array) -> Array:
+def _halve_pieces(f: Array) -> Array:
     """Both halves of every column, (p+1, 2 n), the left ones first."""
     n = f.shape[1]
-    return restrict(np.tile(f, 2), np.repeat([0.0, 0.5], n), np.repeat([0.5, 1.0], n))
+    return restrict_pieces(np.tile(f, 2), np.repeat([0.0, 0.5], n), np.repeat([0.5, 1.0], n))
 
 
-def _rounding(f: Array) -> float:
+def _bound_halving_error(f: Array) -> float:
     """By how much one halving may move a coefficient: two sweeps of averages."""
     return float(2 * len(f) * _EPS * np.abs(f).max())
 
 
-def enclose(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float, float]:
+def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float, float]:
     """Enclose the values of polynomials in an interval.
 
     Parameters
@@ -47,7 +47,7 @@ def enclose(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float,
     >>> bool(-1e-14 < low <= 0 and 0.5 <= high <= 0.55)
     True
     """
-    rounding = _rounding(f)
+    rounding = _bound_halving_error(f)
     slack += rounding
     low, high, taken = np.inf, -np.inf, 0.0
     while f.size:
@@ -55,12 +55,12 @@ def enclose(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float,
         open_ = np.abs(f).max(axis=0) > max(ratio * taken, taken + slack)
         low = min(low, float(f[:, ~open_].min(initial=np.inf)))
         high = max(high, float(f[:, ~open_].max(initial=-np.inf)))
-        f = _halves(f[:, open_])
+        f = _halve_pieces(f[:, open_])
         slack += rounding
     return low - slack, high + slack
 
 
-def dip(f: Array, floor: float) -> tuple[int, float] | None:
+def find_value_below(f: Array, floor: float) -> tuple[int, float] | None:
     """Find where a polynomial is below a floor, or prove that none is.
 
     Parameters
@@ -81,7 +81,7 @@ def dip(f: Array, floor: float) -> tuple[int, float] | None:
     >>> dip(np.array([[1.0], [-2.0], [1.0]]), 0.0)  # -0.5 in the middle
     (0, 0.5)
     """
-    slack = rounding = _rounding(f)
+    slack = rounding = _bound_halving_error(f)
     piece, start, width = np.arange(f.shape[1]), np.zeros(f.shape[1]), 1.0
     while f.size:
         below = f < floor - slack
@@ -90,7 +90,7 @@ def dip(f: Array, floor: float) -> tuple[int, float] | None:
                 j = int(below[end].argmax())
                 return int(piece[j]), float(start[j] - end * width)
         open_ = below.any(axis=0)
-        f, width = _halves(f[:, open_]), width / 2
+        f, width = _halve_pieces(f[:, open_]), width / 2
         piece, start = np.tile(piece[open_], 2), np.concatenate([start[open_], start[open_] + width])
         slack += rounding
     return None

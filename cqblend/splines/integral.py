@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
-from cqblend.splines.evaluation import locate
+from cqblend.splines.evaluation import locate_pieces
 
-_POINTS = 16
+_GAUSS_POINTS = 16
 _TOLERANCE = 1e-14
-_LEVELS = 48
+_MAX_HALVINGS = 48
 
 
-def legendre(degree: int, x: Array) -> Array:
+def evaluate_legendre(degree: int, x: Array) -> Array:
     """Return the Legendre polynomials P_0 .. P_degree at x in [-1, 1], (degree + 1, ..)."""
     out = np.empty((degree + 1, *np.shape(x)))
     out[0] = 1.0
@@ -31,27 +31,27 @@ def legendre(degree: int, x: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def gauss(points: int) -> tuple[Array, Array]:
+def gauss_rule(points: int) -> tuple[Array, Array]:
     """Return nodes and weights of Gauss's rule on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(points)
     return (1 + x) / 2, w / 2
 
 
 @lru_cache(maxsize=1)
-def _tables() -> tuple[Array, Array]:
+def _build_series_matrices() -> tuple[Array, Array]:
     """Matrices from values at Gauss points to the coefficients of the function, and to those of its antiderivative."""
-    x, w = np.polynomial.legendre.leggauss(_POINTS)
-    k = np.arange(_POINTS)
-    series = (k[:, None] + 0.5) * w * legendre(_POINTS - 1, x)
+    x, w = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
+    k = np.arange(_GAUSS_POINTS)
+    series = (k[:, None] + 0.5) * w * evaluate_legendre(_GAUSS_POINTS - 1, x)
     # integral of P_k from -1: (P_(k+1) - P_(k-1)) / (2 k + 1), and P_1 + P_0 for k = 0; half of it on a unit interval
-    integral = np.zeros((_POINTS + 1, _POINTS))
+    integral = np.zeros((_GAUSS_POINTS + 1, _GAUSS_POINTS))
     integral[k + 1, k] = 0.5 / (2 * k + 1)
     integral[k[:-1], k[1:]] = -0.5 / (2 * k[1:] + 1)
     integral[0, 0] = 0.5
     return series, integral @ series
 
 
-class Integral:
+class Antiderivative:
     r"""The antiderivative F of a function, zero at the first break.
 
     .. math:: F(t) = \int_{t_0}^t f
@@ -83,13 +83,13 @@ class Integral:
     __slots__ = ("_coefs", "cells", "values")
 
     def __init__(self, function: Callable[[Array], Array], breaks: ArrayLike, scale: float = 0.0) -> None:
-        series, integral = _tables()
-        x, weights = gauss(_POINTS)
+        series, integral = _build_series_matrices()
+        x, weights = gauss_rule(_GAUSS_POINTS)
         breaks = np.asarray(breaks, dtype=np.float64)
         start, end = breaks[:-1], breaks[1:]
         done: list[tuple[Array, Array, Array]] = []
         settled = 0.0
-        for level in range(_LEVELS):
+        for level in range(_MAX_HALVINGS):
             width = end - start
             t = start + x[:, None] * width
             values = function(t.ravel()).reshape(t.shape)
@@ -98,7 +98,7 @@ class Integral:
                 raise GeometryError(f"there is no direction or length at t = {bad:.9g}: the geometry is singular there")
             size = weights @ np.abs(values) * width
             left_out = np.abs(series[-3:] @ values).max(axis=0) * width
-            open_ = (left_out > _TOLERANCE * max(settled + size.sum(), scale)) & (level < _LEVELS - 1)
+            open_ = (left_out > _TOLERANCE * max(settled + size.sum(), scale)) & (level < _MAX_HALVINGS - 1)
             done.append((start[~open_], end[~open_], integral @ values[:, ~open_] * width[~open_]))
             settled += size[~open_].sum()
             if not open_.any():
@@ -117,6 +117,6 @@ class Integral:
     def __call__(self, t: ArrayLike) -> Array:
         """Return F(t), of the shape of t."""
         t = np.asarray(t, dtype=np.float64)
-        cell, below, above, _ = locate(self.cells, t.ravel())
-        basis = legendre(_POINTS, above - below)
+        cell, below, above, _ = locate_pieces(self.cells, t.ravel())
+        basis = evaluate_legendre(_GAUSS_POINTS, above - below)
         return np.asarray(np.einsum("kn,kn->n", basis, self._coefs[:, cell]).reshape(t.shape))

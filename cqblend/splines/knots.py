@@ -12,19 +12,19 @@ from numbers import Integral, Real
 import numpy as np
 
 from cqblend.errors import InputError, reason, shown
-from cqblend.splines.bernstein import Array, blossom
+from cqblend.splines.bernstein import Array, evaluate_blossom
 
 SMOOTH = 1 << 20
 """Continuity order of a break where both pieces are one and the same polynomial: a break that no function asked for."""
 
-MOST = 10_000
+MAX_BSPLINE_DEGREE = 10_000
 """Largest degree of a B-spline, far beyond what doubles hold."""
 
-AMPLIFICATION = 50.0
+MAX_AMPLIFICATION = 50.0
 """Largest factor by which re-assembly may amplify rounding errors before it keeps another knot."""
 
 
-def validate(degree: object, knots: Array, count: int) -> int:
+def check_knot_vector(degree: object, knots: Array, count: int) -> int:
     """Check a full knot vector for `count` poles, and return the degree.
 
     Raises
@@ -34,7 +34,7 @@ def validate(degree: object, knots: Array, count: int) -> int:
         finite or smaller than its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the
         domain is empty.
     """
-    degree = whole("the degree", degree, 0, MOST)
+    degree = check_integer("the degree", degree, 0, MAX_BSPLINE_DEGREE)
     if knots.ndim != 1 or len(knots) != count + degree + 1:
         raise InputError(
             f"{np.size(knots)} knots for {count} poles of degree {degree}: a full knot vector has {count + degree + 1}"
@@ -56,7 +56,7 @@ def validate(degree: object, knots: Array, count: int) -> int:
     return degree
 
 
-def extract(degree: int, knots: Array, poles: Array) -> tuple[Array, Array, Array]:
+def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Array, Array]:
     """Bernstein pieces of a B-spline.
 
     For each span [a, b] the first sweep (de Boor at a) leaves the blossom values f[a^r, b, ..], the second replaces the
@@ -94,13 +94,13 @@ def extract(degree: int, knots: Array, poles: Array) -> tuple[Array, Array, Arra
         e[r] = d[-1]
         i = np.arange(p - r)[:, None]
         left, right = knots[spans - p + r + 1 + i], knots[spans + 1 + i]
-        x = _between((a - left) / (right - left), d.ndim)
+        x = _insert_axes((a - left) / (right - left), d.ndim)
         d = (1 - x) * d[:-1] + x * d[1:]
     e[p] = d[0]
     for s in range(1, p):
         i = np.arange(p - s)[:, None]
         outer = knots[spans + p - i - s + 1]
-        x = _between((b - a) / (outer - a), d.ndim)
+        x = _insert_axes((b - a) / (outer - a), d.ndim)
         e[: p - s] = x * e[: p - s] + (1 - x) * e[1 : p - s + 1]
     # e[r] = f[a^r, b^(p-r)]: the coefficients in descending order
     breaks = np.append(a, b[-1])
@@ -109,12 +109,12 @@ def extract(degree: int, knots: Array, poles: Array) -> tuple[Array, Array, Arra
     return breaks, np.ascontiguousarray(e[::-1]), p - (last - first)
 
 
-def _between(x: Array, ndim: int) -> Array:
+def _insert_axes(x: Array, ndim: int) -> Array:
     """Insert axes between the first and the last of x so that it broadcasts against an array of `ndim` axes."""
     return x.reshape(x.shape[0], *(1,) * (ndim - 2), x.shape[1])
 
 
-def _support(breaks: Array, degree: int, repeats: Array) -> tuple[Array, Array, Array, Array]:
+def _choose_pole_pieces(breaks: Array, degree: int, repeats: Array) -> tuple[Array, Array, Array, Array]:
     """Find the full knot vector, each pole's knot window (p, n), the best piece to read it from, its amplification."""
     p = degree
     at = np.repeat(np.arange(len(breaks)), repeats)
@@ -134,7 +134,7 @@ def _support(breaks: Array, degree: int, repeats: Array) -> tuple[Array, Array, 
     return knots, window, best, least
 
 
-def assemble(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Array]:
+def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Array]:
     """Clamped B-spline of Bernstein pieces.
 
     Each pole is the blossom of a piece in its support at the pole's knot window; of those pieces the one is read whose
@@ -166,8 +166,8 @@ def assemble(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Arr
     ends = np.array([p + 1])
     inner = np.clip(p - continuity, 0, p + 1).astype(int)
     while True:
-        knots, window, piece, factor = _support(breaks, p, np.concatenate([ends, inner, ends]))
-        bad = np.flatnonzero(factor > AMPLIFICATION)
+        knots, window, piece, factor = _choose_pole_pieces(breaks, p, np.concatenate([ends, inner, ends]))
+        bad = np.flatnonzero(factor > MAX_AMPLIFICATION)
         if not len(bad):
             break
         raise_at = np.zeros(len(inner), dtype=bool)
@@ -182,12 +182,12 @@ def assemble(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Arr
     if len(inexact):
         x = x[:, inexact]
         order = np.argsort(np.maximum(-x, x - 1), axis=0, kind="stable")
-        values = blossom(coefs[..., piece[inexact]], np.take_along_axis(x, order, axis=0))
+        values = evaluate_blossom(coefs[..., piece[inexact]], np.take_along_axis(x, order, axis=0))
         poles[inexact] = np.moveaxis(values, -1, 0)
     return knots, poles
 
 
-def numbers(name: str, values: object) -> Array:
+def to_float_array(name: str, values: object) -> Array:
     """Copy to a float64 array.
 
     Raises
@@ -204,21 +204,21 @@ def numbers(name: str, values: object) -> Array:
     raise InputError(f"{name} must be an array of numbers, not {shown(values)}")
 
 
-def finite(name: str, values: object) -> Array:
+def to_finite_array(name: str, values: object) -> Array:
     """Return finite numbers as a float64 array, the same one if it is one already.
 
     Raises
     ------
     InputError
-        If one is not finite, or as :func:`numbers`.
+        If one is not finite, or as :func:`to_float_array`.
     """
-    array = values if isinstance(values, np.ndarray) and values.dtype == np.float64 else numbers(name, values)
+    array = values if isinstance(values, np.ndarray) and values.dtype == np.float64 else to_float_array(name, values)
     if not np.isfinite(array).all():
         raise InputError(f"{name} must be finite, not {array[~np.isfinite(array)].flat[0]}")
     return array
 
 
-def number(name: str, value: object) -> float:
+def check_number(name: str, value: object) -> float:
     """Return a finite number as a float. A bool is no number.
 
     Raises
@@ -235,7 +235,7 @@ def number(name: str, value: object) -> float:
     return found
 
 
-def whole(name: str, value: object, least: int, most: int) -> int:
+def check_integer(name: str, value: object, least: int, most: int) -> int:
     """Return a whole number from `least` to `most`. A bool is none.
 
     Raises
@@ -250,7 +250,7 @@ def whole(name: str, value: object, least: int, most: int) -> int:
     return found
 
 
-def pair_of(name: str, value: object) -> tuple[object, object]:
+def unpack_pair(name: str, value: object) -> tuple[object, object]:
     """Return the two items of a list, a tuple or an array of two.
 
     Raises
@@ -263,7 +263,7 @@ def pair_of(name: str, value: object) -> tuple[object, object]:
     return value[0], value[1]
 
 
-def interval(name: str, value: object) -> tuple[float, float]:
+def check_interval(name: str, value: object) -> tuple[float, float]:
     """Return two finite numbers, the lower one first.
 
     Raises
@@ -271,13 +271,13 @@ def interval(name: str, value: object) -> tuple[float, float]:
     InputError
         If they are none.
     """
-    low, high = (number(name, end) for end in pair_of(name, value))
+    low, high = (check_number(name, end) for end in unpack_pair(name, value))
     if not low < high:
         raise InputError(f"{name}={shown(value)}: not an interval, lower end first; it is empty")
     return low, high
 
 
-def homogeneous(poles: Array, weights: object) -> Array:
+def to_homogeneous(poles: Array, weights: object) -> Array:
     """Poles (.., dim) with weights (..) as homogeneous poles (.., dim + 1); without weights as they are.
 
     Raises
@@ -289,7 +289,7 @@ def homogeneous(poles: Array, weights: object) -> Array:
         raise InputError("a pole is not finite")
     if weights is None:
         return poles
-    array = numbers("weights", weights)
+    array = to_float_array("weights", weights)
     if array.shape != poles.shape[:-1]:
         raise InputError(f"weights of shape {array.shape} for poles of shape {poles.shape}")
     if not np.isfinite(array).all() or array.min() <= 0:
@@ -301,6 +301,6 @@ def homogeneous(poles: Array, weights: object) -> Array:
     return made
 
 
-def clamped(degree: int, knots: Array) -> bool:
+def is_clamped(degree: int, knots: Array) -> bool:
     """Whether the first and the last degree + 1 knots coincide."""
     return bool(knots[0] == knots[degree] and knots[-1] == knots[-degree - 1])

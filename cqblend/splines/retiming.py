@@ -14,7 +14,7 @@ from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.curve import Curve
-from cqblend.splines.hulls import dip
+from cqblend.splines.hulls import find_value_below
 
 _EPS = float(np.finfo(float).eps)
 
@@ -64,11 +64,13 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
     jump = change.continuity < 0
     if jump.any():
         raise InputError(f"the change of parameter jumps at r = {change.breaks[1:-1][jump][0]:.9g}")
-    _, weight = change._parts()
+    _, weight = change._split_weight()
     if weight is not None:
-        weightless = dip(weight[:, 0], 1e-9 * float(np.abs(weight).max()))
+        weightless = find_value_below(weight[:, 0], 1e-9 * float(np.abs(weight).max()))
         if weightless is not None:
-            raise InputError(f"the change of parameter has no positive weight at r = {_at(change, weightless):.9g}")
+            raise InputError(
+                f"the change of parameter has no positive weight at r = {_locate_parameter(change, weightless):.9g}"
+            )
     start, end = curve.domain
     first, last = float(change(change.domain[0]).item()), float(change(change.domain[1], side="left").item())
     slack = 16 * _EPS * max(abs(start), abs(end))
@@ -77,11 +79,12 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
             f"the change of parameter runs from {first:.17g} at r = {change.domain[0]:.9g} to {last:.17g} at "
             f"r = {change.domain[1]:.9g}, the domain of the curve is [{start:.17g}, {end:.17g}]"
         )
-    rate, _ = change.derivative()._parts()
-    back = dip(rate[:, 0], -64 * _EPS * float(np.abs(rate).max()))
+    rate, _ = change.derivative()._split_weight()
+    back = find_value_below(rate[:, 0], -64 * _EPS * float(np.abs(rate).max()))
     if back is not None:
         raise GeometryError(
-            f"the change of parameter turns back at r = {_at(change, back):.9g}: it must not decrease anywhere"
+            f"the change of parameter turns back at r = {_locate_parameter(change, back):.9g}: it must not decrease "
+            "anywhere"
         )
     return curve.compose(change)
 
@@ -123,15 +126,15 @@ def change_of_parameter(
     >>> change_of_parameter(100, 1)
     <rational Curve of degree 2, dim 1, 1 pieces on [0, 1]>
     """
-    (first, last), (low, high) = door.interval("domain", domain), door.interval("onto", onto)
-    start, end = _rate("start", start), _rate("end", end)
+    (first, last), (low, high) = door.check_interval("domain", domain), door.check_interval("onto", onto)
+    start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     mean = (high - low) / (last - first)
     a, b = start / mean, end / mean
     if a + b <= 3:
-        poles = _column(low, low + (high - low) * a / 3, high - (high - low) * b / 3, high)
+        poles = _to_column(low, low + (high - low) * a / 3, high - (high - low) * b / 3, high)
         return Curve.bezier(poles, None, (first, last))
     weights = np.array([1.0, (a + b) / 2, 1.0])
-    return Curve.bezier(_column(low, low + (high - low) * a / (a + b), high), weights, (first, last))
+    return Curve.bezier(_to_column(low, low + (high - low) * a / (a + b), high), weights, (first, last))
 
 
 def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domain: Interval | None = None) -> Curve:
@@ -171,8 +174,8 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
         raise InputError(f"a curve is a Curve, not {shown(curve)}")
     ends = curve.domain
     if domain is not None:
-        domain = door.interval("domain", domain)
-    start, end = _rate("start", start), _rate("end", end)
+        domain = door.check_interval("domain", domain)
+    start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     slopes = []
     for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
         present = float(np.linalg.norm(curve(t, 1, side="right" if name == "start" else "left")))
@@ -182,10 +185,10 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
     return reparameterise(curve, change_of_parameter(*slopes, domain=domain or ends, onto=ends))
 
 
-def _rate(name: str, value: object) -> float:
+def _check_end_speed(name: str, value: object) -> float:
     """Return a derivative, or a speed, that is not negative."""
     try:
-        rate = door.number(name, value)
+        rate = door.check_number(name, value)
     except InputError:
         rate = -1.0
     if rate < 0:
@@ -193,11 +196,11 @@ def _rate(name: str, value: object) -> float:
     return rate
 
 
-def _column(*poles: float) -> Array:
+def _to_column(*poles: float) -> Array:
     return np.array(poles)[:, None]
 
 
-def _at(change: Curve, place: tuple[int, float]) -> float:
+def _locate_parameter(change: Curve, place: tuple[int, float]) -> float:
     """Parameter of a place in a piece."""
     piece, x = place
     return float(change.breaks[piece] + x * (change.breaks[piece + 1] - change.breaks[piece]))

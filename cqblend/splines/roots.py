@@ -9,22 +9,22 @@ from functools import lru_cache
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict
+from cqblend.splines.bernstein import Array, restrict_pieces
 
 _EPS = float(np.finfo(float).eps)
-_PARTS = 8
-_LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
+_PARTS_PER_LEVEL = 8
+_MAX_LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
 
 
 @lru_cache(maxsize=64)
-def _subdivision(degree: int) -> Array:
+def _build_subdivision_matrix(degree: int) -> Array:
     """Matrix (8, p+1, p+1) from coefficients to those of the eight equal parts; convex combinations only."""
-    x = np.arange(_PARTS + 1) / _PARTS
-    identity = np.repeat(np.eye(degree + 1)[:, :, None], _PARTS, axis=2)
-    return np.ascontiguousarray(np.moveaxis(restrict(identity, x[:-1], x[1:]), -1, 0))
+    x = np.arange(_PARTS_PER_LEVEL + 1) / _PARTS_PER_LEVEL
+    identity = np.repeat(np.eye(degree + 1)[:, :, None], _PARTS_PER_LEVEL, axis=2)
+    return np.ascontiguousarray(np.moveaxis(restrict_pieces(identity, x[:-1], x[1:]), -1, 0))
 
 
-def _variations(f: Array) -> Array:
+def _count_sign_changes(f: Array) -> Array:
     """Count the sign changes down each column, zeros ignored."""
     sign = np.sign(f)
     if not sign.all():
@@ -33,7 +33,7 @@ def _variations(f: Array) -> Array:
     return np.asarray((sign[1:] * sign[:-1] < 0).sum(axis=0))
 
 
-def _solve(f: Array) -> Array:
+def _solve_single_roots(f: Array) -> Array:
     """Find the root of each column of f, which has exactly one sign change, by Newton inside a shrinking bracket."""
     degree, count = len(f) - 1, f.shape[1]
     columns = np.arange(count)
@@ -62,7 +62,7 @@ def _solve(f: Array) -> Array:
     return t
 
 
-def sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
+def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     """Where the columns of f change sign inside (0, 1).
 
     Parameters
@@ -87,23 +87,23 @@ def sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     start, width = np.zeros(f.shape[1]), 1.0
     touched: list[tuple[Array, Array]] = []  # column, root
     brackets: list[tuple[Array, Array, float, Array]] = []  # column, start, width, coefficients
-    for level in range(_LEVELS):
+    for level in range(_MAX_LEVELS):
         f = np.where(np.abs(f) <= tolerance, 0.0, f)
-        count = _variations(f)
+        count = _count_sign_changes(f)
         single, several = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
         if len(single):
             brackets.append((column[single], start[single], width, f[:, single]))
-        if not len(several) or level == _LEVELS - 1:
+        if not len(several) or level == _MAX_LEVELS - 1:
             break
-        parts = _subdivision(len(f) - 1) @ f[:, several]  # (8, p+1, k)
-        width /= _PARTS
-        column, tolerance = np.tile(column[several], _PARTS), np.tile(tolerance[several], _PARTS)
-        start = np.add.outer(width * np.arange(_PARTS), start[several]).ravel()
+        parts = _build_subdivision_matrix(len(f) - 1) @ f[:, several]  # (8, p+1, k)
+        width /= _PARTS_PER_LEVEL
+        column, tolerance = np.tile(column[several], _PARTS_PER_LEVEL), np.tile(tolerance[several], _PARTS_PER_LEVEL)
+        start = np.add.outer(width * np.arange(_PARTS_PER_LEVEL), start[several]).ravel()
         f = np.moveaxis(parts, 0, 1).reshape(parts.shape[1], -1)
         at = np.flatnonzero((np.abs(f[0]) <= tolerance) & (start > 0))
         touched.append((column[at], start[at]))
     if brackets:
-        local = _solve(np.concatenate([b[3] for b in brackets], axis=1))
+        local = _solve_single_roots(np.concatenate([b[3] for b in brackets], axis=1))
         widths = np.repeat([b[2] for b in brackets], [len(b[0]) for b in brackets])
         solved = np.concatenate([b[1] for b in brackets]) + widths * local
         touched.append((np.concatenate([b[0] for b in brackets]), solved))

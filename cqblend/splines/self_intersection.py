@@ -10,20 +10,20 @@ import numpy as np
 from cqblend.splines import Curve, bernstein
 from cqblend.splines.bernstein import Array
 
-TOUCHING = 1e-9
+TOUCHING_DISTANCE = 1e-9
 """Distance, relative to the curve's size, at which two of its points count as one."""
 
-_NEIGHBOURS = 1e-7  # length of parameter, relative to the domain, across which two pieces count as neighbours
+_NEIGHBOUR_GAP = 1e-7  # length of parameter, relative to the domain, across which two pieces count as neighbours
 _HALVINGS = 50
-_MANY = 4000  # pairs of pieces still close: the curve runs along itself
+_MOST_PAIRS = 4000  # pairs of pieces still close: the curve runs along itself
 
 
 def control_points(curve: Curve) -> Array:
     """Return the Euclidean control points (degree + 1, dim, pieces)."""
-    return _euclidean(curve.coefs, curve.rational)
+    return _to_euclidean(curve.coefs, curve.rational)
 
 
-def size_of(curve: Curve) -> float:
+def measure_diagonal(curve: Curve) -> float:
     """Return the diagonal of the box around a curve's control points."""
     low, high = curve.bounds()
     return float(np.linalg.norm(high - low))
@@ -32,10 +32,10 @@ def size_of(curve: Curve) -> float:
 def is_closed(curve: Curve) -> bool:
     """Whether a curve ends where it starts."""
     first, last = curve(curve.domain)
-    return bool(np.linalg.norm(last - first) <= TOUCHING * size_of(curve))
+    return bool(np.linalg.norm(last - first) <= TOUCHING_DISTANCE * measure_diagonal(curve))
 
 
-def self_crossing(curve: Curve) -> tuple[float, float] | None:
+def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
     """Return two parameters at which a curve meets itself, None if it never does; ends that meet do not count.
 
     Pieces are halved for as long as their boxes overlap. Neighbours, and a piece and itself, cannot meet again once all
@@ -55,14 +55,14 @@ def self_crossing(curve: Curve) -> tuple[float, float] | None:
     1.0
     """
     t0, t1 = curve.domain
-    touching, closed, near = TOUCHING * size_of(curve), is_closed(curve), _NEIGHBOURS * (t1 - t0)
+    touching, closed, near = TOUCHING_DISTANCE * measure_diagonal(curve), is_closed(curve), _NEIGHBOUR_GAP * (t1 - t0)
     coefs, start, end = curve.coefs, curve.breaks[:-1], curve.breaks[1:]
     points = control_points(curve)
-    if _advance(points, (points[-1, :, -1:] - points[0, :, :1])).all():
+    if _is_advancing(points, (points[-1, :, -1:] - points[0, :, :1])).all():
         return None
     i, j = np.triu_indices(len(start))
     for _ in range(_HALVINGS):
-        points = _euclidean(coefs, curve.rational)
+        points = _to_euclidean(coefs, curve.rational)
         low, high = points.min(axis=0), points.max(axis=0)
         chord = points[-1] - points[0]
         chord = chord / np.maximum(np.linalg.norm(chord, axis=0), np.finfo(float).tiny)
@@ -71,9 +71,11 @@ def self_crossing(curve: Curve) -> tuple[float, float] | None:
         settled = (np.maximum(low[:, i] - high[:, j], low[:, j] - high[:, i]) > touching).any(axis=0)
         a, b = i[joined], j[joined]
         way = chord[:, a] + chord[:, b]
-        settled[joined] = (_advance(points[..., a], way) & _advance(points[..., b], way)) | (small[a] & small[b])
+        settled[joined] = (_is_advancing(points[..., a], way) & _is_advancing(points[..., b], way)) | (
+            small[a] & small[b]
+        )
         i, j, joined = i[~settled], j[~settled], joined[~settled]
-        met = ~joined & (small[i] & small[j] | (len(i) > _MANY))
+        met = ~joined & (small[i] & small[j] | (len(i) > _MOST_PAIRS))
         if met.any():
             middle = points.mean(axis=0)
             closest = np.linalg.norm(middle[:, i[met]] - middle[:, j[met]], axis=0).argmin()
@@ -82,33 +84,34 @@ def self_crossing(curve: Curve) -> tuple[float, float] | None:
         if not len(i):
             break
         used, places = np.unique(np.concatenate([i, j]), return_inverse=True)
-        coefs, start, end = _halved(coefs[..., used], start[used], end[used])
+        coefs, start, end = _halve_pieces(coefs[..., used], start[used], end[used])
         i, j = (
-            2 * np.repeat(k, 4) + np.tile(half, len(k)) for k, half in zip(np.split(places, 2), _CHILDREN, strict=True)
+            2 * np.repeat(k, 4) + np.tile(half, len(k))
+            for k, half in zip(np.split(places, 2), _CHILD_PAIRS, strict=True)
         )
         i, j = i[i <= j], j[i <= j]
     return None
 
 
-_CHILDREN = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])
+_CHILD_PAIRS = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])
 
 
-def _halved(coefs: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:
+def _halve_pieces(coefs: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:
     """Halve pieces; the halves of piece k are 2k and 2k + 1."""
     twice = np.repeat(coefs, 2, axis=-1)
     x = np.tile([0.0, 0.5], len(start))
     middle = (start + end) / 2
     return (
-        bernstein.restrict(twice, x, x + 0.5),
+        bernstein.restrict_pieces(twice, x, x + 0.5),
         np.stack([start, middle], axis=-1).ravel(),
         np.stack([middle, end], axis=-1).ravel(),
     )
 
 
-def _advance(points: Array, way: Array) -> Array:
+def _is_advancing(points: Array, way: Array) -> Array:
     """Tell which pieces (degree + 1, dim, n) have control polygons all of whose steps advance along (dim, n)."""
     return np.asarray((np.diff(points, axis=0) * way).sum(axis=1).min(axis=0) > 0)
 
 
-def _euclidean(coefs: Array, rational: bool) -> Array:
+def _to_euclidean(coefs: Array, rational: bool) -> Array:
     return coefs[:, :-1] / coefs[:, -1:] if rational else coefs

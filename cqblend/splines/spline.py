@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike
 from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import SMOOTH, finite, number, numbers, whole
+from cqblend.splines.knots import SMOOTH, check_integer, check_number, to_finite_array, to_float_array
 
 _EPS = float(np.finfo(float).eps)
 
-ORDER, DEGREE = 100, 500
+MAX_DERIVATIVE, MAX_ELEVATION = 100, 500
 """Largest order of a derivative, and largest degree to which a spline is raised: doubles hold nothing beyond."""
 
 
-def along(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions: int) -> Array:
+def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions: int) -> Array:
     """Apply a kernel of (p+1, .., n) arrays to parameter `axis` of a coefficient array with `directions` parameters."""
     if directions == 1:
         return kernel(coefs)
@@ -32,7 +32,7 @@ def along(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions:
     return np.moveaxis(kernel(np.moveaxis(coefs, there, here)), here, there)
 
 
-def union(first: Array, second: Array) -> Array:
+def unite_breaks(first: Array, second: Array) -> Array:
     """Both sets of breaks; one of the second that equals one of the first to rounding gives way."""
     nearest = np.abs(second[:, None] - first).min(axis=1)
     tolerance = 4 * _EPS * max(abs(first[0]), abs(first[-1]))
@@ -67,8 +67,8 @@ class Spline:
         for what, given in (("breaks", breaks), ("continuity", continuity)):
             if not isinstance(given, list | tuple) or len(given) != k:
                 raise InputError(f"{name}: {what} is given for {k} parameters, not as {shown(given)}")
-        arrays = tuple(numbers(f"{name}: breaks", b) for b in breaks)
-        values = numbers(f"{name}: coefficients", coefs)
+        arrays = tuple(to_float_array(f"{name}: breaks", b) for b in breaks)
+        values = to_float_array(f"{name}: coefficients", coefs)
         for b in arrays:
             if b.ndim != 1 or len(b) < 2 or not np.isfinite(b).all() or (np.diff(b) <= 0).any():
                 raise InputError(
@@ -86,15 +86,17 @@ class Spline:
         orders = []
         for axis in range(k):
             known = continuity[axis]
-            order = _met(values, axis, k) if known is None else numbers(f"{name}: continuity", known)
+            order = (
+                _detect_continuity(values, axis, k) if known is None else to_float_array(f"{name}: continuity", known)
+            )
             if order.shape != (expected[axis] - 1,):
                 raise InputError(f"{name}: continuity of shape {order.shape}, expected {(expected[axis] - 1,)}")
             if not np.isfinite(order).all() or (order != np.floor(order)).any():
                 raise InputError(f"{name}: continuity must be whole numbers, not {shown(order.tolist())}")
             orders.append(np.clip(order, -1, SMOOTH).astype(int))
-        self._set(arrays, values, bool(rational), tuple(orders), None)
+        self._set_state(arrays, values, bool(rational), tuple(orders), None)
 
-    def _set(
+    def _set_state(
         self,
         breaks: tuple[Array, ...],
         coefs: Array,
@@ -111,7 +113,7 @@ class Spline:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def _new(
+    def _from_pieces(
         cls,
         breaks: tuple[Array, ...],
         coefs: Array,
@@ -121,14 +123,14 @@ class Spline:
     ) -> Self:
         """Construct without validation; takes over the arrays and freezes them."""
         self = object.__new__(cls)
-        self._set(breaks, coefs, rational, continuity, source)
+        self._set_state(breaks, coefs, rational, continuity, source)
         return self
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__} is frozen: {name} cannot be set")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (type(self), self._breaks, self._coefs, self._rational, self._continuity, self._source)
+        return _unpickle_spline, (type(self), self._breaks, self._coefs, self._rational, self._continuity, self._source)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Spline) or type(other) is not type(self):
@@ -167,24 +169,26 @@ class Spline:
 
     # -- parts and alignment
 
-    def _parts(self) -> tuple[Array, Array | None]:
+    def _split_weight(self) -> tuple[Array, Array | None]:
         """Numerator and weight coefficients (component axis kept); the weight of a polynomial spline is None."""
         if not self._rational:
             return self._coefs, None
         before = (slice(None),) * self._directions
         return self._coefs[(*before, slice(None, -1))], self._coefs[(*before, slice(-1, None))]
 
-    def _like(self, numerator: Array, weight: Array | None, continuity: tuple[Array, ...] | None = None) -> Self:
+    def _replace_coefs(
+        self, numerator: Array, weight: Array | None, continuity: tuple[Array, ...] | None = None
+    ) -> Self:
         """Spline on the same breaks from a numerator and a weight of possibly different degrees."""
         continuity = self._continuity if continuity is None else continuity
         if weight is None:
-            return self._new(self._breaks, numerator, False, continuity)
+            return self._from_pieces(self._breaks, numerator, False, continuity)
         k = self._directions
         degrees = [max(m, n) - 1 for m, n in zip(numerator.shape[:k], weight.shape[:k], strict=True)]
-        numerator, weight = _elevated(numerator, degrees), _elevated(weight, degrees)
-        return self._new(self._breaks, np.concatenate([numerator, weight], axis=k), True, continuity)
+        numerator, weight = _elevate_to(numerator, degrees), _elevate_to(weight, degrees)
+        return self._from_pieces(self._breaks, np.concatenate([numerator, weight], axis=k), True, continuity)
 
-    def _cut(self, axis: int, breaks: Array) -> Self:
+    def _subdivide_at(self, axis: int, breaks: Array) -> Self:
         """Subdivide at `breaks`, which contain the present ones."""
         old = self._breaks[axis]
         if len(breaks) == len(old):
@@ -192,19 +196,28 @@ class Spline:
         piece = np.searchsorted(old, breaks[:-1], "right") - 1
         start, length = old[piece], old[piece + 1] - old[piece]
         x0, x1 = (breaks[:-1] - start) / length, (breaks[1:] - start) / length
-        coefs = along(lambda c: bernstein.restrict(c[..., piece], x0, x1), self._coefs, axis, self._directions)
+        coefs = apply_along_axis(
+            lambda c: bernstein.restrict_pieces(c[..., piece], x0, x1), self._coefs, axis, self._directions
+        )
         order = np.full(len(breaks) - 2, SMOOTH)
         order[np.searchsorted(breaks, old[1:-1]) - 1] = self._continuity[axis]
-        return self._new(_with(self._breaks, axis, breaks), coefs, self._rational, _with(self._continuity, axis, order))
+        return self._from_pieces(
+            _replace_item(self._breaks, axis, breaks),
+            coefs,
+            self._rational,
+            _replace_item(self._continuity, axis, order),
+        )
 
-    def _refine(self, axis: int, breaks: Array) -> Self:
+    def _snap_and_subdivide(self, axis: int, breaks: Array) -> Self:
         """Like `_cut`, but present breaks move to those of `breaks` they equal to rounding."""
         old = self._breaks[axis]
         moved = breaks[np.abs(old[:, None] - breaks).argmin(axis=1)]
-        self = self._new(_with(self._breaks, axis, moved), self._coefs, self._rational, self._continuity)
-        return self._cut(axis, breaks)
+        self = self._from_pieces(
+            _replace_item(self._breaks, axis, moved), self._coefs, self._rational, self._continuity
+        )
+        return self._subdivide_at(axis, breaks)
 
-    def _aligned(self, other: Self) -> tuple[Self, Self, tuple[Array, ...]]:
+    def _align_breaks(self, other: Self) -> tuple[Self, Self, tuple[Array, ...]]:
         """Both splines on the union of their breaks, and the lesser continuity, which their sum or product has."""
         first, second = self, other
         for axis, (a, b) in enumerate(zip(self._breaks, other._breaks, strict=True)):
@@ -215,50 +228,50 @@ class Spline:
                 raise InputError(
                     f"the domains [{a[0]:.17g}, {a[-1]:.17g}] and [{b[0]:.17g}, {b[-1]:.17g}] differ: clip one of them"
                 )
-            breaks = union(a, b)
-            first, second = first._refine(axis, breaks), second._refine(axis, breaks)
+            breaks = unite_breaks(a, b)
+            first, second = first._snap_and_subdivide(axis, breaks), second._snap_and_subdivide(axis, breaks)
         lesser = tuple(np.minimum(c, d) for c, d in zip(first._continuity, second._continuity, strict=True))
         return first, second, lesser
 
-    def _paired(self, other: Self, join: Callable[[Array, Array], Array]) -> Self:
+    def _combine_numerators(self, other: Self, join: Callable[[Array, Array], Array]) -> Self:
         """Join aligned numerators on a common denominator and of a common degree."""
-        a, b, continuity = self._aligned(other)
-        (x, v), (y, w) = a._parts(), b._parts()
+        a, b, continuity = self._align_breaks(other)
+        (x, v), (y, w) = a._split_weight(), b._split_weight()
         weight: Array | None
         if v is None and w is None:
             weight = None
         elif v is not None and w is not None and v.shape == w.shape and np.array_equal(v, w):
             weight = v
         else:
-            weight = a._times(v, w)
-            x, y = (x if w is None else a._product(x, w)), (y if v is None else a._product(y, v))
+            weight = a._multiply_weights(v, w)
+            x, y = (x if w is None else a._multiply_coefs(x, w)), (y if v is None else a._multiply_coefs(y, v))
         k = self._directions
         degrees = [max(m, n) - 1 for m, n in zip(x.shape[:k], y.shape[:k], strict=True)]
-        return a._like(join(_elevated(x, degrees), _elevated(y, degrees)), weight, continuity)
+        return a._replace_coefs(join(_elevate_to(x, degrees), _elevate_to(y, degrees)), weight, continuity)
 
-    def _product(self, a: Array, b: Array) -> Array:
-        return bernstein.product(a, b, self._directions)
+    def _multiply_coefs(self, a: Array, b: Array) -> Array:
+        return bernstein.multiply_polynomials(a, b, self._directions)
 
-    def _times(self, v: Array | None, w: Array | None) -> Array | None:
+    def _multiply_weights(self, v: Array | None, w: Array | None) -> Array | None:
         """Product of two weights, None standing for one."""
         if v is None or w is None:
             return w if v is None else v
-        return self._product(v, w)
+        return self._multiply_coefs(v, w)
 
-    def _vector(self, value: object) -> Array:
+    def _broadcast_constant(self, value: object) -> Array:
         """Shape a number, or one per component, to broadcast against a numerator."""
         name = type(self).__name__
         if isinstance(value, Spline):
             raise OperandError(f"a {name} and a {type(value).__name__} do not go together")
         try:
-            array = finite("an operand", value)
+            array = to_finite_array("an operand", value)
         except InputError as error:
             raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers: {error}") from error
         if array.ndim > 1 or (array.ndim == 1 and len(array) != self.dim):
             raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers, not {shown(value)}")
         return array.reshape(*(1,) * self._directions, -1, *(1,) * self._directions)
 
-    def _other(self, value: object) -> Self:
+    def _check_same_kind(self, value: object) -> Self:
         """Return another spline of the same kind."""
         if not isinstance(value, type(self)):
             raise OperandError(f"a {type(self).__name__} is needed, not {shown(value)}")
@@ -267,24 +280,24 @@ class Spline:
     # -- algebra
 
     def __neg__(self) -> Self:
-        numerator, weight = self._parts()
-        return self._like(-numerator, weight)
+        numerator, weight = self._split_weight()
+        return self._replace_coefs(-numerator, weight)
 
     def __add__(self, other: object) -> Self:
         if isinstance(other, type(self)):
             if self.dim != other.dim:
                 raise InputError(f"cannot add splines of dim {self.dim} and {other.dim}")
-            return self._paired(other, np.add)
-        vector = self._vector(other)
-        numerator, weight = self._parts()
-        return self._like(numerator + (vector if weight is None else vector * weight), weight)
+            return self._combine_numerators(other, np.add)
+        vector = self._broadcast_constant(other)
+        numerator, weight = self._split_weight()
+        return self._replace_coefs(numerator + (vector if weight is None else vector * weight), weight)
 
     __radd__ = __add__
 
     def __sub__(self, other: object) -> Self:
         if isinstance(other, type(self)):
             return self + (-other)
-        vector = self._vector(other)
+        vector = self._broadcast_constant(other)
         return self + (-vector.ravel() if vector.size > 1 else -float(vector.item()))
 
     def __rsub__(self, other: object) -> Self:
@@ -294,55 +307,57 @@ class Spline:
         if isinstance(other, type(self)):
             if 1 not in (self.dim, other.dim):
                 raise InputError(f"cannot multiply splines of dim {self.dim} and {other.dim}: use dot or cross")
-            return self._bilinear(other, self._product)
-        vector = self._vector(other)
-        numerator, weight = self._parts()
-        return self._like(numerator * vector, weight)
+            return self._apply_bilinear(other, self._multiply_coefs)
+        vector = self._broadcast_constant(other)
+        numerator, weight = self._split_weight()
+        return self._replace_coefs(numerator * vector, weight)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: object) -> Self:
-        vector = self._vector(other)
+        vector = self._broadcast_constant(other)
         if not vector.all():
             raise OperandError(f"a {type(self).__name__} cannot be divided by 0")
-        numerator, weight = self._parts()
-        return self._like(numerator / vector, weight)
+        numerator, weight = self._split_weight()
+        return self._replace_coefs(numerator / vector, weight)
 
-    def _bilinear(self, other: Self, kernel: Callable[[Array, Array], Array]) -> Self:
-        a, b, continuity = self._aligned(other)
-        (x, v), (y, w) = a._parts(), b._parts()
-        return a._like(kernel(x, y), a._times(v, w), continuity)
+    def _apply_bilinear(self, other: Self, kernel: Callable[[Array, Array], Array]) -> Self:
+        a, b, continuity = self._align_breaks(other)
+        (x, v), (y, w) = a._split_weight(), b._split_weight()
+        return a._replace_coefs(kernel(x, y), a._multiply_weights(v, w), continuity)
 
     def dot(self, other: Self) -> Self:
         """Scalar product, a spline of dim 1."""
-        if self.dim != self._other(other).dim:
+        if self.dim != self._check_same_kind(other).dim:
             raise InputError(f"no scalar product of splines of dim {self.dim} and {other.dim}")
         k = self._directions
-        return self._bilinear(other, lambda x, y: self._product(x, y).sum(axis=k, keepdims=True))
+        return self._apply_bilinear(other, lambda x, y: self._multiply_coefs(x, y).sum(axis=k, keepdims=True))
 
     def cross(self, other: Self) -> Self:
         """Vector product: dim 3 for dim 3, and the determinant as dim 1 for dim 2."""
-        if self.dim != self._other(other).dim or self.dim not in (2, 3):
+        if self.dim != self._check_same_kind(other).dim or self.dim not in (2, 3):
             raise InputError(f"no vector product of splines of dim {self.dim} and {other.dim}: both need 3, or both 2")
         k = self._directions
         i, j = ([1, 2, 0], [2, 0, 1]) if self.dim == 3 else ([0], [1])
 
-        def kernel(x: Array, y: Array) -> Array:
-            return self._product(x.take(i, k), y.take(j, k)) - self._product(x.take(j, k), y.take(i, k))
+        def cross_coefs(x: Array, y: Array) -> Array:
+            return self._multiply_coefs(x.take(i, k), y.take(j, k)) - self._multiply_coefs(x.take(j, k), y.take(i, k))
 
-        return self._bilinear(other, kernel)
+        return self._apply_bilinear(other, cross_coefs)
 
     def __getitem__(self, index: int | slice) -> Self:
         """Components: an int gives a spline of dim 1."""
-        numerator, weight = self._parts()
+        numerator, weight = self._split_weight()
         try:
-            chosen = np.arange(self.dim)[index if isinstance(index, slice) else whole("an index", index, -99, 99)]
+            chosen = np.arange(self.dim)[
+                index if isinstance(index, slice) else check_integer("an index", index, -99, 99)
+            ]
         except (IndexError, TypeError, ValueError) as error:
             raise InputError(f"{shown(index)} chooses none of the {self.dim} components") from error
         chosen = np.atleast_1d(chosen)
         if not len(chosen):
             raise InputError(f"{index} chooses none of the {self.dim} components")
-        return self._like(numerator.take(chosen, self._directions), weight)
+        return self._replace_coefs(numerator.take(chosen, self._directions), weight)
 
     @classmethod
     def stack(cls, splines: Sequence[Self]) -> Self:
@@ -359,27 +374,27 @@ class Spline:
             raise InputError("stack needs at least one spline")
         result = splines[0]
         for other in splines[1:]:
-            result = result._paired(other, lambda x, y: np.concatenate([x, y], axis=cls._directions))
+            result = result._combine_numerators(other, lambda x, y: np.concatenate([x, y], axis=cls._directions))
         return result
 
-    def _derive(self, orders: Sequence[int]) -> Self:
+    def _take_derivative(self, orders: Sequence[int]) -> Self:
         """Mixed partial derivative. For N / w^m the quotient rule keeps (N, w, m): (N' w - m N w') / w^(m+1)."""
-        orders = [whole("the order of a derivative", order, 0, ORDER) for order in orders]
+        orders = [check_integer("the order of a derivative", order, 0, MAX_DERIVATIVE) for order in orders]
         k = self._directions
-        numerator, weight = self._parts()
+        numerator, weight = self._split_weight()
         power = 1
         for axis, order in enumerate(orders):
             lengths = np.diff(self._breaks[axis]).reshape(-1, *(1,) * (k - 1 - axis))
 
-            def slope(c: Array, axis: int = axis, lengths: Array = lengths) -> Array:
-                return along(bernstein.derivative, c, axis, k) / lengths
+            def differentiate_axis(c: Array, axis: int = axis, lengths: Array = lengths) -> Array:
+                return apply_along_axis(bernstein.differentiate_coefs, c, axis, k) / lengths
 
             for _ in range(order):
                 if weight is None:
-                    numerator = slope(numerator)
+                    numerator = differentiate_axis(numerator)
                 else:
-                    left = self._product(slope(numerator), weight)
-                    right = self._product(numerator, slope(weight))
+                    left = self._multiply_coefs(differentiate_axis(numerator), weight)
+                    right = self._multiply_coefs(numerator, differentiate_axis(weight))
                     numerator = left - power * right
                     power += 1
         continuity = tuple(
@@ -388,28 +403,30 @@ class Spline:
         )
         denominator = weight
         for _ in range(power - 1):
-            denominator = self._times(denominator, weight)
-        result = self._like(numerator, denominator)
-        return self._new(result._breaks, result._coefs, result._rational, continuity)
+            denominator = self._multiply_weights(denominator, weight)
+        result = self._replace_coefs(numerator, denominator)
+        return self._from_pieces(result._breaks, result._coefs, result._rational, continuity)
 
-    def _elevate(self, amounts: Sequence[int]) -> Self:
-        amounts = [whole("the amount by which a degree is raised", amount, 0, DEGREE) for amount in amounts]
+    def _elevate_degrees(self, amounts: Sequence[int]) -> Self:
+        amounts = [
+            check_integer("the amount by which a degree is raised", amount, 0, MAX_ELEVATION) for amount in amounts
+        ]
         degrees = [n - 1 + amount for n, amount in zip(self._coefs.shape[: self._directions], amounts, strict=True)]
-        return self._new(self._breaks, _elevated(self._coefs, degrees), self._rational, self._continuity)
+        return self._from_pieces(self._breaks, _elevate_to(self._coefs, degrees), self._rational, self._continuity)
 
-    def _reduce(self, amounts: Sequence[int | None], tolerance: float) -> Self:
+    def _reduce_degrees(self, amounts: Sequence[int | None], tolerance: float) -> Self:
         k = self._directions
         coefs = self._coefs
         scale = np.abs(coefs).max()
-        tolerance = number("tolerance", tolerance)
+        tolerance = check_number("tolerance", tolerance)
         for axis, amount in enumerate(amounts):
             degree = self._coefs.shape[axis] - 1
             if amount is not None:
-                amount = whole(f"the amount by which degree {degree} is reduced", amount, 0, degree)
+                amount = check_integer(f"the amount by which degree {degree} is reduced", amount, 0, degree)
             start, steps = coefs, range(1, degree + 1) if amount is None else [amount]
             for step in steps:
-                lower = along(lambda c, r=step: bernstein.reduce(c, r), start, axis, k)  # type: ignore[misc]
-                back = _elevated(lower, [n - 1 for n in start.shape[:k]])
+                lower = apply_along_axis(lambda c, r=step: bernstein.reduce_degree(c, r), start, axis, k)  # type: ignore[misc]
+                back = _elevate_to(lower, [n - 1 for n in start.shape[:k]])
                 error = np.abs(back - start).max()
                 if error > tolerance * scale:
                     if amount is None:
@@ -419,7 +436,7 @@ class Spline:
                         f"more than {tolerance:g} of the largest, {scale:.3g}"
                     )
                 coefs = lower
-        return self._new(self._breaks, coefs, self._rational, self._continuity)
+        return self._from_pieces(self._breaks, coefs, self._rational, self._continuity)
 
     def bounds(self) -> tuple[Array, Array]:
         """Box around the convex hull of the control points, widened by the rounding of an evaluation.
@@ -435,7 +452,7 @@ class Spline:
             If a weight coefficient is not positive: there is no hull.
         """
         k = self._directions
-        numerator, weight = self._parts()
+        numerator, weight = self._split_weight()
         if weight is not None:
             if weight.min() <= 0:
                 raise GeometryError(
@@ -446,9 +463,9 @@ class Spline:
         slack = 4 * _EPS * (1 + sum(self._coefs.shape[:k])) * np.abs(points).max(axis=1)
         return points.min(axis=1) - slack, points.max(axis=1) + slack
 
-    def _clipped(self, axis: int, start: float, end: float) -> Self:
+    def _clip_axis(self, axis: int, start: float, end: float) -> Self:
         old = self._breaks[axis]
-        start, end = number("the start of a part", start), number("the end of a part", end)
+        start, end = check_number("the start of a part", start), check_number("the end of a part", end)
         slack = 4 * _EPS * max(abs(old[0]), abs(old[-1]))
         if not (old[0] - slack <= start < end <= old[-1] + slack):
             raise InputError(
@@ -457,41 +474,44 @@ class Spline:
         lo, hi = (old[np.abs(old - x).argmin()] if np.abs(old - x).min() <= slack else x for x in (start, end))
         if lo == hi:
             raise InputError(f"cannot clip to [{start:.17g}, {end:.17g}]: it is empty to rounding")
-        cut = self._cut(axis, union(old, np.array([lo, hi])))
+        cut = self._subdivide_at(axis, unite_breaks(old, np.array([lo, hi])))
         breaks = cut._breaks[axis]
         i, j = int(np.searchsorted(breaks, lo)), int(np.searchsorted(breaks, hi))
-        coefs = along(lambda c: c[..., i:j], cut._coefs, axis, self._directions)
+        coefs = apply_along_axis(lambda c: c[..., i:j], cut._coefs, axis, self._directions)
         order = cut._continuity[axis][i : j - 1]
-        return self._new(
-            _with(self._breaks, axis, breaks[i : j + 1]), coefs, self._rational, _with(self._continuity, axis, order)
-        )
-
-    def _inserted(self, axis: int, breaks: ArrayLike) -> Self:
-        old = self._breaks[axis]
-        new = np.unique(finite("breaks to cut at", breaks).ravel())
-        new = new[(new > old[0]) & (new < old[-1])]
-        return self._cut(axis, union(old, new)) if len(new) else self
-
-    def _reversed(self, axis: int) -> Self:
-        old = self._breaks[axis]
-        coefs = along(lambda c: c[::-1, ..., ::-1], self._coefs, axis, self._directions)
-        breaks = old[0] + old[-1] - old[::-1]
-        return self._new(
-            _with(self._breaks, axis, breaks),
+        return self._from_pieces(
+            _replace_item(self._breaks, axis, breaks[i : j + 1]),
             coefs,
             self._rational,
-            _with(self._continuity, axis, self._continuity[axis][::-1].copy()),
+            _replace_item(self._continuity, axis, order),
         )
 
-    def _rationalised(self) -> Self:
-        """Give it a weight component, one if it had none."""
-        return self if self._rational else self._like(self._coefs, self._one())
+    def _insert_breaks(self, axis: int, breaks: ArrayLike) -> Self:
+        old = self._breaks[axis]
+        new = np.unique(to_finite_array("breaks to cut at", breaks).ravel())
+        new = new[(new > old[0]) & (new < old[-1])]
+        return self._subdivide_at(axis, unite_breaks(old, new)) if len(new) else self
 
-    def _one(self) -> Array:
+    def _reverse_axis(self, axis: int) -> Self:
+        old = self._breaks[axis]
+        coefs = apply_along_axis(lambda c: c[::-1, ..., ::-1], self._coefs, axis, self._directions)
+        breaks = old[0] + old[-1] - old[::-1]
+        return self._from_pieces(
+            _replace_item(self._breaks, axis, breaks),
+            coefs,
+            self._rational,
+            _replace_item(self._continuity, axis, self._continuity[axis][::-1].copy()),
+        )
+
+    def _to_rational(self) -> Self:
+        """Give it a weight component, one if it had none."""
+        return self if self._rational else self._replace_coefs(self._coefs, self._unit_weight())
+
+    def _unit_weight(self) -> Array:
         k = self._directions
         return np.ones((*(1,) * (k + 1), *self._coefs.shape[k + 1 :]))
 
-    def _poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
+    def _dehomogenise_poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
         """Poles and weights of assembled homogeneous poles (.., dim_h)."""
         if not self._rational:
             return homogeneous, None
@@ -503,24 +523,24 @@ class Spline:
         return homogeneous[..., :-1] / weights[..., None], weights
 
 
-def _rebuild(cls: type[Spline], *state: Any) -> Spline:
-    return cls._new(*state)
+def _unpickle_spline(cls: type[Spline], *state: Any) -> Spline:
+    return cls._from_pieces(*state)
 
 
-def _with(items: tuple[Array, ...], axis: int, item: Array) -> tuple[Array, ...]:
+def _replace_item(items: tuple[Array, ...], axis: int, item: Array) -> tuple[Array, ...]:
     return (*items[:axis], item, *items[axis + 1 :])
 
 
-def _elevated(coefs: Array, degrees: Sequence[int]) -> Array:
+def _elevate_to(coefs: Array, degrees: Sequence[int]) -> Array:
     """Raise every degree of a coefficient array to the given one."""
     for axis, degree in enumerate(degrees):
         amount = degree + 1 - coefs.shape[axis]
         if amount:
-            coefs = along(lambda c, a=amount: bernstein.elevate(c, a), coefs, axis, len(degrees))  # type: ignore[misc]
+            coefs = apply_along_axis(lambda c, a=amount: bernstein.elevate_degree(c, a), coefs, axis, len(degrees))  # type: ignore[misc]
     return coefs
 
 
-def _met(coefs: Array, axis: int, directions: int) -> Array:
+def _detect_continuity(coefs: Array, axis: int, directions: int) -> Array:
     """Continuity order where none is known: 0 where neighbouring pieces meet to rounding, else -1."""
     lead = np.moveaxis(coefs, (axis, directions + 1 + axis), (0, -1))
     jump = np.abs(lead[-1, ..., :-1] - lead[0, ..., 1:]).max(axis=tuple(range(lead.ndim - 2)))

@@ -14,24 +14,31 @@ from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
-from cqblend.splines.composition import barycentric, follow
+from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
 from cqblend.splines.curve import Curve
-from cqblend.splines.evaluation import BLOCK, Side, checked_side, design, locate, quotient
-from cqblend.splines.spline import ORDER, Spline, _with, along
+from cqblend.splines.evaluation import (
+    BLOCK_SIZE,
+    BreakSide,
+    build_design_matrix,
+    check_break_side,
+    dehomogenise_derivatives,
+    locate_pieces,
+)
+from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _replace_item, apply_along_axis
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
 
-LAPS = 1000
+MAX_PERIODS = 1000
 """Most further periods of a closed surface."""
 
 
-def _axis(value: object) -> int:
-    return door.whole("axis", value, 0, 1)
+def _check_axis(value: object) -> int:
+    return door.check_integer("axis", value, 0, 1)
 
 
-def _scattered(u: object, v: object) -> tuple[Array, Array]:
+def _broadcast_parameters(u: object, v: object) -> tuple[Array, Array]:
     """Return parameters of scattered points, of one shape."""
-    u, v = door.finite("u", u), door.finite("v", v)
+    u, v = door.to_finite_array("u", u), door.to_finite_array("v", v)
     try:
         u, v = np.broadcast_arrays(u, v)
     except ValueError as error:
@@ -110,19 +117,19 @@ class Surface(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        ku, kv = (door.numbers("knots", vector) for vector in door.pair_of("knots", knots))
-        poles = door.numbers("poles", poles)
+        ku, kv = (door.to_float_array("knots", vector) for vector in door.unpack_pair("knots", knots))
+        poles = door.to_float_array("poles", poles)
         if poles.ndim != 3:
             raise InputError(f"poles have {poles.ndim} axes, expected 3")
-        first, second = door.pair_of("degrees", degrees)
-        p, q = door.validate(first, ku, len(poles)), door.validate(second, kv, poles.shape[1])
-        homogeneous = door.homogeneous(poles, weights)
-        bu, rows, cu = door.extract(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
-        bv, coefs, cv = door.extract(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
+        first, second = door.unpack_pair("degrees", degrees)
+        p, q = door.check_knot_vector(first, ku, len(poles)), door.check_knot_vector(second, kv, poles.shape[1])
+        homogeneous = door.to_homogeneous(poles, weights)
+        bu, rows, cu = door.extract_pieces(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
+        bv, coefs, cv = door.extract_pieces(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
         source = None
-        if door.clamped(p, ku) and door.clamped(q, kv):
+        if door.is_clamped(p, ku) and door.is_clamped(q, kv):
             source = ((p, q), (ku, kv), poles, None if weights is None else np.array(weights, dtype=np.float64))
-        return cls._new((bu, bv), np.swapaxes(coefs, 0, 1), weights is not None, (cu, cv), source)
+        return cls._from_pieces((bu, bv), np.swapaxes(coefs, 0, 1), weights is not None, (cu, cv), source)
 
     @classmethod
     def from_rows(cls, rows: Sequence[Curve], domain: tuple[float, float] = (0.0, 1.0)) -> Self:
@@ -142,13 +149,15 @@ class Surface(Spline):
         if len(dims) != 1:
             raise InputError(f"rows of a surface need one dim, not {sorted(dims)}")
         rational = any(row.rational for row in rows)
-        plain = [row._rationalised() if rational else row for row in rows]
-        homogeneous = [Curve._new(row._breaks, row._coefs, False, row._continuity) for row in plain]
+        plain = [row._to_rational() if rational else row for row in rows]
+        homogeneous = [Curve._from_pieces(row._breaks, row._coefs, False, row._continuity) for row in plain]
         together = Curve.stack(homogeneous)
         p, _, n = together.coefs.shape
         coefs = together.coefs.reshape(p, len(rows), -1, n)[..., None]
-        breaks = np.array(door.interval("domain", domain))
-        return cls._new((together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int)))
+        breaks = np.array(door.check_interval("domain", domain))
+        return cls._from_pieces(
+            (together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int))
+        )
 
     def to_bspline(self) -> BSplineSurface:
         """Return degrees, full clamped knot vectors, poles (nu, nv, dim), and weights (nu, nv) or None.
@@ -163,10 +172,10 @@ class Surface(Spline):
         if self._source is not None:
             degrees, (ku, kv), poles, weights = self._source
             return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
-        ku, rows = door.assemble(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        ku, rows = door.assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
         # (Nu, q+1, dim, nv)
-        kv, poles = door.assemble(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
-        return (self.degree, (ku, kv), *self._poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
+        kv, poles = door.assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
+        return (self.degree, (ku, kv), *self._dehomogenise_poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
 
     @property
     def degree(self) -> tuple[int, int]:
@@ -191,44 +200,48 @@ class Surface(Spline):
 
     # -- evaluation
 
-    def _partials(self, u: Array, v: Array, ku: int, kv: int, total: int, side: Side) -> Array:
+    def _evaluate_partials(self, u: Array, v: Array, ku: int, kv: int, total: int, side: BreakSide) -> Array:
         """Homogeneous partial derivatives (ku+1, kv+1, dim_h, N) up to the total order, zero above it, at flat u, v."""
         (p, q), n = self.degree, len(u)
-        if n > BLOCK:
+        if n > BLOCK_SIZE:
             parts = [
-                self._partials(u[i : i + BLOCK], v[i : i + BLOCK], ku, kv, total, side) for i in range(0, n, BLOCK)
+                self._evaluate_partials(u[i : i + BLOCK_SIZE], v[i : i + BLOCK_SIZE], ku, kv, total, side)
+                for i in range(0, n, BLOCK_SIZE)
             ]
             return np.concatenate(parts, axis=-1)
-        iu, su, xu, hu = locate(self._breaks[0], u, side)
-        iv, sv, xv, hv = locate(self._breaks[1], v, side)
+        iu, su, xu, hu = locate_pieces(self._breaks[0], u, side)
+        iv, sv, xv, hv = locate_pieces(self._breaks[1], v, side)
         shape = self._coefs.shape
         patches = self._coefs.reshape(*shape[:3], -1).take(iu * shape[4] + iv, axis=-1)
         columns = np.moveaxis(patches, 1, 0)
-        basis_u = [bernstein.basis(p - i, su, xu) for i in range(min(ku, p) + 1)]
+        basis_u = [bernstein.evaluate_basis(p - i, su, xu) for i in range(min(ku, p) + 1)]
         out = np.zeros((ku + 1, kv + 1, shape[2], n))
         for j in range(min(kv, q) + 1):
             if j:
-                columns = bernstein.derivative(columns) / hv
-            rows = bernstein.evaluate(columns, bernstein.basis(q - j, sv, xv))
+                columns = bernstein.differentiate_coefs(columns) / hv
+            rows = bernstein.contract_with_basis(columns, bernstein.evaluate_basis(q - j, sv, xv))
             for i in range(min(ku, p, total - j) + 1):
                 if i:
-                    rows = bernstein.derivative(rows) / hu
-                out[i, j] = bernstein.evaluate(rows, basis_u[i])
+                    rows = bernstein.differentiate_coefs(rows) / hu
+                out[i, j] = bernstein.contract_with_basis(rows, basis_u[i])
         return out
 
-    def __call__(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0, *, side: Side = "right") -> Array:
+    def __call__(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0, *, side: BreakSide = "right") -> Array:
         """Values of a partial derivative at scattered points, shape (.., dim); u and v broadcast.
 
         At a knot line the piece to the right counts (at the last line the last piece), or the one on `side`. Beyond the
         domain the end patches go on as polynomials.
         """
-        u, v = _scattered(u, v)
-        ku, kv = door.whole("the order ku", ku, 0, ORDER), door.whole("the order kv", kv, 0, ORDER)
-        jets = self._partials(u.ravel(), v.ravel(), ku, kv, ku + kv, checked_side(side))
-        values = (quotient(jets) if self._rational else jets)[ku, kv]
+        u, v = _broadcast_parameters(u, v)
+        ku, kv = (
+            door.check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
+            door.check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+        )
+        jets = self._evaluate_partials(u.ravel(), v.ravel(), ku, kv, ku + kv, check_break_side(side))
+        values = (dehomogenise_derivatives(jets) if self._rational else jets)[ku, kv]
         return np.asarray(np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim))
 
-    def jet(self, u: ArrayLike, v: ArrayLike, order: int, *, side: Side = "right") -> Array:
+    def jet(self, u: ArrayLike, v: ArrayLike, order: int, *, side: BreakSide = "right") -> Array:
         """All partial derivatives up to a total order at scattered points.
 
         Returns
@@ -237,43 +250,48 @@ class Surface(Spline):
             (order + 1, order + 1, .., dim): entry [i, j] is the derivative of order i by u and j by v; zero for i + j
             > order.
         """
-        u, v = _scattered(u, v)
-        order = door.whole("the order", order, 0, ORDER)
-        jets = self._partials(u.ravel(), v.ravel(), order, order, order, checked_side(side))
+        u, v = _broadcast_parameters(u, v)
+        order = door.check_integer("the order", order, 0, MAX_DERIVATIVE)
+        jets = self._evaluate_partials(u.ravel(), v.ravel(), order, order, order, check_break_side(side))
         if self._rational:
-            jets = quotient(jets)
+            jets = dehomogenise_derivatives(jets)
             high = np.add.outer(np.arange(order + 1), np.arange(order + 1)) > order
             jets[high] = 0
         return np.moveaxis(jets, 2, -1).reshape(order + 1, order + 1, *u.shape, self.dim)
 
     def grid(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0) -> Array:
         """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
-        u, v = door.finite("u", u).ravel(), door.finite("v", v).ravel()
-        ku, kv = door.whole("the order ku", ku, 0, ORDER), door.whole("the order kv", kv, 0, ORDER)
+        u, v = door.to_finite_array("u", u).ravel(), door.to_finite_array("v", v).ravel()
+        ku, kv = (
+            door.check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
+            door.check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+        )
         (p, q), dim_h = self.degree, self._coefs.shape[2]
         arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
         arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
         orders_u, orders_v = (range(ku + 1), range(kv + 1)) if self._rational else ((ku,), (kv,))
         jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
-        designs = [design(self._breaks[1], q, v, j).T for j in orders_v]
+        designs = [build_design_matrix(self._breaks[1], q, v, j).T for j in orders_v]
         for i, order in enumerate(orders_u):
-            rows = (design(self._breaks[0], p, u, order) @ arranged).reshape(len(u), dim_h, len(designs[0]))
+            rows = (build_design_matrix(self._breaks[0], p, u, order) @ arranged).reshape(
+                len(u), dim_h, len(designs[0])
+            )
             for j, matrix in enumerate(designs):
                 jets[i, j] = np.moveaxis(
                     (rows.reshape(len(u) * dim_h, len(matrix)) @ matrix).reshape(len(u), dim_h, len(v)), 1, 0
                 )
-        values = (quotient(jets) if self._rational else jets)[-1, -1]
+        values = (dehomogenise_derivatives(jets) if self._rational else jets)[-1, -1]
         return np.moveaxis(values, 0, -1)
 
     # -- algebra of two parameters
 
     def derivative(self, ku: int, kv: int) -> Self:
         """Partial derivative as a surface; of degree (p - ku, q - kv), or (1 + ku + kv)(p, q) if rational."""
-        return self._derive((ku, kv))
+        return self._take_derivative((ku, kv))
 
     def elevate(self, amount_u: int, amount_v: int) -> Self:
         """Raise the degrees; the surface stays the same."""
-        return self._elevate((amount_u, amount_v))
+        return self._elevate_degrees((amount_u, amount_v))
 
     def reduce(self, amount_u: int | None = None, amount_v: int | None = None, *, tolerance: float = 1e-12) -> Self:
         """Lower the degrees, None as far as it goes; see the curve's method.
@@ -283,28 +301,28 @@ class Surface(Spline):
         GeometryError
             If the surface is not of that degree to the tolerance.
         """
-        return self._reduce((amount_u, amount_v), tolerance)
+        return self._reduce_degrees((amount_u, amount_v), tolerance)
 
     def clip(self, u: tuple[float, float] | None = None, v: tuple[float, float] | None = None) -> Self:
         """Take the part over u x v, which must lie inside the domain; None leaves a direction whole."""
         result = self
         for axis, window in enumerate((u, v)):
             if window is not None:
-                result = result._clipped(axis, *door.interval("uv"[axis], window))
+                result = result._clip_axis(axis, *door.check_interval("uv"[axis], window))
         return result
 
     def cut(self, u: ArrayLike = (), v: ArrayLike = ()) -> Self:
         """Insert knot lines; those outside the domain or present already are ignored."""
-        return self._inserted(0, u)._inserted(1, v)
+        return self._insert_breaks(0, u)._insert_breaks(1, v)
 
     def reverse(self, axis: int) -> Self:
         """Run parameter 0 or 1 backwards over the same domain."""
-        return self._reversed(_axis(axis))
+        return self._reverse_axis(_check_axis(axis))
 
     def transpose(self) -> Self:
         """Exchange the parameters."""
         coefs = self._coefs.transpose(1, 0, 2, 4, 3)
-        return self._new(self._breaks[::-1], coefs, self._rational, self._continuity[::-1])
+        return self._from_pieces(self._breaks[::-1], coefs, self._rational, self._continuity[::-1])
 
     def tiled(self, axis: int, before: int, after: int, *, continuity: int = 0) -> Self:
         """Repeat a surface that is closed in one direction.
@@ -323,8 +341,8 @@ class Surface(Spline):
         InputError
             If the surface does not close, to 1e-7 of its largest coefficient.
         """
-        axis, continuity = _axis(axis), door.whole("continuity", continuity, -1, door.SMOOTH)
-        before, after = (door.whole("a number of periods", count, 0, LAPS) for count in (before, after))
+        axis, continuity = _check_axis(axis), door.check_integer("continuity", continuity, -1, door.SMOOTH)
+        before, after = (door.check_integer("a number of periods", count, 0, MAX_PERIODS) for count in (before, after))
         lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
         gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
         if continuity >= 0 and gap > 1e-7 * np.abs(self._coefs).max():
@@ -335,22 +353,25 @@ class Surface(Spline):
         period = old[-1] - old[0]
         copies = range(-before, after + 1)
         breaks = np.concatenate([old[:-1] + i * period for i in copies] + [old[-1:] + after * period])
-        coefs = along(lambda c: np.concatenate([c] * len(copies), axis=-1), self._coefs, axis, 2)
+        coefs = apply_along_axis(lambda c: np.concatenate([c] * len(copies), axis=-1), self._coefs, axis, 2)
         orders = np.concatenate([np.append(order, continuity)] * len(copies))[:-1]
-        return self._new(
-            _with(self._breaks, axis, breaks), coefs, self._rational, _with(self._continuity, axis, orders)
+        return self._from_pieces(
+            _replace_item(self._breaks, axis, breaks),
+            coefs,
+            self._rational,
+            _replace_item(self._continuity, axis, orders),
         )
 
     def isoparametric(self, *, u: float | None = None, v: float | None = None) -> Curve:
         """Take the curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
         if (u is None) == (v is None):
             raise InputError("isoparametric needs exactly one of u and v")
-        axis, value = (0, door.number("u", u)) if u is not None else (1, door.number("v", v))
-        piece, s, x, _ = locate(self._breaks[axis], np.array([value]))
+        axis, value = (0, door.check_number("u", u)) if u is not None else (1, door.check_number("v", v))
+        piece, s, x, _ = locate_pieces(self._breaks[axis], np.array([value]))
         row = self._coefs.take(int(piece[0]), axis=3 + axis)  # (p+1, q+1, dim, n)
-        values = bernstein.basis(self.degree[axis], s, x)[:, 0]
+        values = bernstein.evaluate_basis(self.degree[axis], s, x)[:, 0]
         coefs = np.tensordot(values, row, axes=(0, axis))
-        return Curve._new((self._breaks[1 - axis],), coefs, self._rational, (self._continuity[1 - axis],))
+        return Curve._from_pieces((self._breaks[1 - axis],), coefs, self._rational, (self._continuity[1 - axis],))
 
     # -- composition
 
@@ -370,16 +391,16 @@ class Surface(Spline):
             To full precision. A knot line that the curve touches without crossing is not among them; where it leaves a
             line that it has run along, the end of the common part may be.
         """
-        cut, index, _ = self._follow(curve)
-        chosen = index if axis is None else index[[_axis(axis)]]
+        cut, index, _ = self._cut_at_knot_lines(curve)
+        chosen = index if axis is None else index[[_check_axis(axis)]]
         return np.asarray(cut.breaks[1:-1][(chosen[:, 1:] != chosen[:, :-1]).any(axis=0)])
 
-    def _follow(self, curve: Curve) -> tuple[Curve, Array, Array]:
+    def _cut_at_knot_lines(self, curve: Curve) -> tuple[Curve, Array, Array]:
         if not isinstance(curve, Curve):
             raise InputError(f"a curve in the parameter plane is a Curve, not {shown(curve)}")
         if curve.dim != 2:
             raise InputError(f"a curve in the parameter plane has dim 2, not {curve.dim}")
-        return follow(curve, self._breaks, self._continuity)
+        return cut_at_knot_lines(curve, self._breaks, self._continuity)
 
     def compose(self, curve: Curve) -> Curve:
         """Compose with a curve in the parameter plane: t -> S(u(t), v(t)), exactly.
@@ -398,11 +419,11 @@ class Surface(Spline):
         InputError
             If the curve's dim is not 2.
         """
-        cut, index, continuity = self._follow(curve)
+        cut, index, continuity = self._cut_at_knot_lines(curve)
         functions: list[Any] = []
         for axis in (0, 1):
-            functions += barycentric(cut, axis, self._breaks[axis], index[axis])
+            functions += to_barycentric(cut, axis, self._breaks[axis], index[axis])
         rational = self._rational or curve.rational
-        frame = self._rationalised() if rational else self
-        coefs = bernstein.compose(frame._coefs[..., index[0], index[1]], *functions)
-        return Curve._new(cut._breaks, coefs, rational, (continuity,))
+        frame = self._to_rational() if rational else self
+        coefs = bernstein.compose_patch(frame._coefs[..., index[0], index[1]], *functions)
+        return Curve._from_pieces(cut._breaks, coefs, rational, (continuity,))

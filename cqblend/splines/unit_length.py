@@ -25,24 +25,24 @@ from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.fit import hermite
-from cqblend.splines.hulls import enclose
+from cqblend.splines.hulls import enclose_values
 from cqblend.splines.knots import SMOOTH
-from cqblend.splines.roots import sign_changes
+from cqblend.splines.roots import find_sign_changes
 
 _EPS = float(np.finfo(float).eps)
 
-Method = Literal["hermite", "schoenberg"]
+NormaliseMethod = Literal["hermite", "schoenberg"]
 
 _DEGREES = np.arange(3, 25)
 """Degrees of M to choose from: the least that can be C1, and the last that Bernstein form holds at full precision."""
 
-ORDER = 2
+FACTOR_CONTINUITY = 2
 """Continuity of M where the field has it, from degree 5 on."""
 
-MOST = 4096
+MAX_PIECES = 4096
 """Pieces of M before the tolerance counts as out of reach."""
 
-_SAMPLES = 33
+_CHEBYSHEV_POINTS = 33
 _ATTEMPTS = 5
 
 
@@ -62,7 +62,7 @@ def normalise(
     field: Curve,
     tolerance: float,
     *,
-    method: Method = "hermite",
+    method: NormaliseMethod = "hermite",
     length: float | Curve = 1.0,
     knots: int | None = None,
 ) -> Normalised:
@@ -108,9 +108,9 @@ def normalise(
     >>> unit.error <= 1e-5, len(unit.field.to_bspline()[2])
     (True, 15)
     """
-    tolerance = _check(field, tolerance, method, knots)
-    reach = _reach(field, length)
-    numerator, weight = _split(field)
+    tolerance = _check_arguments(field, tolerance, method, knots)
+    reach = _bound_length(field, length)
+    numerator, weight = _split_field(field)
     size = float(np.abs(numerator.coefs).max())
     if size == 0:
         raise GeometryError("the field is zero everywhere: it has no direction to scale")
@@ -118,9 +118,9 @@ def normalise(
     _refuse_zeros(direction)
     wanted = tolerance / reach
     if method == "schoenberg":
-        factor, unit, error = _refined(direction, wanted, knots)
+        factor, unit, error = _refine_schoenberg(direction, wanted, knots)
     else:
-        factor, unit, error = _fewest(direction, wanted)
+        factor, unit, error = _fit_fewest_poles(direction, wanted)
     factor = factor / size
     if weight is not None:
         factor = factor * weight
@@ -130,7 +130,7 @@ def normalise(
 # -- what is asked
 
 
-def _check(field: object, tolerance: object, method: object, knots: object) -> float:
+def _check_arguments(field: object, tolerance: object, method: object, knots: object) -> float:
     """Check the arguments, and return the tolerance."""
     if not isinstance(field, Curve):
         raise InputError(f"a vector field is a Curve, not {shown(field)}")
@@ -146,25 +146,25 @@ def _check(field: object, tolerance: object, method: object, knots: object) -> f
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
     if knots is not None:
         try:
-            door.whole("knots", knots, 0, MOST if method == "schoenberg" else -1)
+            door.check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
         except InputError as error:
             raise InputError(
-                f"knots={shown(knots)}: a number of knots to insert, {MOST} at most, for method='schoenberg'"
+                f"knots={shown(knots)}: a number of knots to insert, {MAX_PIECES} at most, for method='schoenberg'"
             ) from error
     return wanted
 
 
-def _reach(field: Curve, length: float | Curve) -> float:
+def _bound_length(field: Curve, length: float | Curve) -> float:
     """Bound the length asked for from above."""
     if isinstance(length, Curve):
         if length.dim != 1:
             raise InputError(f"a length has dim 1, not {length.dim}")
-        field._aligned(length)  # refuses another domain
+        field._align_breaks(length)  # refuses another domain
         low, high = length.bounds()
         reach = float(max(-low[0], high[0]))
     else:
         try:
-            reach = abs(door.number("length", length))
+            reach = abs(door.check_number("length", length))
         except InputError:
             reach = nan
     if not isfinite(reach) or reach == 0:
@@ -172,15 +172,17 @@ def _reach(field: Curve, length: float | Curve) -> float:
     return reach
 
 
-def _split(field: Curve) -> tuple[Curve, Curve | None]:
+def _split_field(field: Curve) -> tuple[Curve, Curve | None]:
     """Numerator and weight as curves."""
-    numerator, weight = field._parts()
+    numerator, weight = field._split_weight()
     if weight is None:
         return field, None
     if weight.min() <= 0:
         at = field.breaks[int(weight.min(axis=(0, 1)).argmin())]
         raise GeometryError(f"a weight coefficient of the field is {weight.min():.3g} at t = {at:.6g}; cut it smaller")
-    over, denominator = (Curve._new(field._breaks, part, False, field._continuity) for part in (numerator, weight))
+    over, denominator = (
+        Curve._from_pieces(field._breaks, part, False, field._continuity) for part in (numerator, weight)
+    )
     return over, denominator
 
 
@@ -188,7 +190,7 @@ def _refuse_zeros(direction: Curve) -> None:
     """Raise where the field is zero to rounding: at a break, or where its length is least inside a piece."""
     rate = direction.dot(direction).derivative()
     scale = np.abs(rate.coefs).max()
-    column, x = sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
+    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
     breaks = direction.breaks
     inside = breaks[column] + x * (breaks[column + 1] - breaks[column])
     t = np.concatenate([inside, breaks[:-1], breaks[1:]])
@@ -201,88 +203,88 @@ def _refuse_zeros(direction: Curve) -> None:
         )
 
 
-def _out_of_reach(direction: Curve, tolerance: float) -> GeometryError:
+def _unreachable_error(direction: Curve, tolerance: float) -> GeometryError:
     t = np.linspace(*direction.domain, 1025)
     lengths = np.linalg.norm(direction(t), axis=1)
     at, ratio = t[lengths.argmin()], lengths.max() / lengths.min()
     return GeometryError(
-        f"no {MOST} pieces bring the field to its length within a relative {tolerance:.3g}: it is shortest near "
+        f"no {MAX_PIECES} pieces bring the field to its length within a relative {tolerance:.3g}: it is shortest near "
         f"t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it there"
     )
 
 
-def _misses(unit: Curve) -> Array:
+def _compute_length_errors(unit: Curve) -> Array:
     """Bernstein coefficients of <U, U> - 1, (2p+1, n)."""
     return unit.dot(unit).coefs[:, 0] - 1
 
 
-def _proven(unit: Curve, misses: Array) -> float:
+def _bound_length_error(unit: Curve, misses: Array) -> float:
     r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1, with the rounding of these and of one more product with U."""
     rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
-    low, high = enclose(misses, slack=rounding)
+    low, high = enclose_values(misses, slack=rounding)
     return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 
 
 # -- high order
 
 
-def _fewest(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
+def _fit_fewest_poles(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
     """Find the factor that leads to the fewest poles, the unit field and its error."""
     target = tolerance
     for _ in range(_ATTEMPTS):
-        factor = _interpolant(direction, *_plan(direction, target))
+        factor = _interpolate_reciprocal_length(direction, *_choose_breaks_and_degree(direction, target))
         unit = direction * factor if factor.degree == 0 else factor * direction
-        error = _proven(unit, _misses(unit))
+        error = _bound_length_error(unit, _compute_length_errors(unit))
         if error <= tolerance:
             return factor, unit, error
         target *= 0.5 * tolerance / error
-    raise _out_of_reach(direction, tolerance)
+    raise _unreachable_error(direction, tolerance)
 
 
 @lru_cache(maxsize=1)
-def _chebyshev() -> tuple[Array, Array]:
+def _tabulate_chebyshev() -> tuple[Array, Array]:
     """Points in [0, 1], and the matrix from values there to Chebyshev coefficients."""
-    angle = (np.arange(_SAMPLES) + 0.5) * (np.pi / _SAMPLES)
-    matrix = (2 / _SAMPLES) * np.cos(np.outer(np.arange(_SAMPLES), angle))
+    angle = (np.arange(_CHEBYSHEV_POINTS) + 0.5) * (np.pi / _CHEBYSHEV_POINTS)
+    matrix = (2 / _CHEBYSHEV_POINTS) * np.cos(np.outer(np.arange(_CHEBYSHEV_POINTS), angle))
     matrix[0] /= 2
     return (1 + np.cos(angle)) / 2, matrix
 
 
-def _lengths(direction: Curve, start: Array, end: Array, x: Array) -> Array:
+def _evaluate_lengths(direction: Curve, start: Array, end: Array, x: Array) -> Array:
     r"""\|T\| at local parameters x of each interval, (len(x), n)."""
     return np.linalg.norm(direction(np.multiply.outer(1 - x, start) + np.multiply.outer(x, end)), axis=-1)
 
 
-def _needs(direction: Curve, start: Array, end: Array, tolerance: float) -> Array:
+def _estimate_degrees(direction: Curve, start: Array, end: Array, tolerance: float) -> Array:
     r"""Estimate the degree at which a polynomial is close enough to 1/\|T\| in each interval.
 
     By the Chebyshev coefficients that a lower degree leaves out; what is left out is small relative to 1/\|T\|.
     """
-    x, matrix = _chebyshev()
-    lengths = _lengths(direction, start, end, x)
+    x, matrix = _tabulate_chebyshev()
+    lengths = _evaluate_lengths(direction, start, end, x)
     left_out = np.abs(matrix @ (1 / lengths))[::-1].cumsum(axis=0)[::-1] * lengths.max(axis=0)
     return np.asarray((left_out > tolerance).sum(axis=0) - 1)
 
 
-def _plan(direction: Curve, tolerance: float) -> tuple[Array, int]:
+def _choose_breaks_and_degree(direction: Curve, tolerance: float) -> tuple[Array, int]:
     """Choose breaks and degree of M such that M T has the fewest poles.
 
     Pieces are halved until a degree suffices. All degrees are looked at on one tree of halves, and each only as long as
     it may still lead to fewer poles than the best one so far.
     """
-    x, _ = _chebyshev()
-    lengths = _lengths(direction, direction.breaks[:-1], direction.breaks[1:], x)
+    x, _ = _tabulate_chebyshev()
+    lengths = _evaluate_lengths(direction, direction.breaks[:-1], direction.breaks[1:], x)
     if lengths.max() <= (1 + tolerance) * lengths.min():
         return direction.breaks[[0, -1]], 0
     real = direction.continuity < SMOOTH
     roots = direction.breaks[np.concatenate([[True], real, [True]])]
-    order = np.minimum(ORDER, (_DEGREES - 1) // 2)
+    order = np.minimum(FACTOR_CONTINUITY, (_DEGREES - 1) // 2)
     shared = (np.minimum.outer(direction.continuity[real], order) + 1).sum(axis=0)
     start, end, above = roots[:-1], roots[1:], np.full(len(roots) - 1, _DEGREES[-1] + 1)
     settled, possible = np.zeros(len(_DEGREES), dtype=int), np.ones(len(_DEGREES), dtype=bool)
     levels = []
     while True:
-        need = _needs(direction, start, end, tolerance)
+        need = _estimate_degrees(direction, start, end, tolerance)
         leaf = (need[:, None] <= _DEGREES) & (above[:, None] > _DEGREES)
         levels.append((start, leaf))
         settled += leaf.sum(axis=0)
@@ -291,7 +293,7 @@ def _plan(direction: Curve, tolerance: float) -> tuple[Array, int]:
         pieces = settled + 2 * open_
         poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(roots) + 1) * (order + 1) - shared
         done = possible & (open_ == 0)
-        possible &= done | (poles < poles[done].min(initial=MOST * (direction.degree + 2)))
+        possible &= done | (poles < poles[done].min(initial=MAX_PIECES * (direction.degree + 2)))
         worth = possible & ~done
         if not worth.any():
             break
@@ -300,14 +302,14 @@ def _plan(direction: Curve, tolerance: float) -> tuple[Array, int]:
         start, end = np.concatenate([start[split], middle]), np.concatenate([middle, end[split]])
         above = np.tile(above[split], 2)
     if not done.any():
-        raise _out_of_reach(direction, tolerance)
+        raise _unreachable_error(direction, tolerance)
     best = int(np.where(done, poles, np.iinfo(int).max).argmin())
     starts = np.sort(np.concatenate([first[leaf[:, best]] for first, leaf in levels]))
     return np.append(starts, roots[-1]), int(_DEGREES[best])
 
 
 @lru_cache(maxsize=64)
-def _between(degree: int, order: int) -> tuple[Array, Array, Array]:
+def _tabulate_inner_points(degree: int, order: int) -> tuple[Array, Array, Array]:
     """Points between the ends of a piece, Bernstein polynomials there, and (x (1-x))^(order+1) times as many there.
 
     The points are zeros of the Gegenbauer polynomial that goes with the weight (x (1-x))^(order+1): interpolation at
@@ -318,42 +320,42 @@ def _between(degree: int, order: int) -> tuple[Array, Array, Array]:
     jacobi = np.zeros((count, count))
     jacobi[k, k - 1] = np.sqrt(k * (k + 2 * index - 1) / (4 * (k + index) * (k + index - 1)))
     x = (1 + np.linalg.eigvalsh(jacobi)) / 2  # which reads the lower triangle
-    basis = bernstein.basis(count - 1, 1 - x, x) if count else np.empty((0, 0))
+    basis = bernstein.evaluate_basis(count - 1, 1 - x, x) if count else np.empty((0, 0))
     bubble = (x * (1 - x)) ** (order + 1)
     return x, basis, bubble
 
 
-def _interpolant(direction: Curve, breaks: Array, degree: int) -> Curve:
+def _interpolate_reciprocal_length(direction: Curve, breaks: Array, degree: int) -> Curve:
     r"""Meet 1/\|T\| with its derivatives at the breaks, and at points between them."""
     if degree == 0:
         t = np.linspace(*direction.domain, 4 * len(direction.breaks) * direction.degree + 1)
         lengths = np.linalg.norm(direction(t), axis=1)
         constant = 2 / (lengths.min() + lengths.max())
-        return Curve._new((breaks,), np.full((1, 1, 1), constant), False, (np.empty(0, dtype=int),))
-    order = min(ORDER, (degree - 1) // 2)
+        return Curve._from_pieces((breaks,), np.full((1, 1, 1), constant), False, (np.empty(0, dtype=int),))
+    order = min(FACTOR_CONTINUITY, (degree - 1) // 2)
     start, end = breaks[:-1], breaks[1:]
     jets = np.stack([direction.jet(start, order), direction.jet(end, order, side="left")], axis=2)
     known = np.full(len(breaks) - 2, SMOOTH)
     at = np.searchsorted(breaks, direction.breaks[1:-1])
     on = np.isin(direction.breaks[1:-1], breaks)
     known[at[on] - 1] = direction.continuity[on]
-    reciprocal = _reciprocal(jets)
+    reciprocal = _differentiate_reciprocal_length(jets)
     reciprocal[:, :-1, 1] = np.where(
         known >= np.arange(order + 1)[:, None], reciprocal[:, 1:, 0], reciprocal[:, :-1, 1]
     )
     ends = hermite(breaks, reciprocal[..., None])
-    coefs = bernstein.elevate(ends.coefs, degree - ends.degree)
-    x, basis, bubble = _between(degree, order)
+    coefs = bernstein.elevate_degree(ends.coefs, degree - ends.degree)
+    x, basis, bubble = _tabulate_inner_points(degree, order)
     if len(x):
-        values = bernstein.basis(degree, 1 - x, x).T @ coefs[:, 0]
-        wanted = (1 / _lengths(direction, start, end, x) - values) / bubble[:, None]
+        values = bernstein.evaluate_basis(degree, 1 - x, x).T @ coefs[:, 0]
+        wanted = (1 / _evaluate_lengths(direction, start, end, x) - values) / bubble[:, None]
         inner = np.linalg.solve(basis.T, wanted)
         share = [comb(len(x) - 1, i) / comb(degree, i + order + 1) for i in range(len(x))]
         coefs[order + 1 : degree - order, 0] += np.array(share)[:, None] * inner
-    return Curve._new((breaks,), coefs, False, (ends.continuity,))
+    return Curve._from_pieces((breaks,), coefs, False, (ends.continuity,))
 
 
-def _reciprocal(jets: Array) -> Array:
+def _differentiate_reciprocal_length(jets: Array) -> Array:
     r"""Differentiate 1/\|T\|, from the derivatives of T: (k+1, .., dim) to (k+1, ..).
 
     By Leibniz' rule on m = <T, T> and on 2 m f' + m' f = 0, which f = m^(-1/2) solves.
@@ -371,16 +373,16 @@ def _reciprocal(jets: Array) -> Array:
 # -- the paper's
 
 
-def _refined(direction: Curve, tolerance: float, knots: int | None) -> tuple[Curve, Curve, float]:
+def _refine_schoenberg(direction: Curve, tolerance: float, knots: int | None) -> tuple[Curve, Curve, float]:
     """Refine the field until the variation-diminishing factor is close enough, or as often as is asked."""
     a, b = direction.domain
-    field = _with_knots(direction, a + (b - a) * np.arange(1, (knots or 0) + 1) / ((knots or 0) + 1))
+    field = _insert_simple_knots(direction, a + (b - a) * np.arange(1, (knots or 0) + 1) / ((knots or 0) + 1))
     while True:
-        factor = _variation_diminishing(field)
+        factor = _fit_schoenberg_factor(field)
         if factor is not None:
             unit = factor * field
-            misses = _misses(unit)
-            error = _proven(unit, misses)
+            misses = _compute_length_errors(unit)
+            error = _bound_length_error(unit, misses)
             if error <= tolerance:
                 return factor, unit, error
             bad = np.abs(misses).max(axis=0) > tolerance
@@ -391,21 +393,21 @@ def _refined(direction: Curve, tolerance: float, knots: int | None) -> tuple[Cur
                 f"with {knots} knots inserted the length is off by a relative {error:.3g}, more than {tolerance:.3g}: "
                 f"give more, leave knots=None, or use method='hermite'"
             )
-        if len(bad) + bad.sum() > MOST:
-            raise _out_of_reach(direction, tolerance)
-        field = _with_knots(field, (field.breaks[:-1] + field.breaks[1:])[bad] / 2)
+        if len(bad) + bad.sum() > MAX_PIECES:
+            raise _unreachable_error(direction, tolerance)
+        field = _insert_simple_knots(field, (field.breaks[:-1] + field.breaks[1:])[bad] / 2)
 
 
-def _with_knots(field: Curve, knots: Array) -> Curve:
+def _insert_simple_knots(field: Curve, knots: Array) -> Curve:
     """Insert simple knots, which stay: across them the curve is held to be no smoother than its degree lets it be."""
     cut = field.cut(knots)
-    return Curve._new(cut._breaks, cut._coefs, False, (np.minimum(cut.continuity, field.degree - 1),))
+    return Curve._from_pieces(cut._breaks, cut._coefs, False, (np.minimum(cut.continuity, field.degree - 1),))
 
 
-def _variation_diminishing(field: Curve) -> Curve | None:
+def _fit_schoenberg_factor(field: Curve) -> Curve | None:
     """Replace each pole k of <T, T> by 1/sqrt(k); None if there is one that is not positive."""
     squared = field.dot(field)
-    knots, poles = door.assemble(squared.breaks, squared.coefs, squared.continuity)
+    knots, poles = door.assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
     if poles.min() <= 0:
         return None
     return Curve.from_bspline(squared.degree, knots, 1 / np.sqrt(poles))

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-ORDER = 4  # up to which smoothness is counted
-TERMS = [(i, k - i) for k in range(1, ORDER + 1) for i in range(k, -1, -1)]  # exponents, by order
+HIGHEST_ORDER = 4  # up to which smoothness is counted
+SERIES_EXPONENTS = [(i, k - i) for k in range(1, HIGHEST_ORDER + 1) for i in range(k, -1, -1)]  # exponents, by order
 
 
-def taylor(patches: Array, pairs: tuple[Array, Array], rates: tuple[Array, Array]) -> Array:
+def expand_patches(patches: Array, pairs: tuple[Array, Array], rates: tuple[Array, Array]) -> Array:
     """Return Taylor coefficients of patches at points, along lines in both pairs of barycentric parameters.
 
     Parameters
@@ -38,18 +38,18 @@ def taylor(patches: Array, pairs: tuple[Array, Array], rates: tuple[Array, Array
     Array
         (ORDER + 1, ORDER + 1, 3, n), in space; zero above the total order.
     """
-    rows = _expanded(patches, pairs[0], rates[0])
-    both = np.stack([_expanded(row, pairs[1], rates[1]) for row in rows])
-    both[np.add.outer(np.arange(ORDER + 1), np.arange(ORDER + 1)) > ORDER] = 0
-    return _divided(both[:, :, :3], both[:, :, 3:])
+    rows = _expand_in_powers(patches, pairs[0], rates[0])
+    both = np.stack([_expand_in_powers(row, pairs[1], rates[1]) for row in rows])
+    both[np.add.outer(np.arange(HIGHEST_ORDER + 1), np.arange(HIGHEST_ORDER + 1)) > HIGHEST_ORDER] = 0
+    return _divide_series(both[:, :, :3], both[:, :, 3:])
 
 
-def _expanded(coefs: Array, pair: Array, rate: Array) -> Array:
+def _expand_in_powers(coefs: Array, pair: Array, rate: Array) -> Array:
     """Expand Bernstein coefficients (p+1, .., n) along pair + x rate in powers of x, (ORDER + 1, .., n)."""
     p = len(coefs) - 1
-    out = np.zeros((ORDER + 1, *coefs.shape[1:]))
+    out = np.zeros((HIGHEST_ORDER + 1, *coefs.shape[1:]))
     moved = coefs
-    for k in range(min(p, ORDER) + 1):
+    for k in range(min(p, HIGHEST_ORDER) + 1):
         value = moved
         for _ in range(p - k):
             value = pair[0] * value[:-1] + pair[1] * value[1:]
@@ -59,23 +59,23 @@ def _expanded(coefs: Array, pair: Array, rate: Array) -> Array:
     return out
 
 
-def _product(a: Array, b: Array) -> Array:
+def _multiply_series(a: Array, b: Array) -> Array:
     """Multiply power series in two variables, (ORDER + 1, ORDER + 1, ..)."""
     out = np.zeros(np.broadcast_shapes(a.shape, b.shape))
-    for i, j in [(0, 0), *TERMS]:
-        out[i:, j:] += a[i, j] * b[: ORDER + 1 - i, : ORDER + 1 - j]
+    for i, j in [(0, 0), *SERIES_EXPONENTS]:
+        out[i:, j:] += a[i, j] * b[: HIGHEST_ORDER + 1 - i, : HIGHEST_ORDER + 1 - j]
     return out
 
 
-def _divided(a: Array, b: Array) -> Array:
+def _divide_series(a: Array, b: Array) -> Array:
     """Divide power series."""
     out = np.zeros_like(a)
-    for i, j in [(0, 0), *TERMS]:
-        out[i, j] = (a[i, j] - _product(out, b)[i, j]) / b[0, 0]
+    for i, j in [(0, 0), *SERIES_EXPONENTS]:
+        out[i, j] = (a[i, j] - _multiply_series(out, b)[i, j]) / b[0, 0]
     return out
 
 
-def shape_order(before: Array, after: Array, axis: int, tolerance: float) -> tuple[Array, Array]:
+def measure_shape_continuity(before: Array, after: Array, axis: int, tolerance: float) -> tuple[Array, Array]:
     """Compare the shapes of two patches at points (n,) of the line between them.
 
     Parameters
@@ -90,7 +90,7 @@ def shape_order(before: Array, after: Array, axis: int, tolerance: float) -> tup
     Returns
     -------
     order, crease
-        (n,) each: to which order they agree, at most ``ORDER``, and the angle between their normals, rad.
+        (n,) each: to which order they agree, at most ``HIGHEST_ORDER``, and the angle between their normals, rad.
     """
     across, along = ((1, 0), (0, 1))[axis], ((0, 1), (1, 0))[axis]
     shorter = np.where(np.linalg.norm(before[across], axis=0) < np.linalg.norm(after[across], axis=0), 0, 1)
@@ -100,11 +100,11 @@ def shape_order(before: Array, after: Array, axis: int, tolerance: float) -> tup
     frame = np.stack([first, second, np.cross(first, second, axis=0)], axis=1)  # (3, 3, n), one vector a column
     frame[:, 2] /= np.maximum(np.linalg.norm(frame[:, 2], axis=0), np.finfo(float).tiny)
     inverse = np.linalg.inv(frame.transpose(2, 0, 1))
-    heights = [_height(np.einsum("nij,kljn->klin", inverse, one)) for one in (before, after)]
+    heights = [_expand_height(np.einsum("nij,kljn->klin", inverse, one)) for one in (before, after)]
     jump = np.abs(heights[0] - heights[1])  # (terms, n)
-    orders = np.array([i + j for i, j in TERMS])
-    order = np.full(jump.shape[1], ORDER)
-    for k in range(ORDER, 0, -1):
+    orders = np.array([i + j for i, j in SERIES_EXPONENTS])
+    order = np.full(jump.shape[1], HIGHEST_ORDER)
+    for k in range(HIGHEST_ORDER, 0, -1):
         order[jump[orders == k].max(axis=0) > tolerance] = k - 1
     sine, cosine = (
         np.linalg.norm(np.cross(normals[0], normals[1], axis=0), axis=0),
@@ -113,7 +113,7 @@ def shape_order(before: Array, after: Array, axis: int, tolerance: float) -> tup
     return order, np.arctan2(sine, cosine)
 
 
-def _height(series: Array) -> Array:
+def _expand_height(series: Array) -> Array:
     """Return the coefficients (terms, n) of z as a function of x and y, all three given as power series."""
     x, y, z = (series[:, :, i].copy() for i in range(3))
     for one in (x, y, z):
@@ -121,8 +121,8 @@ def _height(series: Array) -> Array:
     powers = {(0, 0): np.ones_like(x)}
     powers[0, 0][...] = 0
     powers[0, 0][0, 0] = 1
-    for i, j in TERMS:
-        powers[i, j] = _product(powers[i - 1, j], x) if i else _product(powers[i, j - 1], y)
-    matrix = np.array([[powers[term][at] for term in TERMS] for at in TERMS])  # (terms, terms, n)
-    right = np.array([z[at] for at in TERMS])
+    for i, j in SERIES_EXPONENTS:
+        powers[i, j] = _multiply_series(powers[i - 1, j], x) if i else _multiply_series(powers[i, j - 1], y)
+    matrix = np.array([[powers[term][at] for term in SERIES_EXPONENTS] for at in SERIES_EXPONENTS])  # (terms, terms, n)
+    right = np.array([z[at] for at in SERIES_EXPONENTS])
     return np.asarray(np.linalg.solve(matrix.transpose(2, 0, 1), right.T[..., None])[..., 0].T)

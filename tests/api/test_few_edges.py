@@ -7,7 +7,7 @@ from shapely.geometry import Polygon
 
 import cqblend
 from cqblend.errors import GeometryError
-from cqblend.patterns.trim.domain_cells import Lines, Side, cut
+from cqblend.patterns.trim.domain_cells import CutLines, DomainSide, cut_domain
 
 
 def lens(width: float, height: float) -> cq.Workplane:
@@ -58,7 +58,7 @@ def test_a_hole_of_two_edges_stays_a_hole(tolerance: float) -> None:
 def test_loops_that_enclose_nothing_are_named() -> None:
     there = np.array([[0.0, 0.0], [1.0, 1.0]])
     with pytest.raises(GeometryError, match=r"a trimming loop of 2 vertices, the first at \(u, v\) = \(0\.0, 0\.0\)"):
-        cut([[Side(0, there), Side(1, there[::-1])]], Lines(1, np.empty(0)))
+        cut_domain([[DomainSide(0, there), DomainSide(1, there[::-1])]], CutLines(1, np.empty(0)))
     square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [np.nan, 4.0], [0.0, 0.0]])
     with pytest.raises(GeometryError, match="encloses nothing"):
-        cut([[Side(0, square)]], Lines(1, np.empty(0)))
+        cut_domain([[DomainSide(0, square)]], CutLines(1, np.empty(0)))

@@ -124,7 +124,7 @@ def test_swept_points_are_exact():
     blend = made()
     t, v = RNG.uniform(0, 1, 50), RNG.uniform(0, 1, 50)
     swept = blend.swept(t, v)
-    q = blend.sweep.solve(t, 1 - v)
+    q = blend.sweep.solve_parameters(t, 1 - v)
     for k, family in enumerate(blend.families):
         for point, uv, s in zip(swept, q[:, 2 * k : 2 * k + 2], blend.amounts(v)[:, k], strict=True):
             assert np.linalg.norm(family(float(s))(*uv) - point) < 1e-12 * 12

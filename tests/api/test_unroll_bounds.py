@@ -79,12 +79,12 @@ def turned(first, second):
 def check_strip(source, record):
     """Deviation, angle, strain and areas of a strip against what its record says; what lengths are in the plane."""
     laying = source.laying
-    surface, ruled = evaluator(laying.strip.surface), evaluator(source.trim().surface)
-    (t0, t1), rng = source.trim().surface.domain[0], np.random.default_rng(0)
+    surface, ruled = evaluator(laying.strip.surface), evaluator(source.to_trimmed_surface().surface)
+    (t0, t1), rng = source.to_trimmed_surface().surface.domain[0], np.random.default_rng(0)
     # both directions at once: rulings are parallel to the parameter lines and the fractions go from 0 to 1
     if laying.parameters is None:
         t, v = np.meshgrid(np.linspace(t0, t1, 67), np.linspace(*laying.strip.span, 17), indexing="ij")
-        off = surface(t, v) - ruled(t, laying.strip.fraction(t, v))
+        off = surface(t, v) - ruled(t, laying.strip.find_fractions(t, v))
         assert np.sqrt((off**2).sum(axis=-1)).max() <= record.bound
     h = LONG(1e-6) * (t1 - t0)
     t = np.linspace(t0, t1, 301)[1:-1]
@@ -97,7 +97,9 @@ def check_strip(source, record):
     # lengths in the plane and in space, in many directions
     t, w = rng.uniform(t0 + 1e-3 * (t1 - t0), t1 - 1e-3 * (t1 - t0), 200), rng.uniform(0.01, 0.99, 200)
     step, part = 1e-4 * (t1 - t0), 1e-4
-    smooth = np.abs(t[:, None] - source.trim().surface.breaks[0]).min(axis=1) > step  # rails may have kinks
+    smooth = (
+        np.abs(t[:, None] - source.to_trimmed_surface().surface.breaks[0]).min(axis=1) > step
+    )  # rails may have kinks
     t, w = t[smooth], w[smooth]
     flat = [laying.flat(t + step, w) - laying.flat(t - step, w), laying.flat(t, w + part) - laying.flat(t, w - part)]
     space = [ruled(t + step, w) - ruled(t - step, w), ruled(t, w + part) - ruled(t, w - part)]
@@ -110,7 +112,7 @@ def check_strip(source, record):
         assert np.abs(grown[0] / grown[1] - 1).max() <= record.strain + 3e-7 + noise
     # area in space
     nodes, weights = np.polynomial.legendre.leggauss(12)
-    area, breaks = 0.0, np.unique(source.trim().surface.breaks[0])
+    area, breaks = 0.0, np.unique(source.to_trimmed_surface().surface.breaks[0])
     for low, high in pairwise(breaks):
         for start, stop in pairwise(np.linspace(low, high, 7)):
             t, w = np.meshgrid((start + stop + nodes * (stop - start)) / 2, (1 + nodes) / 2, indexing="ij")
@@ -124,12 +126,12 @@ def check_strip(source, record):
 
 def check_border(source, piece, record):
     """Points of the piece's outline, rolled, are on the strip or as far from it as the record says."""
-    laying, ruled = source.laying, evaluator(source.trim().surface)
-    t = np.linspace(*source.trim().surface.domain[0], 2001)
+    laying, ruled = source.laying, evaluator(source.to_trimmed_surface().surface)
+    t = np.linspace(*source.to_trimmed_surface().surface.domain[0], 2001)
     rails = [ruled(t, np.full(len(t), w)).astype(float) for w in (0.0, 1.0)]
     for _, _, run in piece.runs():
         flat = dense(run.path.points, run.path.bulges, 6)
-        _, w = laying.flat.chart.locate(flat[:, 0] + 1j * flat[:, 1])
+        _, w = laying.flat.chart.to_parameters(flat[:, 0] + 1j * flat[:, 1])
         beyond = np.flatnonzero((w < -1e-9) | (w > 1 + 1e-9))
         folded = laying.flat.fold(flat[beyond]) if len(beyond) else ()
         for point, side in zip(folded, w[beyond] > 0.5, strict=True):
@@ -190,7 +192,7 @@ def test_every_bound_holds_on_solids(name, away):
     report, faces, rng = pattern.report, faces_of(shape.wrapped), np.random.default_rng(5)
     rounding = 1e-15 * away  # of the points themselves, which are doubles
     for source, record in zip(pattern._unrolled.sources, report.pieces, strict=True):
-        strip = cqblend.api.flat_pattern.wrapped_like(shape, source_face(source))
+        strip = cqblend.api.flat_pattern.wrap_like(shape, source_face(source))
         for point in points_on(faces_of(strip.wrapped)[0], 3, rng):
             assert min(distance(point, faces[k - 1]) for k in record.faces) <= record.bound + 4 * rounding
     for areas in report.areas:
@@ -202,6 +204,6 @@ def test_every_bound_holds_on_solids(name, away):
 
 def source_face(source):
     """The strip or plane of a piece, trimmed, as a face of its own."""
-    from cqblend.brep.pattern_shapes import strips_3d
+    from cqblend.brep.pattern_shapes import sew_strip_faces
 
-    return strips_3d([source.trim()], 1e-6)
+    return sew_strip_faces([source.to_trimmed_surface()], 1e-6)

@@ -195,12 +195,12 @@ def test_a_least_width_in_a_chain_and_what_is_none():
 
 
 def test_what_is_cut_never_crosses_itself():
-    bow = Path.straight(np.array([[0.0, 0], [10, 10], [10, 0], [0, 10], [0, 0]]))
+    bow = Path.from_points(np.array([[0.0, 0], [10, 10], [10, 0], [0, 10], [0, 0]]))
     placed = sheets.Sheets(
         (20.0, 20.0), Pieces((Piece("7", ((Run(bow, np.zeros((5, 3)), "trim"),),)),), ()), (0,), 0, 0
     )
     with pytest.raises(VerificationError, match=r"piece 7 crosses itself: .* mm2 about"):
-        drawing.draw(placed, height=None)
+        drawing.draw_sheets(placed, height=None)
 
 
 # Strips in space.

@@ -17,14 +17,14 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
 
-from cqblend.brep.pattern_shapes import planar_faces, sections, strips_3d
-from cqblend.brep.read.trimmed_patches import read
-from cqblend.brep.topology import Index
+from cqblend.brep.pattern_shapes import make_formers, make_planar_faces, sew_strip_faces
+from cqblend.brep.read.trimmed_patches import read_patches
+from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import GeometryError, InputError
 from cqblend.patterns.outline.pieces import Piece, Run
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.strips.division import divide
-from cqblend.patterns.trim.trimmed_patch import Trim
+from cqblend.patterns.strips.division import divide_surface
+from cqblend.patterns.trim.trimmed_patch import TrimmedSurface
 from cqblend.splines import Curve, Surface
 
 W = cq.Workplane
@@ -47,13 +47,13 @@ def piece(*loops):
 
 def test_a_plate_with_arcs_and_a_round_hole():
     plate = piece(([(0, 0), (4, 0), (4, 3), (0, 3)], [0.1, -0.2, 0.0, 1.0]), ([(1, 1), (2, 1)], [-1.0, -1.0]))
-    (face,) = planar_faces([plate])
+    (face,) = make_planar_faces([plate])
     circle = math.pi / 4
     half = math.pi * 9 / 8  # the side with bulge 1 is half a circle on a diameter of 3
     assert area(face) == pytest.approx(plate.area, rel=1e-12)
     assert BRepCheck_Analyzer(face).IsValid()
-    assert area(planar_faces([piece(([(0, 3), (0, 0)], [1.0, 0.0]))])[0]) == pytest.approx(half, rel=1e-12)
-    assert area(planar_faces([piece(([(0, 0), (1, 0)], [1.0, 1.0]))])[0]) == pytest.approx(circle, rel=1e-12)
+    assert area(make_planar_faces([piece(([(0, 3), (0, 0)], [1.0, 0.0]))])[0]) == pytest.approx(half, rel=1e-12)
+    assert area(make_planar_faces([piece(([(0, 0), (1, 0)], [1.0, 1.0]))])[0]) == pytest.approx(circle, rel=1e-12)
     edges = cq.Shape.cast(face).Edges()
     assert sorted(edge.geomType() for edge in edges) == ["CIRCLE"] * 5 + ["LINE"]
     assert cq.Shape.cast(face).normalAt().z == pytest.approx(1)
@@ -69,7 +69,7 @@ def test_areas_of_star_shaped_pieces(radii, bulges):
     points = 20 * np.array(radii)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     one = piece((points, bulges[: len(radii)]))
     try:
-        (face,) = planar_faces([one])
+        (face,) = make_planar_faces([one])
     except GeometryError:  # the arcs cross
         return
     bulge = np.abs(bulges[: len(radii)])
@@ -81,29 +81,29 @@ def test_areas_of_star_shaped_pieces(radii, bulges):
 
 def test_steps_too_short_for_an_edge_are_left_out():
     short = piece(([(0, 0), (2, 0), (2, 1e-9), (2, 1), (0, 1)], [0.0] * 5))
-    (face,) = planar_faces([short])
+    (face,) = make_planar_faces([short])
     assert len(cq.Shape.cast(face).Edges()) == 4
     assert area(face) == pytest.approx(2.0, rel=1e-9)
 
 
 def test_tabs_belong_to_the_face_if_they_are_wanted():
     square = piece(([(0, 0), (1, 0), (1, 1), (0, 1)], [0.0] * 4))
-    wide = Path.straight(np.array([[0, -0.5], [1, -0.5], [1, 1], [0, 1], [0, -0.5]]))
+    wide = Path.from_points(np.array([[0, -0.5], [1, -0.5], [1, 1], [0, 1], [0, -0.5]]))
     tabbed = Piece("7", square.loops, (wide,))
-    assert [area(planar_faces([tabbed], tabs=tabs)[0]) for tabs in (False, True)] == pytest.approx([1.0, 1.5])
+    assert [area(make_planar_faces([tabbed], tabs=tabs)[0]) for tabs in (False, True)] == pytest.approx([1.0, 1.5])
 
 
 def test_a_piece_that_crosses_itself_is_refused_by_name():
     with pytest.raises(GeometryError, match="piece 7"):
-        planar_faces([piece(([(0, 0), (1, 1), (1, 0), (0, 1)], [0.0] * 4))])
+        make_planar_faces([piece(([(0, 0), (1, 1), (1, 0), (0, 1)], [0.0] * 4))])
 
 
 def strips(shape, tolerance):
     """Return the strips of all faces of a shape without holes, as trims and as rails."""
     trims, rails = [], []
-    for patch in read(shape.val().wrapped).patches:
-        for strip in divide(patch.surface, tolerance).strips:
-            trims.append(Trim(strip.ruled(), (), patch.outward != strip.transposed))
+    for patch in read_patches(shape.val().wrapped).patches:
+        for strip in divide_surface(patch.surface, tolerance).strips:
+            trims.append(TrimmedSurface(strip.to_ruled_surface(), (), patch.outward != strip.transposed))
             rails += strip.rails
     return trims, rails
 
@@ -118,11 +118,11 @@ def in_step(shape, path):
 )
 def test_strips_of_a_closed_face_are_sewn_to_a_closed_shell(shape, poles, tmp_path):
     trims, rails = strips(shape, 0.05)
-    shell = strips_3d(trims, 1e-6)
+    shell = sew_strip_faces(trims, 1e-6)
     assert shell.ShapeType() == TopAbs_SHELL
     assert BRepCheck_Analyzer(shell).IsValid()
     assert cq.Shape.cast(shell).Closed()
-    assert len(Index(shell, TopAbs_FACE)) == len(trims)
+    assert len(ShapeIndex(shell, TopAbs_FACE)) == len(trims)
     truth = shape.val()
     assert 0.99 * truth.Area() < area(shell) < truth.Area()
     solid = cq.Solid.makeSolid(cq.Shape.cast(shell))
@@ -130,7 +130,7 @@ def test_strips_of_a_closed_face_are_sewn_to_a_closed_shell(shape, poles, tmp_pa
     back = in_step(shell, tmp_path / "strips.step").val()
     assert back.isValid()
     assert back.Area() == pytest.approx(area(shell), rel=1e-9)
-    formers = sections(rails)
+    formers = make_formers(rails)
     assert len(formers) == (len(trims) - 1 if poles else len(trims))
     assert all(isinstance(former, TopoDS_Face) for former in formers)
     assert all(BRepCheck_Analyzer(former).IsValid() for former in formers)
@@ -148,10 +148,10 @@ def trimmed(skin, count):
                     run = use.pcurve(np.linspace(use.breaks[0], use.breaks[-1], count))
                     runs.append(run if use.forward else run[::-1])
                 else:
-                    run = patch.frame.drawn(skin.edges[use.edge].curve)
+                    run = patch.frame.project_curve(skin.edges[use.edge].curve)
                     runs.append(run if use.forward else run.reverse())
             loops.append(tuple(runs))
-        trims.append(Trim(patch.surface, tuple(loops), patch.outward))
+        trims.append(TrimmedSurface(patch.surface, tuple(loops), patch.outward))
     return trims
 
 
@@ -167,11 +167,11 @@ def trimmed(skin, count):
     ids=["cone and cylinder", "cone with an apex", "hole at the seam", "drilled", "loft"],
 )
 def test_trimmed_faces_are_sewn_to_a_closed_shell(shape, tmp_path):
-    shell = strips_3d(trimmed(read(shape.val().wrapped), 257), 2e-3)
+    shell = sew_strip_faces(trimmed(read_patches(shape.val().wrapped), 257), 2e-3)
     assert shell.ShapeType() == TopAbs_SHELL
     assert BRepCheck_Analyzer(shell).IsValid()
     assert cq.Shape.cast(shell).Closed()
-    assert len(Index(shell, TopAbs_FACE)) == len(shape.faces().vals())
+    assert len(ShapeIndex(shell, TopAbs_FACE)) == len(shape.faces().vals())
     assert len(cq.Shape.cast(shell).Edges()) == len(shape.edges().vals())
     assert area(shell) == pytest.approx(shape.val().Area(), rel=3e-3)
     back = in_step(shell, tmp_path / "trimmed.step").val()
@@ -185,13 +185,13 @@ def test_trims_clockwise_mean_the_same():
     )
     corners = np.array([[0.2, 0.2], [1.5, 0.2], [1.5, 0.8], [0.2, 0.2]])
     areas = [
-        area(strips_3d([Trim(quarter, (tuple(loop[i : i + 2] for i in range(3)),))], 1e-6))
+        area(sew_strip_faces([TrimmedSurface(quarter, (tuple(loop[i : i + 2] for i in range(3)),))], 1e-6))
         for loop in (corners, corners[::-1])
     ]
     assert areas[0] == pytest.approx(areas[1], rel=1e-12)
     whole = np.array([[0, 0], [2, 0], [2, 1], [0, 1], [0, 0]], dtype=float)
     runs = tuple(whole[i : i + 2] for i in range(4))
-    faces = [strips_3d([Trim(quarter, loops)], 1e-6) for loops in ((), (runs,))]
+    faces = [sew_strip_faces([TrimmedSurface(quarter, loops)], 1e-6) for loops in ((), (runs,))]
     assert area(faces[0]) == pytest.approx(area(faces[1]), rel=1e-14)
 
 
@@ -200,7 +200,7 @@ def test_the_outer_side_is_the_one_told():
         (1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]
     )
     for outward in (True, False):
-        (face,) = cq.Shape.cast(strips_3d([Trim(square, (), outward)], 1e-6)).Faces()
+        (face,) = cq.Shape.cast(sew_strip_faces([TrimmedSurface(square, (), outward)], 1e-6)).Faces()
         assert face.normalAt().z == pytest.approx(1 if outward else -1)
 
 
@@ -209,13 +209,15 @@ def test_nothing_to_sew_and_bad_tolerances_are_refused():
         (1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]
     )
     with pytest.raises(InputError, match="no strips"):
-        strips_3d([], 1e-3)
+        sew_strip_faces([], 1e-3)
     for tolerance in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="tolerance of sewing"):
-            strips_3d([Trim(square)], tolerance)
+            sew_strip_faces([TrimmedSurface(square)], tolerance)
     crossing = np.array([[0.1, 0.1], [0.9, 0.9], [0.9, 0.1], [0.1, 0.8], [0.1, 0.1]])
     with pytest.raises(GeometryError, match="strip 2"):
-        strips_3d([Trim(square), Trim(square, (tuple(crossing[i : i + 2] for i in range(4)),))], 1e-6)
+        sew_strip_faces(
+            [TrimmedSurface(square), TrimmedSurface(square, (tuple(crossing[i : i + 2] for i in range(4)),))], 1e-6
+        )
 
 
 def arc(start, stop, radius=2.0, height=0.0):
@@ -230,7 +232,7 @@ def arc(start, stop, radius=2.0, height=0.0):
 
 def test_rails_in_parts_are_joined_to_formers():
     parts = [arc(0.0, 2.0), arc(2.0, 4.0).reverse(), arc(4.0, 2 * math.pi), arc(0.0, 2.0).reverse()]
-    (former,) = sections(parts)
+    (former,) = make_formers(parts)
     assert isinstance(former, TopoDS_Face)
     assert area(former) == pytest.approx(4 * math.pi, rel=1e-6)
 
@@ -242,20 +244,20 @@ def test_open_and_bent_chains_are_wires_and_points_are_left_out():
         Curve.bezier([[1, 1, 1], [0, 1, 0]]),
     ]
     point = Curve.bezier([[5, 5, 5], [5, 5, 5]])
-    (chain,) = sections([*bent, point])
+    (chain,) = make_formers([*bent, point])
     assert isinstance(chain, TopoDS_Wire)
     assert len(cq.Shape.cast(chain).Edges()) == 3
-    (ring,) = sections([*bent, Curve.bezier([[0, 1, 0], [0, 0, 0]])])
+    (ring,) = make_formers([*bent, Curve.bezier([[0, 1, 0], [0, 0, 0]])])
     assert isinstance(ring, TopoDS_Wire)
     assert cq.Shape.cast(ring).IsClosed()
 
 
 def test_rails_are_not_joined_where_three_meet():
     star = [Curve.bezier([[0, 0, 0], [math.cos(a), math.sin(a), 0]]) for a in (0, 2, 4)]
-    assert len(sections(star)) == 3
+    assert len(make_formers(star)) == 3
 
 
 def test_circles_are_circles():
-    (face,) = planar_faces([piece(([(0, 0), (1, 0)], [1.0, 1.0]))])
+    (face,) = make_planar_faces([piece(([(0, 0), (1, 0)], [1.0, 1.0]))])
     curves = [BRep_Tool.Curve_s(edge.wrapped, 0.0, 0.0) for edge in cq.Shape.cast(face).Edges()]
     assert all(isinstance(curve, Geom_Circle) for curve in curves)

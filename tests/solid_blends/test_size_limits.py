@@ -15,8 +15,8 @@ from OCP.gp import gp_Pnt
 from places import CASES
 
 import cqblend
-from cqblend.blends.contacts.contact_solver import intersect, rolling_ball, set_back
-from cqblend.brep.select.selection import Picks
+from cqblend.blends.contacts.contact_solver import project_to_intersection, solve_ball_contacts, solve_setback_contacts
+from cqblend.brep.select.selection import PendingEdges
 from cqblend.brep.step_files import read_step
 from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, UnsupportedError
 
@@ -26,11 +26,11 @@ UPRIGHT = BOX.edges("|Z and >X and >Y")
 
 
 def joint_of(body: cq.Shape, edge: cq.Edge):
-    return Picks(body.wrapped, [edge.wrapped], None).find(body.wrapped)
+    return PendingEdges(body.wrapped, [edge.wrapped], None).find_next_joint(body.wrapped)
 
 
 def stations_of(joint, t: np.ndarray):
-    return intersect(joint.sides, joint.stations(t), joint.spine.length)
+    return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
 
 
 def wavy() -> tuple[cq.Shape, cq.Edge]:
@@ -61,11 +61,11 @@ def test_balls_leap_over_dents_and_touch_both_faces_as_the_kernel_measures_it(ra
     """From the tangents at the edge, the ball of 5 mm is not found at t = 0.06."""
     body, edge = wavy()
     joint = joint_of(body, edge)
-    contacts = rolling_ball(joint.sides, stations_of(joint, np.linspace(0.02, 0.98, 25)), radius)
+    contacts = solve_ball_contacts(joint.sides, stations_of(joint, np.linspace(0.02, 0.98, 25)), radius)
     for i in range(24):  # the last one is past the end of the face
         centres = []
         for side, uv in zip(joint.sides, contacts.uv, strict=True):
-            inwards = -side.outward * side.primary.normals(uv[[i]])[0]
+            inwards = -side.outward * side.primary.evaluate_normals(uv[[i]])[0]
             centres.append(side.primary.jet(uv[[i]])[0, 0] + radius * inwards)
         assert np.linalg.norm(centres[0] - centres[1]) < 1e-8
         for side in joint.sides:
@@ -76,9 +76,9 @@ def test_a_station_alone_is_found_as_among_others():
     body, edge = wavy()
     joint = joint_of(body, edge)
     t = np.linspace(0.02, 0.98, 25)
-    together = rolling_ball(joint.sides, stations_of(joint, t), 1.6)
+    together = solve_ball_contacts(joint.sides, stations_of(joint, t), 1.6)
     for i in (3, 7, 12, 20):
-        alone = rolling_ball(joint.sides, stations_of(joint, t[[i]]), 1.6)
+        alone = solve_ball_contacts(joint.sides, stations_of(joint, t[[i]]), 1.6)
         for one, all_of_them in zip(alone.uv, together.uv, strict=True):
             assert np.abs(one[0] - all_of_them[i]).max() < 1e-9
 
@@ -87,7 +87,7 @@ def test_widths_are_found_on_a_wavy_face():
     body, edge = wavy()
     joint = joint_of(body, edge)
     stations = stations_of(joint, np.linspace(0.1, 0.9, 9))
-    contacts = set_back(joint.sides, stations, (6.0, 6.0))
+    contacts = solve_setback_contacts(joint.sides, stations, (6.0, 6.0))
     for side, uv in zip(joint.sides, contacts.uv, strict=True):
         offset = side.primary.jet(uv)[0] - stations.point
         assert np.abs(np.linalg.norm(offset, axis=1) - 6).max() < 1e-9
@@ -99,10 +99,10 @@ def test_balls_on_a_real_part_where_the_first_guess_goes_astray():
     shape = cq.Shape.cast(read_step(CASES / "f360__44647_d83249a9_0.stp"))
     for number, radius in ((347, 4.819272673), (372, 3.632961206), (400, 3.632961206)):
         joint = joint_of(shape, shape.Edges()[number - 1])
-        contacts = rolling_ball(joint.sides, stations_of(joint, (np.arange(7) + 0.5) / 7), radius)
-        inwards = (-1.0 if joint.convex else 1.0) * joint.sides[0].outward
+        contacts = solve_ball_contacts(joint.sides, stations_of(joint, (np.arange(7) + 0.5) / 7), radius)
+        inwards = (-1.0 if joint.is_convex else 1.0) * joint.sides[0].outward
         centres = joint.primaries[0].jet(contacts.uv[0])[0]
-        centres = centres + radius * inwards * joint.primaries[0].normals(contacts.uv[0])
+        centres = centres + radius * inwards * joint.primaries[0].evaluate_normals(contacts.uv[0])
         for centre in centres:
             for side in joint.sides:
                 assert distance(centre, side.face) == pytest.approx(radius, rel=1e-6)

@@ -15,7 +15,7 @@ import cqblend
 from cqblend import Curve, Rail, Surface, hermite_blend
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import bernstein
-from cqblend.surfaces.primaries import Tensor
+from cqblend.surfaces.primaries import TensorSurface
 
 STATIONS = np.linspace(0.03, 0.97, 7).tolist()
 
@@ -171,7 +171,7 @@ def test_directions_that_are_taken_as_they_are_get_the_kink_too():
 def polynomial(f, p, q):
     """Bernstein coefficients (p+1, q+1, 3) of a polynomial map of the unit square."""
     u, v = ((1 - np.cos(np.pi * np.arange(n + 1) / n)) / 2 for n in (p, q))
-    a, b = (np.linalg.inv(bernstein.basis(n, 1 - x, x).T) for n, x in ((p, u), (q, v)))
+    a, b = (np.linalg.inv(bernstein.evaluate_basis(n, 1 - x, x).T) for n, x in ((p, u), (q, v)))
     return np.einsum("iu,jv,uvd->ijd", a, b, f(*np.meshgrid(u, v, indexing="ij")))
 
 
@@ -193,7 +193,7 @@ def bent(cubic=0.0, square=0.0):
 @pytest.mark.parametrize(("shape", "more"), [(4, {}), (2, {"cubic": 0.1}), (1, {"square": 0.1})])
 def test_the_order_of_a_shape_does_not_depend_on_parameters(shape, more):
     uv = np.array([[0, 0.2], [0, 0.5], [0, 0.9]])
-    continuity, found, crease = Tensor.of(bent(**more)).smoothness(uv, 0)
+    continuity, found, crease = TensorSurface.from_spline(bent(**more)).measure_smoothness(uv, 0)
     assert continuity == [0] * 3
     assert found == [shape] * 3
     assert max(crease) < 1e-12
@@ -268,7 +268,7 @@ def test_a_rail_whose_speed_jumps_is_told():
     x, y = np.meshgrid([0, 1, 2, 3, 6, 9.0, 12], [0, 4, 8, 12.0], indexing="ij")
     net = np.stack([x, y, 0.02 * y**2], -1)
     surface = Surface.from_bspline((3, 3), ([0] * 4 + [1] * 3 + [2] * 4, [0] * 4 + [1] * 4), net)
-    assert Tensor.of(surface).smoothness(np.array([[1, 0.4]]), 0)[:2] == ([0], [4])
+    assert TensorSurface.from_spline(surface).measure_smoothness(np.array([[1, 0.4]]), 0)[:2] == ([0], [4])
     corners = [[[0, 0, 9], [0, 9, 4]], [[12, 0, 8], [12, 9, 5]]]
     plate = Surface.from_bspline((1, 1), ([0, 0, 1, 1], [0, 0, 1, 1]), corners)
     rails = [Rail(surface, Curve.bezier([[0.2, 0.3], [1.8, 0.3]])), Rail(plate, Curve.bezier([[0.1, 0.8], [0.9, 0.9]]))]

@@ -17,7 +17,7 @@ from places import BENCHMARKS
 from spline_witness import along_edge
 
 import cqblend
-from cqblend.brep.verification.soundness import flaws
+from cqblend.brep.verification.soundness import find_flaws
 from cqblend.errors import CqblendError
 
 PATH = BENCHMARKS / "bodies.py"
@@ -80,7 +80,7 @@ def sweep(family, count: int, form: str, angle: float, gap: float) -> None:
             failed.append(f"{one.name} {number}: {type(error).__name__}: {error}")
             continue
         name = f"{one.name} {number}"
-        assert not flaws(result.shape.wrapped), name
+        assert not find_flaws(result.shape.wrapped), name
         assert result.shape.isInside(one.edge.positionAt(0.4), 1e-9) != is_convex(one.body, one.edge), name
         found = measured(result)
         assert found[0] <= gap, name

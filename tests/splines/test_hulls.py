@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from spline_oracles import bernstein_value, exact
 
-from cqblend.splines.hulls import dip, enclose
+from cqblend.splines.hulls import enclose_values, find_value_below
 
 polynomials = st.tuples(st.integers(0, 9), st.integers(1, 4), st.integers(0, 2**32 - 1)).map(
     lambda a: np.random.default_rng(a[2]).uniform(-1, 1, (a[0] + 1, a[1])).round(3)
@@ -24,7 +24,7 @@ def values(f):
 
 @given(polynomials)
 def test_an_enclosure_holds_and_is_sharp(f):
-    low, high = enclose(f, ratio=1.05)
+    low, high = enclose_values(f, ratio=1.05)
     taken = values(f)
     assert low <= taken.min()
     assert taken.max() <= high
@@ -45,7 +45,7 @@ def largest(f):
 
 @given(polynomials, st.floats(-1, 1))
 def test_a_dip_is_one_or_there_is_none(f, floor):
-    found = dip(f, floor)
+    found = find_value_below(f, floor)
     if found is None:
         assert values(f).min() >= Fraction(floor) - Fraction(1, 10**12)
     else:
@@ -56,10 +56,10 @@ def test_a_dip_is_one_or_there_is_none(f, floor):
 def test_touching_is_not_a_dip():
     """(x - 1/3)^2 touches zero where no halving lands."""
     third = 1 / 3
-    assert dip(np.array([[third**2], [-third * (1 - third)], [(1 - third) ** 2]]), 0.0) is None
+    assert find_value_below(np.array([[third**2], [-third * (1 - third)], [(1 - third) ** 2]]), 0.0) is None
 
 
 def test_slack_widens():
-    low, high = enclose(np.array([[1.0], [2.0]]), slack=0.5)
+    low, high = enclose_values(np.array([[1.0], [2.0]]), slack=0.5)
     assert low <= 0.5
     assert 2.5 <= high < 2.5 + 1e-12

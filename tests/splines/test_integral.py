@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from cqblend.errors import GeometryError
-from cqblend.splines.integral import Integral, gauss, legendre
+from cqblend.splines.integral import Antiderivative, evaluate_legendre, gauss_rule
 
 
 def test_legendre_and_gauss():
     x = np.linspace(-1, 1, 7)
-    np.testing.assert_allclose(legendre(3, x)[3], (5 * x**3 - 3 * x) / 2, atol=1e-15)
-    assert legendre(0, x).shape == (1, 7)
-    nodes, weights = gauss(5)
+    np.testing.assert_allclose(evaluate_legendre(3, x)[3], (5 * x**3 - 3 * x) / 2, atol=1e-15)
+    assert evaluate_legendre(0, x).shape == (1, 7)
+    nodes, weights = gauss_rule(5)
     assert abs(weights @ nodes**9 - 0.1) < 1e-15
 
 
@@ -27,7 +27,7 @@ def test_legendre_and_gauss():
 )
 def test_primitives(f, primitive):
     t = np.linspace(0, 2, 301)
-    found = Integral(f, [0.0, 0.7, 2.0])
+    found = Antiderivative(f, [0.0, 0.7, 2.0])
     assert np.abs(found(t) - primitive(t)).max() < 3e-14
     assert found(t[:12].reshape(3, 4)).shape == (3, 4)
     assert found.values[-1] == pytest.approx(primitive(np.array(2.0)), abs=3e-14)
@@ -38,4 +38,4 @@ def test_what_is_not_finite_is_refused():
         np.errstate(divide="ignore", invalid="ignore"),
         pytest.raises(GeometryError, match=r"t = 0\.\d+: the geometry"),
     ):
-        Integral(lambda t: np.where(t > 0.5, np.nan, t), [0.0, 1.0])
+        Antiderivative(lambda t: np.where(t > 0.5, np.nan, t), [0.0, 1.0])

@@ -60,7 +60,7 @@ def test_round_trip(bspline):
     degree, back_knots, back_poles, weights = f.to_bspline()
     assert degree == p
     assert weights is None
-    if knots.clamped(p, vector):
+    if knots.is_clamped(p, vector):
         assert (back_knots == vector).all()
         assert (back_poles == poles).all()
     again = Curve.from_bspline(degree, back_knots, back_poles)

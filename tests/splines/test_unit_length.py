@@ -14,7 +14,7 @@ from spline_oracles import clamped, curves, piece_value
 
 from cqblend.errors import CqblendError, GeometryError, InputError
 from cqblend.splines import SMOOTH, Curve, normalise
-from cqblend.splines.unit_length import _reciprocal
+from cqblend.splines.unit_length import _differentiate_reciprocal_length
 
 QUADRATIC = Curve.bezier([(1, 0, 0.2), (0.6, 0.9, -0.1), (-0.4, 0.7, 0.5)])
 I = np.arange(13)  # noqa: E741  (as the figures to beat are stated)
@@ -236,7 +236,7 @@ def test_the_derivatives_of_a_reciprocal_length():
         [0, 0, 18],
         [0, 0, 0],
     ]
-    np.testing.assert_allclose(_reciprocal(np.array(jets, dtype=float)), expected, rtol=1e-13)
+    np.testing.assert_allclose(_differentiate_reciprocal_length(np.array(jets, dtype=float)), expected, rtol=1e-13)
 
 
 def test_a_field_may_jump():

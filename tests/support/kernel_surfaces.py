@@ -29,7 +29,17 @@ from OCP.TColStd import (
 )
 
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Revolution, Ring, Sphere, Tensor
+from cqblend.surfaces.primaries import (
+    Cone,
+    Cylinder,
+    LocalFrame,
+    Plane,
+    Primary,
+    RevolvedEllipse,
+    RevolvedSpline,
+    Sphere,
+    TensorSurface,
+)
 
 ORIGIN = np.array([3.0, -2.0, 5.0])
 SIZE = 12.0
@@ -69,10 +79,10 @@ def position(*, left_handed: bool) -> gp_Ax3:
     return placed
 
 
-def frame(placed: gp_Ax3) -> Frame:
+def frame(placed: gp_Ax3) -> LocalFrame:
     """Return OCCT's frame as arrays."""
     axes = (placed.XDirection(), placed.YDirection(), placed.Direction())
-    return Frame(np.array(placed.Location().Coord()), np.array([axis.Coord() for axis in axes]))
+    return LocalFrame(np.array(placed.Location().Coord()), np.array([axis.Coord() for axis in axes]))
 
 
 def _split(knots: np.ndarray) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
@@ -146,7 +156,12 @@ def wavy(
     surface = Surface.from_bspline(degrees, knots, poles, weights)
     name = " ".join(["closed"] * closed + ["rational"] * rational + [f"spline {degrees[0]} x {degrees[1]}"])
     window = ((0.02, 0.98), (0.02, 0.98))
-    return Pair(name, Tensor.of(surface, (closed, False)), kernel_surface(degrees, knots, poles, weights), window)
+    return Pair(
+        name,
+        TensorSurface.from_spline(surface, (closed, False)),
+        kernel_surface(degrees, knots, poles, weights),
+        window,
+    )
 
 
 def _revolution(*, rational: bool) -> Pair:
@@ -159,7 +174,7 @@ def _revolution(*, rational: bool) -> Pair:
     kernel = Geom_SurfaceOfRevolution(basis, gp_Ax1(placed.Location(), placed.Direction()))
     profile = Curve.from_bspline(3, knots, local, weights)
     name = "revolved rational spline" if rational else "revolved spline"
-    return Pair(name, Revolution.turning(where, profile), kernel, ((-3.0, 8.0), (0.01, 0.99)))
+    return Pair(name, RevolvedSpline.from_profile(where, profile), kernel, ((-3.0, 8.0), (0.01, 0.99)))
 
 
 def _swept_ellipses() -> list[Pair]:
@@ -170,7 +185,7 @@ def _swept_ellipses() -> list[Pair]:
     local = ellipse.Position()
     a, b = 4 * np.array(local.XDirection().Coord()), 2 * np.array(local.YDirection().Coord())
     along = gp_Dir(0.1, 0.8, -0.3)
-    slanted = Cylinder(Frame(where.origin, np.array([a, b, along.Coord()])))
+    slanted = Cylinder(LocalFrame(where.origin, np.array([a, b, along.Coord()])))
     apart = where.origin + np.array([7.0, 1.0, -6.0])
     axis = gp_Ax1(gp_Pnt(*apart.tolist()), gp_Dir(0.2, 1.0, 0.3))
     turned = frame(gp_Ax3(axis.Location(), axis.Direction()))
@@ -178,7 +193,12 @@ def _swept_ellipses() -> list[Pair]:
     around = (-4.0, 7.0)
     return [
         Pair("extruded ellipse", slanted, Geom_SurfaceOfLinearExtrusion(ellipse, along), (around, (-8, 8))),
-        Pair("revolved ellipse", Ring.turning(turned, rows), Geom_SurfaceOfRevolution(ellipse, axis), (around, around)),
+        Pair(
+            "revolved ellipse",
+            RevolvedEllipse.from_ellipse(turned, rows),
+            Geom_SurfaceOfRevolution(ellipse, axis),
+            (around, around),
+        ),
     ]
 
 
@@ -189,7 +209,7 @@ def _nurbs_cylinder() -> Pair:
     poles = np.stack([np.column_stack([4 * ring, np.full(9, z)]) for z in (0.0, 9.0)], axis=1)
     weights = np.tile(np.array([1, h] * 4 + [1])[:, None], (1, 2))
     knots = (clamped(2, [0.25, 0.25, 0.5, 0.5, 0.75, 0.75]), clamped(1, []))
-    primary = Tensor.of(Surface.from_bspline((2, 1), knots, poles, weights), (True, False))
+    primary = TensorSurface.from_spline(Surface.from_bspline((2, 1), knots, poles, weights), (True, False))
     window = ((0.02, 0.98), (0.02, 0.98))
     return Pair("NURBS cylinder, spline 2 x 1", primary, kernel_surface((2, 1), knots, poles, weights), window)
 
@@ -216,7 +236,7 @@ def pairs() -> dict[str, Pair]:
             ),
             Pair(
                 f"torus{hand}",
-                Ring.turning(where, np.array([[6.0, 0, 0], [2.5, 0, 0], [0, 0, 2.5]])),
+                RevolvedEllipse.from_ellipse(where, np.array([[6.0, 0, 0], [2.5, 0, 0], [0, 0, 2.5]])),
                 Geom_ToroidalSurface(placed, 6.0, 2.5),
                 (around, around),
             ),

@@ -22,7 +22,7 @@ def polyhedron(vertices, faces) -> Pieces:
         flat = (corners - corners[0]) @ np.array([x, np.cross(normal, x)]).T
         runs = tuple(
             Run(
-                Path.straight(flat[j : j + 2]),
+                Path.from_points(flat[j : j + 2]),
                 corners[j : j + 2],
                 "trim",
                 index.get((a, b), index.get((b, a))),
@@ -74,12 +74,14 @@ def ring(radius: float, height: float, order: int) -> np.ndarray:
 def wall(radius: float, height: float, bottom: int | None, top: int | None, side: int) -> Piece:
     """A cylinder's wall about z, unrolled: its bottom on y = 0, its ends joined."""
     turn = 2 * np.pi * radius
-    below = Run(Path.straight([[0, 0], [turn / 2, 0], [turn, 0]]), ring(radius, 0, 1), "rail", bottom)
+    below = Run(Path.from_points([[0, 0], [turn / 2, 0], [turn, 0]]), ring(radius, 0, 1), "rail", bottom)
     right = Run(
-        Path.straight([[turn, 0], [turn, height]]), np.array([[radius, 0, 0], [radius, 0, height]]), "end", side
+        Path.from_points([[turn, 0], [turn, height]]), np.array([[radius, 0, 0], [radius, 0, height]]), "end", side
     )
-    above = Run(Path.straight([[turn, height], [turn / 2, height], [0, height]]), ring(radius, height, -1), "rail", top)
-    left = Run(Path.straight([[0, height], [0, 0]]), np.array([[radius, 0, height], [radius, 0, 0]]), "end", side)
+    above = Run(
+        Path.from_points([[turn, height], [turn / 2, height], [0, height]]), ring(radius, height, -1), "rail", top
+    )
+    left = Run(Path.from_points([[0, height], [0, 0]]), np.array([[radius, 0, height], [radius, 0, 0]]), "end", side)
     return Piece("W", ((below, right, above, left),))
 
 
@@ -99,7 +101,7 @@ def tower(side: float = 80.0, radius: float = 15.0, height: float = 30.0) -> Pie
     """A square plate with a round hole, from whose rim a tube rises: a valley. The plate's border is free."""
     half = side / 2
     corners = np.array([[half, half], [-half, half], [-half, -half], [half, -half], [half, half]])
-    border = Run(Path.straight(corners), np.column_stack([corners, np.zeros(5)]), "trim")
+    border = Run(Path.from_points(corners), np.column_stack([corners, np.zeros(5)]), "trim")
     rim = Run(circle(radius, clockwise=True), ring(radius, 0, -1), "trim", 0)
     seams = (
         Seam("1", (Place(0, 1, 0), Place(1, 0, 0)), angle=-np.pi / 2),
@@ -124,9 +126,9 @@ def frustum(low: float = 30.0, high: float = 15.0, height: float = 40.0) -> Piec
     start, end = arc(outer, 0, angle, 2), arc(inner, angle, 0, 2)
     runs = (
         Run(start, ring(low, 0, 1), "rail"),
-        Run(Path.straight([start.points[-1], end.points[0]]), np.array([[low, 0, 0], [high, 0, height]]), "end", 0),
+        Run(Path.from_points([start.points[-1], end.points[0]]), np.array([[low, 0, 0], [high, 0, height]]), "end", 0),
         Run(end, ring(high, height, -1), "rail"),
-        Run(Path.straight([end.points[-1], start.points[0]]), np.array([[high, 0, height], [low, 0, 0]]), "end", 0),
+        Run(Path.from_points([end.points[-1], start.points[0]]), np.array([[high, 0, height], [low, 0, 0]]), "end", 0),
     )
     return Pieces((Piece("R", (runs,)),), (Seam("1", (Place(0, 0, 1), Place(0, 0, 3)), angle=0.0),))
 
@@ -137,9 +139,9 @@ def cone(radius: float = 20.0, height: float = 40.0) -> Pieces:
     rim = arc(slope, 0, 2 * np.pi * radius / slope, 2)
     apex, foot = np.array([0, 0, height]), np.array([radius, 0, 0])
     runs = (
-        Run(Path.straight([[0, 0], rim.points[0]]), np.array([apex, foot]), "end", 1),
+        Run(Path.from_points([[0, 0], rim.points[0]]), np.array([apex, foot]), "end", 1),
         Run(rim, ring(radius, 0, 1), "rail", 0),
-        Run(Path.straight([rim.points[-1], [0, 0]]), np.array([foot, apex]), "end", 1),
+        Run(Path.from_points([rim.points[-1], [0, 0]]), np.array([foot, apex]), "end", 1),
     )
     base = Piece("B", ((Run(circle(radius), ring(radius, 0, -1), "trim", 0),),))
     seams = (

@@ -11,7 +11,7 @@ from kernel_surfaces import ORIGIN, SIZE, Pair, pairs
 
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Cone, Plane, Quadric, Sphere, Tensor, tangent_coordinates
+from cqblend.surfaces.primaries import Cone, Plane, Quadric, Sphere, TensorSurface, to_tangent_coordinates
 
 every = pytest.mark.parametrize("pair", pairs().values(), ids=pairs().keys())
 analytic = pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def rng(pair: Pair) -> np.random.Generator:
 
 def kinked(pair: Pair) -> bool:
     """Whether the homogeneous spline has kinks; then a rail's weight is levelled instead of scaled."""
-    return isinstance(pair.primary, Tensor) and pair.primary.levelled
+    return isinstance(pair.primary, TensorSurface) and pair.primary.levels_weight
 
 
 def samples(pair: Pair, n: int = 12) -> np.ndarray:
@@ -52,7 +52,7 @@ def rail(pair: Pair, spans: int = 6) -> Curve:
         # stay within the hemisphere of the pole
         x, y, z = pair.primary.frame.axes @ pair.primary.pole
         uv = np.array([math.atan2(y, x), math.asin(z)]) + 0.5 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1)
-    c = pair.primary.scale(pair.primary.lift(uv), draw.uniform(0.5, 2, len(uv)))
+    c = pair.primary.scale_weight(pair.primary.lift_points(uv), draw.uniform(0.5, 2, len(uv)))
     return fit.interpolate(np.linspace(0, 1, spans + 1), c)
 
 
@@ -73,9 +73,9 @@ def euclidean(x: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def native(pair: Pair, c: np.ndarray) -> np.ndarray:
     """Native parameters of lifted points; where the surface goes on periodically, OCCT goes on too."""
-    uv = pair.primary.unlift(c, np.zeros((len(c), 2)))
+    uv = pair.primary.unlift_points(c, np.zeros((len(c), 2)))
     for axis, period in enumerate(pair.primary.periods):
-        if period is not None and isinstance(pair.primary, Tensor):
+        if period is not None and isinstance(pair.primary, TensorSurface):
             uv[:, axis] %= period
     return uv
 
@@ -125,7 +125,9 @@ def test_normals_are_the_kernels(pair):
     uv = samples(pair)
     _, su, sv = pair.jet(uv)[:3]
     normal = np.cross(su, sv)
-    assert np.abs(pair.primary.normals(uv) - normal / np.linalg.norm(normal, axis=1, keepdims=True)).max() < 1e-13
+    assert (
+        np.abs(pair.primary.evaluate_normals(uv) - normal / np.linalg.norm(normal, axis=1, keepdims=True)).max() < 1e-13
+    )
 
 
 # Lifting.
@@ -134,9 +136,9 @@ def test_normals_are_the_kernels(pair):
 @every
 def test_lifted_points_come_back_and_have_weight_one(pair):
     uv = samples(pair)
-    c = pair.primary.lift(uv)
-    assert np.abs(pair.primary.unlift(c, uv) - uv).max() < 1e-13 * max(1, np.abs(uv).max())
-    x = np.array([pair.primary.position(constant(one))(0.5) for one in c])
+    c = pair.primary.lift_points(uv)
+    assert np.abs(pair.primary.unlift_points(c, uv) - uv).max() < 1e-13 * max(1, np.abs(uv).max())
+    x = np.array([pair.primary.compose_position(constant(one))(0.5) for one in c])
     assert np.abs(x[:, :3] / x[:, 3:] - pair.jet(uv)[0]).max() < 1e-14 * SIZE
     assert np.abs(x[:, 3] - 1).max() < 1e-14
 
@@ -147,7 +149,7 @@ def test_lift_is_continuous_over_more_than_a_turn(pair):
     uv = pair.uv(np.stack([np.linspace(0, 1, n), np.full(n, 0.62)], -1))
     if isinstance(pair.primary, Sphere) and not pair.primary.spinning:
         uv = uv[: n // 8]  # its lift is singular opposite to the pole
-    step = np.diff(pair.primary.lift(uv), axis=0)
+    step = np.diff(pair.primary.lift_points(uv), axis=0)
     assert np.abs(step).max() < 40 / n
 
 
@@ -158,10 +160,12 @@ def test_pushed_directions_have_the_asked_velocity_and_keep_the_weight(pair):
     _, su, sv = pair.jet(uv)[:3]
     wanted = rs[:, :1] * su + rs[:, 1:] * sv
     for factor in (1.0, 1.7):
-        c = pair.primary.scale(pair.primary.lift(uv), np.full(len(uv), factor))
-        d = pair.primary.push(uv, c, rs)
-        x = np.array([pair.primary.position(constant(one))(0.5) for one in c])
-        dx = np.array([pair.primary.jets(constant(a), [constant(b)])[1](0.5) for a, b in zip(c, d, strict=True)])
+        c = pair.primary.scale_weight(pair.primary.lift_points(uv), np.full(len(uv), factor))
+        d = pair.primary.lift_directions(uv, c, rs)
+        x = np.array([pair.primary.compose_position(constant(one))(0.5) for one in c])
+        dx = np.array(
+            [pair.primary.compose_jets(constant(a), [constant(b)])[1](0.5) for a, b in zip(c, d, strict=True)]
+        )
         scale = np.abs(wanted).max() + SIZE
         assert np.abs(euclidean(x, dx)[1] - wanted).max() < 1e-14 * scale
         assert np.abs(dx[:, 3]).max() < 1e-14 * scale
@@ -171,10 +175,10 @@ def test_pushed_directions_have_the_asked_velocity_and_keep_the_weight(pair):
 def test_scale_multiplies_the_weight_and_moves_nothing(pair):
     uv = samples(pair)
     factor = rng(pair).uniform(0.2, 3, len(uv))
-    c = pair.primary.lift(uv)
+    c = pair.primary.lift_points(uv)
     before, after = (
-        np.array([pair.primary.position(constant(one))(0.5) for one in many])
-        for many in (c, pair.primary.scale(c, factor))
+        np.array([pair.primary.compose_position(constant(one))(0.5) for one in many])
+        for many in (c, pair.primary.scale_weight(c, factor))
     )
     if not kinked(pair):
         assert np.abs(after[:, 3] / before[:, 3] - factor).max() < 1e-14 * 3
@@ -188,7 +192,7 @@ def test_scale_multiplies_the_weight_and_moves_nothing(pair):
 def test_every_lifted_curve_lies_on_the_surface(pair):
     c = rail(pair)
     t = np.linspace(0, 1, 301)
-    x = pair.primary.position(c)(t)
+    x = pair.primary.compose_position(c)(t)
     assert x[:, 3].min() > 0
     on_surface = pair.jet(native(pair, c(t)))[0]
     assert np.abs(x[:, :3] / x[:, 3:] - on_surface).max() < 1e-14 * SIZE
@@ -204,7 +208,7 @@ def test_even_a_wild_lifted_curve_satisfies_the_equation_of_the_quadric(pair):
     primary = pair.primary
     k = primary.quadratic.shape[-1]
     c = Curve(np.linspace(0, 1, 5), rng(pair).normal(size=(4, k, 4)), continuity=[-1, -1, -1])
-    position = primary.position(c)
+    position = primary.compose_position(c)
     x = position(np.linspace(0, 1, 200, endpoint=False))
     size = np.abs(position.coefs).max()
     w = x[:, 3]
@@ -225,7 +229,7 @@ def test_even_a_wild_lifted_curve_satisfies_the_equation_of_the_quadric(pair):
 def test_every_lifted_direction_is_tangent(pair):
     c = rail(pair)
     d = field(pair, c)
-    position, tangent = pair.primary.position(c), pair.primary.jets(c, [d])[1]
+    position, tangent = pair.primary.compose_position(c), pair.primary.compose_jets(c, [d])[1]
     t = np.linspace(0, 1, 301)
     _, vector = euclidean(position(t), tangent(t))
     _, su, sv = pair.jet(native(pair, c(t)))[:3]
@@ -239,8 +243,8 @@ def test_every_lifted_direction_is_tangent(pair):
 @every
 def test_tangent_along_the_rail_itself_is_the_rails_velocity(pair):
     c = rail(pair)
-    position = pair.primary.position(c)
-    tangent = pair.primary.jets(c, [c.derivative()])[1]
+    position = pair.primary.compose_position(c)
+    tangent = pair.primary.compose_jets(c, [c.derivative()])[1]
     t = np.linspace(0.001, 0.999, 301)
     velocity = euclidean(position(t), position(t, 1))[1]
     assert np.abs(euclidean(position(t), tangent(t))[1] - velocity).max() < 1e-14 * rounding(position, 1)
@@ -249,7 +253,7 @@ def test_tangent_along_the_rail_itself_is_the_rails_velocity(pair):
 @pytest.mark.parametrize("pair", [p for p in pairs().values() if kinked(p)], ids=lambda pair: pair.name)
 def test_weights_with_kinks_are_levelled_at_every_break(pair):
     c = rail(pair)
-    position, tangent = pair.primary.position(c), pair.primary.jets(c, [field(pair, c)])[1]
+    position, tangent = pair.primary.compose_position(c), pair.primary.compose_jets(c, [field(pair, c)])[1]
     for ends, side in ((position.breaks[:-1], "right"), (position.breaks[1:], "left")):
         assert np.abs(position(ends, side=side)[:, 3] - 1).max() < 1e-14
         assert np.abs(position(ends, 1, side=side)[:, 3]).max() < 1e-14 * rounding(position, 1)
@@ -260,7 +264,7 @@ def test_weights_with_kinks_are_levelled_at_every_break(pair):
 @pytest.mark.parametrize("of", ["position", "tangent"])
 def test_claimed_continuity_is_there(pair, of):
     c = rail(pair)
-    curve = pair.primary.position(c) if of == "position" else pair.primary.jets(c, [field(pair, c)])[1]
+    curve = pair.primary.compose_position(c) if of == "position" else pair.primary.compose_jets(c, [field(pair, c)])[1]
     inner = curve.breaks[1:-1]
     assert len(inner)
     for k in range(4):
@@ -275,7 +279,7 @@ def test_claimed_continuity_is_there(pair, of):
 def test_circles_of_latitude_are_linear_in_the_half_angle_for_a_spinning_sphere(name):
     pair = pairs()[name]
     u = np.linspace(0.3, 0.3 + math.pi / 2, 9)
-    c = pair.primary.lift(np.stack([u, np.full(9, 0.4)], -1))
+    c = pair.primary.lift_points(np.stack([u, np.full(9, 0.4)], -1))
     half = (u - u[0]) / 2
     first, last = c[0], c[-1]
     turned = (np.sin(half[-1] - half)[:, None] * first + np.sin(half)[:, None] * last) / np.sin(half[-1])
@@ -286,12 +290,12 @@ def test_patch_boundaries_are_crossed_both_ways_and_along_a_whole_lap():
     pair = pairs()["closed spline 3 x 2"]
     t = np.linspace(0, 1, 40)
     uv = np.stack([-0.4 + 2.2 * t, 0.5 + 0.3 * np.sin(9 * t)], -1)
-    c = fit.interpolate(t, pair.primary.lift(uv))
+    c = fit.interpolate(t, pair.primary.lift_points(uv))
     dense = np.linspace(0, 1, 700)
     wanted = pair.jet(native(pair, c(dense)))[0]
-    found = pair.primary.position(c)(dense)
+    found = pair.primary.compose_position(c)(dense)
     assert np.abs(found[:, :3] - wanted).max() < 1e-14 * SIZE
-    assert set(pair.primary.lines(0)) == {0.2, 0.5, 0.8}
+    assert set(pair.primary.inner_knot_lines(0)) == {0.2, 0.5, 0.8}
 
 
 # Tangent coordinates, and what cannot be lifted.
@@ -304,21 +308,21 @@ def test_tangent_coordinates_undo_the_partial_derivatives(pair):
     rs = rng(pair).normal(size=uv.shape)
     vector = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
     normal = np.cross(jet[1], jet[2])
-    assert np.abs(tangent_coordinates(jet, vector) - rs).max() < 1e-12
-    assert np.abs(tangent_coordinates(jet, vector + normal) - rs).max() < 1e-12
+    assert np.abs(to_tangent_coordinates(jet, vector) - rs).max() < 1e-12
+    assert np.abs(to_tangent_coordinates(jet, vector + normal) - rs).max() < 1e-12
 
 
 def test_a_cone_is_not_lifted_across_its_apex():
     pair = pairs()["cone +0.4, nappe +1"]
     apex = -3 / math.sin(0.4)
     with pytest.raises(GeometryError, match="apex of a cone"):
-        pair.primary.lift(np.array([[0.0, apex + 1], [0.0, apex - 1]]))
+        pair.primary.lift_points(np.array([[0.0, apex + 1], [0.0, apex - 1]]))
 
 
 def test_a_sphere_is_not_lifted_opposite_to_its_pole():
     pair = pairs()["spinning sphere"]
     with pytest.raises(GeometryError, match="opposite"):
-        pair.primary.lift(np.array([[0.0, -math.pi / 2]]))
+        pair.primary.lift_points(np.array([[0.0, -math.pi / 2]]))
 
 
 def test_a_pole_of_a_sphere_has_no_tangent_coordinates():
@@ -326,4 +330,4 @@ def test_a_pole_of_a_sphere_has_no_tangent_coordinates():
     jet = pair.primary.jet(np.array([[0.0, math.pi / 2]]))
     jet[1] = 0
     with pytest.raises(GeometryError, match="singular"):
-        tangent_coordinates(jet, np.ones((1, 3)))
+        to_tangent_coordinates(jet, np.ones((1, 3)))

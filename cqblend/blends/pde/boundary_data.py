@@ -14,19 +14,19 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import ask
+from cqblend.blends.checks import call_user_function
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import interval, number, numbers, whole
-from cqblend.surfaces.primaries import Array, Tensor
+from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
+from cqblend.surfaces.primaries import Array, TensorSurface
 
-Component: TypeAlias = float | Curve | Callable[[Array], Any]
-Given: TypeAlias = Curve | Callable[[Array], Any] | Sequence[Component]
+ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]
+BoundaryFunction: TypeAlias = Curve | Callable[[Array], Any] | Sequence[ComponentFunction]
 
-FLAT = 1e-9  # relative: an area below is none
-RETURNS = 1e-9  # relative: ends that differ by less meet
+LEAST_AREA_SHARE = 1e-9  # relative: an area below is none
+MEETING_ENDS_SHARE = 1e-9  # relative: ends that differ by less meet
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Boundary:
     (True, 3)
     """
 
-    position: Given
-    first: Given | None = None
-    second: Given | None = None
+    position: BoundaryFunction
+    first: BoundaryFunction | None = None
+    second: BoundaryFunction | None = None
     domain: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -70,44 +70,46 @@ class Boundary:
             raise InputError("a boundary needs a position")
         if self.second is not None and self.first is None:
             raise InputError("a boundary with a second derivative needs the first one, too")
-        object.__setattr__(self, "domain", self._domain())
+        object.__setattr__(self, "domain", self._resolve_domain())
         self.curves  # noqa: B018  (checked now, not later)
 
-    def _domain(self) -> tuple[float, float]:
-        own = {one.domain for given in self._given for one in _parts(given) if isinstance(one, Curve)}
+    def _resolve_domain(self) -> tuple[float, float]:
+        own = {one.domain for given in self._given_data for one in _check_components(given) if isinstance(one, Curve)}
         if self.domain is not None:
-            own.add(interval("domain", self.domain))
+            own.add(check_interval("domain", self.domain))
         if len(own) > 1:
             raise InputError(f"a boundary has one domain, not {' and '.join(map(str, sorted(own)))}")
         return own.pop() if own else (0.0, 2 * np.pi)
 
     @property
-    def _given(self) -> list[Given]:
+    def _given_data(self) -> list[BoundaryFunction]:
         return [given for given in (self.position, self.first, self.second) if given is not None]
 
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
         """Position and derivatives as curves of dim 3, as many as are given."""
         assert self.domain is not None
-        sets = [_parts(given) for given in self._given]
+        sets = [_check_components(given) for given in self._given_data]
         return tuple(
-            Curve.stack([self._as_curve(one, 4 - len(some) if len(some) == 1 else 1) for one in some]) for some in sets
+            Curve.stack([self._to_curve(one, 4 - len(some) if len(some) == 1 else 1) for one in some]) for some in sets
         )
 
-    def _as_curve(self, one: Component | Given, dim: int) -> Curve:
+    def _to_curve(self, one: ComponentFunction | BoundaryFunction, dim: int) -> Curve:
         assert self.domain is not None
         if isinstance(one, Curve):
             return one
         if callable(one):
-            function = _checked(one, dim)
-            return fit.reproduce(function, self.domain, closed=_returns(function, self.domain))
+            function = _wrap_function(one, dim)
+            return fit.approximate_to_rounding(
+                function, self.domain, closed=_is_function_periodic(function, self.domain)
+            )
         assert isinstance(one, Real)
         return Curve(self.domain, np.full((1, 1, 1), float(one)))
 
     @cached_property
     def closed(self) -> bool:
         """Whether everything given ends as it starts, and goes on with the same slope."""
-        return all(_meets(curve) for curve in self.curves)
+        return all(_is_curve_periodic(curve) for curve in self.curves)
 
     def rail(self, side: int) -> Rail:
         """Return the data of side 1 or 2 as a rail on a surface of their own: C + v T + v^2/2 K, into the blend.
@@ -127,7 +129,7 @@ class Boundary:
         >>> Boundary((np.cos, np.sin, 0.0), (0.0, 0.0, 1.0)).rail(1).surface(np.pi / 3, 0.5).round(6).tolist()
         [0.5, 0.866025, 0.5]
         """
-        side = whole("the side", side, 1, 2)
+        side = check_integer("the side", side, 1, 2)
         if len(self.curves) < 2:
             raise InputError("a boundary is a rail only with its first derivative: it has no tangent plane else")
         return Rail(*self.ribbon(1, side - 1, self).trace, "left")
@@ -140,14 +142,14 @@ class Boundary:
         GeometryError
             If it has a direction, and that spans no tangent plane with the position's somewhere.
         """
-        order, side = whole("the number of directions", order, 0, 2), whole("the side", side, 0, 1)
+        order, side = check_integer("the number of directions", order, 0, 2), check_integer("the side", side, 0, 1)
         if not isinstance(other, Boundary):
             raise InputError(f"the other side is a Boundary, not {shown(other)}")
         position, *rest = self.curves
         if not rest:
             rest = [(other.curves[0] - position) * (1.0, -1.0)[side]]
         if order:
-            _check_plane(position, rest[0], side)
+            _check_tangent_plane(position, rest[0], side)
         across = Curve.stack([position, *rest]) if rest else position  # of one weight
         jets = [across[i : i + 3] * (-1.0 if side and i == 3 else 1.0) for i in range(0, across.dim, 3)]
         jets += [jets[0] * 0.0] * (3 - len(jets))
@@ -156,8 +158,10 @@ class Boundary:
         c = Curve([a, b], np.array([[1 - a, a, 1, 0], [1 - b, b, 1, 0]])[..., None])
         d, e = (Curve([a, b], np.array([[0, 0, -s, s]] * 2, float)[..., None]) for s in (1.0, 0.0))
         uv = np.array([[a, 0.0], [b, 0.0]])
-        rows = tuple(_homogeneous(jet, k) for k, jet in enumerate(jets[: order + 1]))
-        return DataRibbon(Tensor.of(strip), c, (d, e)[: max(order, 1)], uv, order, rows=rows, strip=strip)
+        rows = tuple(_to_homogeneous(jet, k) for k, jet in enumerate(jets[: order + 1]))
+        return DataRibbon(
+            TensorSurface.from_spline(strip), c, (d, e)[: max(order, 1)], uv, order, rows=rows, strip=strip
+        )
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ class DataRibbon(Ribbon):
     rows: tuple[Curve, ...] = ()
     strip: Surface | None = None
 
-    def jets(self) -> tuple[Curve, ...]:
+    def compose_jets(self) -> tuple[Curve, ...]:
         """Return the data."""
         return self.rows
 
@@ -179,7 +183,7 @@ class DataRibbon(Ribbon):
         return self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
 
 
-def _parts(given: object) -> Sequence[Any]:
+def _check_components(given: object) -> Sequence[Any]:
     """Return what a position or derivative is made of, checked: one that has dim 3, or three of dim 1."""
     if isinstance(given, Curve):
         if given.dim != 3:
@@ -195,17 +199,17 @@ def _parts(given: object) -> Sequence[Any]:
             if part.dim != 1:
                 raise InputError(f"a component is a Curve of dim 1, not {part.dim}")
         elif not callable(part):
-            number("a component that is no Curve and no function", part)
+            check_number("a component that is no Curve and no function", part)
     return parts
 
 
-def _checked(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Array]:
+def _wrap_function(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Array]:
     """Let a function return (n, dim), with an error that says what is wrong if it does not."""
     expected = "(n, 3)" if dim == 3 else "(n,) as a component"
 
-    def call(t: Array) -> Array:
-        given = ask("boundary data that are a function take an array of parameters t", function, t)
-        values = numbers("what a function of boundary data returns", given)
+    def call_checked(t: Array) -> Array:
+        given = call_user_function("boundary data that are a function take an array of parameters t", function, t)
+        values = to_float_array("what a function of boundary data returns", given)
         if dim == 1 and values.shape in ((), (1,), (len(t),), (len(t), 1)):
             values = np.broadcast_to(values.reshape(-1), len(t))[:, None]
         if values.shape != (len(t), dim):
@@ -214,10 +218,10 @@ def _checked(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Ar
             raise InputError(f"boundary data are not finite at t = {t[~np.isfinite(values).all(axis=1)][0]:.6g}")
         return values
 
-    return call
+    return call_checked
 
 
-def _returns(function: Callable[[Array], Array], domain: tuple[float, float]) -> bool:
+def _is_function_periodic(function: Callable[[Array], Array], domain: tuple[float, float]) -> bool:
     """Whether a function goes on periodically, as far as value and slope tell."""
     a, b = domain
     h = 1e-4 * (b - a)
@@ -225,33 +229,33 @@ def _returns(function: Callable[[Array], Array], domain: tuple[float, float]) ->
     size = np.abs(function(np.linspace(a, b, 33))).max() + np.abs(values).max()
     slopes = [values[:3].T @ [-1.5, 2, -0.5], values[3:].T @ [0.5, -2, 1.5]]
     gaps = np.abs(values[0] - values[-1]).max(), np.abs(slopes[0] - slopes[1]).max() / 1e-4
-    return bool(gaps[0] <= RETURNS * size and gaps[1] <= 1e-5 * size)
+    return bool(gaps[0] <= MEETING_ENDS_SHARE * size and gaps[1] <= 1e-5 * size)
 
 
-def _meets(curve: Curve) -> bool:
+def _is_curve_periodic(curve: Curve) -> bool:
     """Whether a curve ends as it starts, with its slope."""
     (a, b), size = curve.domain, np.abs(curve(curve.breaks)).max()
     (first, slope), (last, other) = curve.jet(np.array([a, b]), 1).swapaxes(0, 1)
     return bool(
-        np.abs(first - last).max() <= RETURNS * size
+        np.abs(first - last).max() <= MEETING_ENDS_SHARE * size
         and np.abs(slope - other).max() * (b - a) <= 1e-6 * max(size, 1e-300)
     )
 
 
-def _check_plane(position: Curve, first: Curve, side: int) -> None:
+def _check_tangent_plane(position: Curve, first: Curve, side: int) -> None:
     """Raise GeometryError where position and first derivative span no tangent plane."""
     t = np.linspace(*position.domain, 1025)
     rate, vector = position(t, 1), first(t)
     area = np.linalg.norm(np.cross(rate, vector), axis=1)
     size = np.linalg.norm(rate, axis=1).max() * np.linalg.norm(vector, axis=1).max()
-    if not area.min() > FLAT * size:
+    if not area.min() > LEAST_AREA_SHARE * size:
         raise GeometryError(
             f"position and first derivative of side {side + 1} span no tangent plane at t = {t[area.argmin()]:.6g}: "
             "one of them vanishes, or they are parallel"
         )
 
 
-def _homogeneous(jet: Curve, order: int) -> Curve:
+def _to_homogeneous(jet: Curve, order: int) -> Curve:
     """Return a jet as a homogeneous curve of dim 4: (w X, w), and (w X', 0) for derivatives."""
     coefs = jet.coefs.copy() if jet.rational else np.concatenate([jet.coefs, np.ones_like(jet.coefs[:, :1])], axis=1)
     if order:

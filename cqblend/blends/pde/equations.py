@@ -22,15 +22,15 @@ import numpy as np
 
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import number
+from cqblend.splines.knots import check_number
 
-NAMES = "abcd"
-DEGENERATE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
+COEFFICIENT_NAMES = "abcd"
+DEGENERATE_SHARE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
 
-STEEPEST = 1e12
+LARGEST_COEFFICIENT_RATIO = 1e12
 """Coefficients beside a, at most: beyond, layers along the rails are thinner than anything that resolves them."""
 
-Parameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
+ShapeParameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,18 @@ class Equation:
     coefficients: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if self.coefficients[0] and not np.abs(self.coefficients).max() <= STEEPEST * abs(self.coefficients[0]):
+        if self.coefficients[0] and not np.abs(self.coefficients).max() <= LARGEST_COEFFICIENT_RATIO * abs(
+            self.coefficients[0]
+        ):
             raise InputError(
                 f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) have an a that is nothing beside the "
-                f"others: take one above {1 / STEEPEST:g} of them"
+                f"others: take one above {1 / LARGEST_COEFFICIENT_RATIO:g} of them"
             )
-        at = self._zero()
+        at = self._find_symbol_zero()
         if at is not None:
             symbol = " + ".join(
-                name + ("", " z", " z^2", " z^3")[self.half - i] for i, name in enumerate(NAMES[: self.half + 1])
+                name + ("", " z", " z^2", " z^3")[self.half - i]
+                for i, name in enumerate(COEFFICIENT_NAMES[: self.half + 1])
             )
             raise InputError(
                 f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) are degenerate: {symbol} is zero at "
@@ -72,13 +75,13 @@ class Equation:
             )
 
     @classmethod
-    def laplacian(cls, order: int, scale: float) -> Equation:
+    def from_laplacian(cls, order: int, scale: float) -> Equation:
         r"""Return the power n/2 of Laplace's operator :math:`\partial_v^2 + s^2 \partial_w^2`, of order n."""
         half = order // 2
         return cls(tuple(comb(half, i) * scale ** (2 * i) for i in range(half + 1)))
 
     @property
-    def normal(self) -> Array:
+    def normalised_coefficients(self) -> Array:
         """The coefficients over a, (n/2 + 1,)."""
         return np.array(self.coefficients) / self.coefficients[0]
 
@@ -93,18 +96,18 @@ class Equation:
         return 2 * self.half
 
     @property
-    def steepest(self) -> float:
+    def largest_exponent(self) -> float:
         r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times that for :math:`e^{i \omega w}`."""
-        squares = np.roots([c * (-1) ** i for i, c in enumerate(self.normal)])
+        squares = np.roots([c * (-1) ** i for i, c in enumerate(self.normalised_coefficients)])
         return float(np.sqrt(np.abs(squares).max()))
 
-    def squares(self) -> Array:
+    def split_into_squares(self) -> Array:
         r"""Return forms (m, n/2 + 1) of degree n/2 in the derivatives, whose squares add up to the symbol.
 
         Form f stands for :math:`\sum_i f_i \partial_v^{n/2 - i} \partial_w^i`. The integral of the sum of their squares
         is the energy whose minimum, among all functions with the same boundary data, solves the equation.
         """
-        c = self.normal
+        c = self.normalised_coefficients
         if (c >= 0).all():
             return np.asarray(np.diag(np.sqrt(c)))
         # z^2 + b z + c = (z - g)^2 + (b + 2 g) z, with g^2 = c; a cubic has a factor z + r besides
@@ -118,18 +121,18 @@ class Equation:
         h, s = np.sqrt(b + 2 * g), np.sqrt(r)
         return np.array([[1.0, 0.0, -g, 0.0], [0.0, s, 0.0, -s * g], [0.0, h, 0.0, 0.0], [0.0, 0.0, s * h, 0.0]])
 
-    def _zero(self) -> float | None:
+    def _find_symbol_zero(self) -> float | None:
         """Return a z >= 0 (infinite for a = 0) at which the symbol vanishes, None if there is none."""
         if self.coefficients[0] == 0:
             return np.inf
         with np.errstate(over="ignore"):
-            c = self.normal
+            c = self.normalised_coefficients
         turns = np.roots(np.polyder(c))
         at = np.concatenate([[0.0], turns[np.abs(turns.imag) <= 1e-6 * np.abs(turns)].real])
         at = at[at >= 0]
         values = np.polyval(c, at)
         size = np.polyval(np.abs(c), at)
-        bad = at[values <= DEGENERATE * size]
+        bad = at[values <= DEGENERATE_SHARE * size]
         if not len(bad):
             return None
         roots = np.roots(c)
@@ -137,7 +140,9 @@ class Equation:
         return float(real.min()) if len(real) else float(bad[0])
 
 
-def equations(order: tuple[int, int, int], parameters: Parameters, scale: float) -> tuple[Equation, Equation, Equation]:
+def make_equations(
+    order: tuple[int, int, int], parameters: ShapeParameters, scale: float
+) -> tuple[Equation, Equation, Equation]:
     """Return the equations of x, y and z.
 
     Parameters
@@ -156,10 +161,13 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
         If the parameters are no finite numbers, not as many as the order takes, or degenerate.
     """
     if parameters is None or isinstance(parameters, Real):
-        s = scale if parameters is None else number("each of the parameters", parameters)
-        if not 0 < s <= STEEPEST:
-            raise InputError(f"parameters must be above 0 if they are one number, and at most {STEEPEST:g}, not {s:g}")
-        made = [Equation.laplacian(n, s) for n in order]
+        s = scale if parameters is None else check_number("each of the parameters", parameters)
+        if not 0 < s <= LARGEST_COEFFICIENT_RATIO:
+            raise InputError(
+                f"parameters must be above 0 if they are one number, and at most {LARGEST_COEFFICIENT_RATIO:g}, not "
+                f"{s:g}"
+            )
+        made = [Equation.from_laplacian(n, s) for n in order]
         return made[0], made[1], made[2]
     if not isinstance(parameters, list | tuple | np.ndarray):
         raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
@@ -172,8 +180,9 @@ def equations(order: tuple[int, int, int], parameters: Parameters, scale: float)
     for name, row, n in zip("xyz", rows, order, strict=True):
         if len(row) != n // 2 + 1:
             raise InputError(
-                f"an equation of order {n} has {n // 2 + 1} parameters, {', '.join(NAMES[: n // 2 + 1])}; there are "
+                f"an equation of order {n} has {n // 2 + 1} parameters, "
+                f"{', '.join(COEFFICIENT_NAMES[: n // 2 + 1])}; there are "
                 f"{len(row)} for {name}"
             )
-        made.append(Equation(tuple(number("each of the parameters", value) for value in row)))
+        made.append(Equation(tuple(check_number("each of the parameters", value) for value in row)))
     return made[0], made[1], made[2]

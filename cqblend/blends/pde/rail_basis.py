@@ -12,11 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.splines import Curve
-from cqblend.splines.integral import gauss
+from cqblend.splines.integral import gauss_rule
 from cqblend.surfaces.primaries import Array
 
-SPLINES = 5  # least degree of splines: what they fill is C4
-GAUSS = 4  # points of a span, where an equation is to hold
+LEAST_SPLINE_DEGREE = 5  # least degree of splines: what they fill is C4
+LEAST_GAUSS_POINTS = 4  # points of a span, where an equation is to hold
 
 
 class Basis(ABC):
@@ -38,7 +38,7 @@ class Basis(ABC):
     def __call__(self, w: Array, k: int = 0) -> Array:
         """Return their k-th derivatives at w (n,): (n, count)."""
 
-    def fitted(self, w: Array, weights: Array, values: Array) -> Array:
+    def fit_coefficients(self, w: Array, weights: Array, values: Array) -> Array:
         """Return the coefficients (count, dim) closest to values (n, dim), in the mean with weights (n,)."""
         root = np.sqrt(weights)[:, None]
         q, r = np.linalg.qr(self(w) * root)
@@ -69,7 +69,7 @@ class Waves(Basis):
             return np.cos(np.multiply.outer(w - self.domain[0], omega) + phase)
         return omega**k * np.cos(np.multiply.outer(w - self.domain[0], omega) + phase + k * np.pi / 2)
 
-    def fewer(self, modes: int) -> Waves:
+    def with_modes(self, modes: int) -> Waves:
         """Return the first of them."""
         return Waves(self.domain, modes)
 
@@ -92,7 +92,7 @@ class Splines(Basis):
         return np.linspace(*self.domain, self.spans + 1)[1:-1]
 
     @cached_property
-    def _functions(self) -> Curve:
+    def _basis_functions(self) -> Curve:
         p, (a, b) = self.degree, self.domain
         inner = np.linspace(a, b, self.spans + 1)
         if not self.closed:
@@ -105,18 +105,20 @@ class Splines(Basis):
         return Curve.from_bspline(p, np.concatenate([before, inner, after]), poles)
 
     def __call__(self, w: Array, k: int = 0) -> Array:
-        return self._functions(w, k)
+        return self._basis_functions(w, k)
 
-    def points(self, count: int | None = None) -> tuple[Array, Array]:
+    def choose_gauss_points(self, count: int | None = None) -> tuple[Array, Array]:
         """Return Gauss's nodes and weights: some for every span, or ``count`` on the whole."""
         a, b = self.domain
         pieces = self.spans if count is None else 1
-        nodes, weights = gauss(max(GAUSS, (2 * self.degree) // pieces + 2) if count is None else count)
+        nodes, weights = gauss_rule(
+            max(LEAST_GAUSS_POINTS, (2 * self.degree) // pieces + 2) if count is None else count
+        )
         step = (b - a) / pieces
         starts = a + step * np.arange(pieces)
         return (starts[:, None] + step * nodes).ravel(), np.tile(step * weights, pieces)
 
-    def held(self, orders: int) -> Array:
+    def build_end_matrices(self, orders: int) -> Array:
         """Return the matrix (2, orders, orders) from derivatives 0 .. at both ends to the outermost coefficients."""
         ends = np.array(self.domain)
         values = np.stack([self(ends, k) for k in range(orders)])  # (orders, 2, count)

@@ -20,19 +20,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends.pde.equations import Equation
-from cqblend.blends.pde.least_squares import NOTHING, Minimise, Minimum, Points
+from cqblend.blends.pde.least_squares import ROUNDING_SHARE, CollocationCounts, LeastSquaresProblem, Minimise
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
-from cqblend.blends.pde.rail_parameter import Clock
-from cqblend.blends.sections.cross_basis import bubbles, carriers, heights
+from cqblend.blends.pde.rail_parameter import LengthParameter
+from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
 from cqblend.surfaces.primaries import Array
 
-TERMS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
-LIGHT = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free
-UNKNOWNS = 1500  # of an equation that is solved at once, at most, where the number of bubbles is free
+TERM_COUNTS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
+MOST_FREE_DEGREE = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free
+MOST_FREE_UNKNOWNS = 1500  # of an equation that is solved at once, at most, where the number of bubbles is free
 
 
 @dataclass(frozen=True)
-class Data:
+class BoundaryData:
     """Derivatives by v of orders 0, 1, .. on both rails, ``jets`` (2, orders, n, 3), at ``w`` (n,).
 
     Positions are taken from ``centre`` (3,), so that equations do not lose what coordinates far from the origin would.
@@ -57,18 +57,18 @@ class Data:
         apart = np.linalg.norm(self.jets[1, 0] - self.jets[0, 0], axis=-1)
         return float((apart * self.weights).sum() / self.weights.sum())
 
-    def project(self, basis: Basis) -> tuple[Array, float]:
+    def project_onto_basis(self, basis: Basis) -> tuple[Array, float]:
         """Expand in functions: coefficients (count, 2, orders, 3), and how far the rails are from that."""
         n = len(self.w)
         flat = np.moveaxis(self.jets, 2, 0).reshape(n, -1)
-        coefs = basis.fitted(self.w, self.weights, flat)
+        coefs = basis.fit_coefficients(self.w, self.weights, flat)
         missed = (basis(self.w) @ coefs - flat).reshape(n, *self.jets.shape[:2], 3)[:, :, 0]
         shape = (basis.count, *self.jets.shape[:2], 3)
         return coefs.reshape(shape), float(np.linalg.norm(missed, axis=-1).max())
 
 
 @dataclass(frozen=True)
-class Ends:
+class EndSections:
     """The end sections of an open blend: derivatives by w of orders 0, 1, .. at v (n,), ``jets`` (2, orders, n, 3)."""
 
     v: Array
@@ -118,7 +118,7 @@ class Solution:
         first, second, third = (equation.half for equation in self.equations)
         return first, second, third
 
-    def inside(self, w: Array) -> list[Array]:
+    def evaluate_coefficients(self, w: Array) -> list[Array]:
         """Return the coefficients of the bubbles at w (n,), by component (n, terms)."""
         values = self.basis(w)
         return [values @ q.T for q in self.bubbles]
@@ -129,15 +129,15 @@ class Solution:
         values = self.basis(self.clock(t.ravel()))
         out = np.empty((t.size, 3))
         for i, (half, data, q) in enumerate(zip(self.halves, self.boundary, self.bubbles, strict=True)):
-            carried = np.einsum("ner,erj->nj", carriers(half, v.ravel(), kv), data)
+            carried = np.einsum("ner,erj->nj", evaluate_hermite_basis(half, v.ravel(), kv), data)
             out[:, i] = self.centre[i] * (kv == 0) + (
-                (carried + bubbles(half, len(q), v.ravel(), kv) @ q) * values
+                (carried + evaluate_bubbles(half, len(q), v.ravel(), kv) @ q) * values
             ).sum(axis=1)
         return out.reshape(*t.shape, 3)
 
 
 @dataclass(frozen=True)
-class Task:
+class BoundaryProblem:
     """What is to be solved.
 
     Attributes
@@ -163,13 +163,13 @@ class Task:
         Whether the energy is to make do with terms that keep the degree across low.
     """
 
-    data: Data
+    data: BoundaryData
     equations: tuple[Equation, Equation, Equation]
     basis: Basis
-    clock: Clock
+    clock: LengthParameter
     minimise: Minimise
-    points: Points
-    ends: Ends | None
+    points: CollocationCounts
+    ends: EndSections | None
     accuracy: float
     share: float
     light: bool
@@ -182,16 +182,18 @@ class Task:
         InputError
             If there are fewer collocation points than unknowns.
         """
-        coefs, missed = self.data.project(self.basis)
-        for count in self._tried() if terms is None else [terms]:
-            groups = [(members, self._minimum(coefs, members, count)) for members in self._groups()]
-            if self._enough(groups):
+        coefs, missed = self.data.project_onto_basis(self.basis)
+        for count in self._choose_term_counts() if terms is None else [terms]:
+            groups = [
+                (members, self._pose_least_squares(coefs, members, count)) for members in self._group_components()
+            ]
+            if self._is_accurate_enough(groups):
                 break
         found = [np.empty(0)] * 3
         for members, minimum in groups:
             for k, i in enumerate(members):
-                found[i] = minimum.found[..., k]
-        error = self._errors(groups)
+                found[i] = minimum.bubble_coefficients[..., k]
+        error = self._measure_residuals(groups)
         data = tuple(np.moveaxis(coefs[:, :, : one.half, i], 0, -1) for i, one in enumerate(self.equations))
         return Solution(
             self.equations,
@@ -205,32 +207,34 @@ class Task:
             tuple(found),
         )
 
-    def _errors(self, groups: list[tuple[list[int], Minimum]]) -> list[float]:
+    def _measure_residuals(self, groups: list[tuple[list[int], LeastSquaresProblem]]) -> list[float]:
         """Return the residuals of x, y and z; what is nothing but rounding beside the others has none."""
-        parts = [(members, *minimum.error()) for members, minimum in groups]
+        parts = [(members, *minimum.estimate_error()) for members, minimum in groups]
         size = max(float(scale.max()) for *_, scale in parts)
         out = [0.0] * 3
         for members, left, whole, _ in parts:
             for i, part, all_ in zip(members, left.tolist(), whole.tolist(), strict=True):
-                out[i] = part / all_ if all_ > NOTHING * size else 0.0
+                out[i] = part / all_ if all_ > ROUNDING_SHARE * size else 0.0
         return out
 
-    def _groups(self) -> list[list[int]]:
+    def _group_components(self) -> list[list[int]]:
         """Put together the components that have one equation."""
         groups: dict[Equation, list[int]] = {}
         for i, equation in enumerate(self.equations):
             groups.setdefault(equation, []).append(i)
         return list(groups.values())
 
-    def _minimum(self, coefs: Array, members: list[int], terms: int) -> Minimum:
+    def _pose_least_squares(self, coefs: Array, members: list[int], terms: int) -> LeastSquaresProblem:
         equation = self.equations[members[0]]
         data = coefs[:, :, : equation.half, members]
         held = np.zeros((2, 0, terms, len(members)))
         if isinstance(self.basis, Splines) and not self.basis.closed:
-            held = self._held(self.basis, equation, data, members, terms)
-        return Minimum(equation, self.basis, data, held, self.points, self.minimise)
+            held = self._hold_end_coefficients(self.basis, equation, data, members, terms)
+        return LeastSquaresProblem(equation, self.basis, data, held, self.points, self.minimise)
 
-    def _held(self, basis: Splines, equation: Equation, data: Array, members: list[int], terms: int) -> Array:
+    def _hold_end_coefficients(
+        self, basis: Splines, equation: Equation, data: Array, members: list[int], terms: int
+    ) -> Array:
         """Return the outermost coefficients of the bubbles at both ends of open rails, (2, k, terms, c)."""
         ends = self.ends
         if ends is None:
@@ -238,26 +242,27 @@ class Task:
         k = min(equation.half, ends.jets.shape[1])
         jets = ends.jets[:, :k] - self.data.centre * (np.arange(k) == 0)[:, None, None]
         along = np.stack([basis(np.array(basis.domain), order) for order in range(k)])  # (k, 2, count)
-        carried = np.einsum("ner,jerc->njc", carriers(equation.half, ends.v), data)
+        carried = np.einsum("ner,jerc->njc", evaluate_hermite_basis(equation.half, ends.v), data)
         rest = jets[..., members] - np.einsum("njc,kej->eknc", carried, along)
-        inner = np.linalg.pinv(bubbles(equation.half, terms, ends.v))
-        return np.einsum("ekl,mn,elnc->ekmc", basis.held(k), inner, rest, optimize=True)
+        inner = np.linalg.pinv(evaluate_bubbles(equation.half, terms, ends.v))
+        return np.einsum("ekl,mn,elnc->ekmc", basis.build_end_matrices(k), inner, rest, optimize=True)
 
-    def _tried(self) -> list[int]:
+    def _choose_term_counts(self) -> list[int]:
         """Return the numbers of bubbles to try, fewer where all of them are solved for at once."""
         if self.light and self.minimise == "energy":
-            most = LIGHT + 1 - 2 * max(one.half for one in self.equations)
+            most = MOST_FREE_DEGREE + 1 - 2 * max(one.half for one in self.equations)
             return [n for n in range(most % 2 or 2, most + 1, 2) if n >= 4]
         waves = isinstance(self.basis, Waves)
-        return [n for n in TERMS if waves or n == TERMS[0] or n * self.basis.count <= UNKNOWNS]
+        return [n for n in TERM_COUNTS if waves or n == TERM_COUNTS[0] or n * self.basis.count <= MOST_FREE_UNKNOWNS]
 
-    def _enough(self, groups: list[tuple[list[int], Minimum]]) -> bool:
+    def _is_accurate_enough(self, groups: list[tuple[list[int], LeastSquaresProblem]]) -> bool:
         """Whether the last two bubbles say that further ones do not matter."""
         if self.minimise == "energy":
-            return max(self._errors(groups)) <= self.share
+            return max(self._measure_residuals(groups)) <= self.share
         values = np.abs(self.basis(self.data.w)).max(axis=0)
         reach = [
-            heights(one.equation.half, one.terms)[:, None] * np.einsum("mjc,j->mc", np.abs(one.found), values)
+            measure_bubble_heights(one.equation.half, one.terms)[:, None]
+            * np.einsum("mjc,j->mc", np.abs(one.bubble_coefficients), values)
             for _, one in groups
         ]
         largest = max(float(one.max()) for one in reach)

@@ -18,18 +18,20 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cqblend.blends.checks import ask
+from cqblend.blends.checks import call_user_function
 from cqblend.errors import CqblendError, InputError, shown
 from cqblend.splines import Curve, fit
-from cqblend.splines.knots import finite, number, numbers
+from cqblend.splines.knots import check_number, to_finite_array, to_float_array
 
 Array = NDArray[Any]
-Pair: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
+RelationInput: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
 
-TOUCHING = 1e-9  # of the size: how nearly a relation must end on an axis
-ALONG = 1e-6  # of its speed: how nearly it must run along it there; of functions, derivatives are not known better
-SAMPLES = 513  # in which roots are looked for
-HALVINGS = 60
+AXIS_TOLERANCE = 1e-9  # of the size: how nearly a relation must end on an axis
+AXIS_SLOPE_TOLERANCE = (
+    1e-6  # of its speed: how nearly it must run along it there; of functions, derivatives are not known better
+)
+ROOT_SAMPLES = 513  # in which roots are looked for
+BISECTION_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -64,12 +66,12 @@ class Relation:
         size = max(abs(a), abs(b))
         if not a > 0 or not b > 0:
             raise InputError(f"a relation runs from (a, 0) to (0, b), both above 0, not from a = {a:g} to b = {b:g}")
-        if max(abs(off1), abs(off2)) > TOUCHING * size:
+        if max(abs(off1), abs(off2)) > AXIS_TOLERANCE * size:
             raise InputError(
                 f"a relation runs from (a, 0) to (0, b), not from ({a:g}, {off1:g}) to ({off2:g}, {b:g}): it must end "
                 "on the axes"
             )
-        if max(abs(across1), abs(across2)) > ALONG * max(size, abs(rate1), abs(rate2)):
+        if max(abs(across1), abs(across2)) > AXIS_SLOPE_TOLERANCE * max(size, abs(rate1), abs(rate2)):
             raise InputError(
                 f"the relation leaves its axes with slopes ds2/dx = {across1:.3g} at x = 0 and ds1/dx = {across2:.3g} "
                 "at x = 1: they must be 0, or the blend is not tangent to its surfaces"
@@ -98,7 +100,7 @@ class Relation:
         InputError
             An x is not between 0 and 1, where the relation ends.
         """
-        x = finite("x", x)
+        x = to_finite_array("x", x)
         if x.size and not (x.min() >= 0 and x.max() <= 1):
             raise InputError(f"a relation runs over x from 0 to 1, not to {x.flat[np.abs(x - 0.5).argmax()]:.6g}")
         return self.curve(x)
@@ -124,7 +126,7 @@ class Relation:
         InputError
             None does.
         """
-        return self._other(0, s2)
+        return self._solve_other_amount(0, s2)
 
     def second(self, s1: ArrayLike) -> Array:
         """Return the s2 that belongs to s1: where several do, the one nearest to x = 0.
@@ -134,12 +136,12 @@ class Relation:
         InputError
             None does.
         """
-        return self._other(1, s1)
+        return self._solve_other_amount(1, s1)
 
-    def _other(self, wanted: Literal[0, 1], given: ArrayLike) -> Array:
-        values = finite(f"s{2 - wanted}", given)
+    def _solve_other_amount(self, wanted: Literal[0, 1], given: ArrayLike) -> Array:
+        values = to_finite_array(f"s{2 - wanted}", given)
         s = values.ravel()
-        x = np.linspace(0, 1, SAMPLES)
+        x = np.linspace(0, 1, ROOT_SAMPLES)
         ahead = self.curve(x)[:, 1 - wanted] - s[:, None]
         noise = 4 * np.finfo(float).eps * max(self.a, self.b)
         met = (ahead[:, :-1] * ahead[:, 1:] <= 0) | (np.abs(ahead[:, :-1]) <= noise) | (np.abs(ahead[:, 1:]) <= noise)
@@ -153,7 +155,7 @@ class Relation:
         i = met.argmax(axis=1)
         low, high = x[i], x[i + 1]
         sign = np.sign(ahead[np.arange(len(s)), i + 1] - ahead[np.arange(len(s)), i])
-        for _ in range(HALVINGS):
+        for _ in range(BISECTION_STEPS):
             middle = (low + high) / 2
             past = (self.curve(middle)[:, 1 - wanted] - s) * sign >= 0
             low, high = np.where(past, low, middle), np.where(past, middle, high)
@@ -187,7 +189,7 @@ class Conic(Relation):
     lam: float = field(init=False)
 
     def __init__(self, a: float, b: float, lam: float = 0.0) -> None:
-        a, b, lam = number("a", a), number("b", b), number("lam", lam)
+        a, b, lam = check_number("a", a), check_number("b", b), check_number("lam", lam)
         if not a > 0 or not b > 0:
             raise InputError(f"a and b must be above 0, not {a:g} and {b:g}")
         if not lam < a * b:
@@ -226,7 +228,7 @@ class BezierRelation(Relation):
 
     def __init__(self, points: Sequence[Sequence[float]] | Array) -> None:
         try:
-            poles = numbers("points of a relation", points)
+            poles = to_float_array("points of a relation", points)
         except InputError:
             poles = np.empty(0)
         if poles.ndim != 2 or poles.shape[1] != 2 or len(poles) < 3:
@@ -235,7 +237,7 @@ class BezierRelation(Relation):
         self.__post_init__()
 
 
-def relation(given: Any) -> Relation:
+def to_relation(given: Any) -> Relation:
     """Return a relation from one, from a function x -> (s1, s2) of arrays, or from two functions x -> s1 and x -> s2.
 
     Raises
@@ -253,8 +255,8 @@ def relation(given: Any) -> Relation:
             f"x -> s2, not {shown(given)}"
         )
 
-    def values(x: Array) -> Array:
-        parts = [numbers("what a relation returns", part) for part in _parts(functions, x)]
+    def evaluate_amount_pairs(x: Array) -> Array:
+        parts = [to_float_array("what a relation returns", part) for part in _call_functions(functions, x)]
         try:
             made = np.broadcast_arrays(*parts, x)[:-1]
         except ValueError as error:
@@ -265,7 +267,7 @@ def relation(given: Any) -> Relation:
         return out
 
     try:
-        curve = fit.reproduce(values, (0.0, 1.0))
+        curve = fit.approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
     except InputError:
         raise
     except CqblendError as error:
@@ -273,11 +275,13 @@ def relation(given: Any) -> Relation:
     return Relation(curve)
 
 
-def _parts(functions: Sequence[Callable[[Array], Any]], x: Array) -> Sequence[Any]:
-    made = [ask("a relation takes an array of x and returns as many s1 and s2", one, x) for one in functions]
+def _call_functions(functions: Sequence[Callable[[Array], Any]], x: Array) -> Sequence[Any]:
+    made = [
+        call_user_function("a relation takes an array of x and returns as many s1 and s2", one, x) for one in functions
+    ]
     if len(made) == 2:
         return made
     if not isinstance(made[0], tuple | list | np.ndarray):
         raise InputError(f"a relation returns s1 and s2, not {shown(made[0])}")
-    array = numbers("what a relation returns", made[0])
+    array = to_float_array("what a relation returns", made[0])
     return list(array.T) if array.ndim == 2 and array.shape == (len(x), 2) and len(x) != 2 else list(array)

@@ -12,11 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from cqblend.splines import Surface
-from cqblend.splines.integral import gauss
-from cqblend.surfaces.primaries import Array, cross
+from cqblend.splines.integral import gauss_rule
+from cqblend.surfaces.primaries import Array, cross_product
 
-ACROSS, ALONG = 24, 4  # Gauss points across, and along each cell
-CELLS = 128  # along, at least
+GAUSS_POINTS_ACROSS, GAUSS_POINTS_ALONG = 24, 4  # Gauss points across, and along each cell
+LEAST_CELLS = 128  # along, at least
 
 
 def bending_energy(surface: Surface, outline: Array | None = None) -> float:
@@ -30,24 +30,26 @@ def bending_energy(surface: Surface, outline: Array | None = None) -> float:
         Ends (n, 2, 2) of straight pieces in the parameter plane that bound the part that counts; None for all of it.
     """
     t0, t1 = surface.domain[0]
-    nodes, weights = gauss(ACROSS)
+    nodes, weights = gauss_rule(GAUSS_POINTS_ACROSS)
     pieces = surface.breaks[1]
     v = (pieces[:-1, None] + np.diff(pieces)[:, None] * nodes).ravel()
     weights_v = (np.diff(pieces)[:, None] * weights).ravel()
-    spans = [[(t0, t1)]] * len(v) if outline is None else [_inside(outline, at) for at in v]
-    cells = np.union1d(np.linspace(t0, t1, CELLS + 1), surface.breaks[0] if len(surface.breaks[0]) < 4 * CELLS else [])
-    nodes, weights = gauss(ALONG)
+    spans = [[(t0, t1)]] * len(v) if outline is None else [_clip_line(outline, at) for at in v]
+    cells = np.union1d(
+        np.linspace(t0, t1, LEAST_CELLS + 1), surface.breaks[0] if len(surface.breaks[0]) < 4 * LEAST_CELLS else []
+    )
+    nodes, weights = gauss_rule(GAUSS_POINTS_ALONG)
     total = 0.0
     for at, factor, some in zip(v.tolist(), weights_v.tolist(), spans, strict=True):
         for low, high in some:
             edges = np.concatenate([[low], cells[(cells > low) & (cells < high)], [high]])
             steps = np.diff(edges)[:, None]
             t = (edges[:-1, None] + steps * nodes).ravel()
-            total += factor * float(_density(surface, t, at) @ (steps * weights).ravel())
+            total += factor * float(_evaluate_density(surface, t, at) @ (steps * weights).ravel())
     return total
 
 
-def _inside(outline: Array, v: float) -> list[tuple[float, float]]:
+def _clip_line(outline: Array, v: float) -> list[tuple[float, float]]:
     """Return where the line of a constant v is inside an outline."""
     (a, p), (b, q) = outline[:, 0].T, outline[:, 1].T
     crosses = (p <= v) != (q <= v)
@@ -56,10 +58,10 @@ def _inside(outline: Array, v: float) -> list[tuple[float, float]]:
     return list(zip(at[::2].tolist(), at[1::2].tolist(), strict=False))
 
 
-def _density(surface: Surface, t: Array, v: float) -> Array:
+def _evaluate_density(surface: Surface, t: Array, v: float) -> Array:
     """Return the sum of the squared principal curvatures times the area element, (n,)."""
     jet = surface.jet(t, v, 2)
-    normal = cross(jet[1, 0], jet[0, 1])
+    normal = cross_product(jet[1, 0], jet[0, 1])
     area = np.linalg.norm(normal, axis=1)
     first = [(jet[a] * jet[b]).sum(axis=1) for a, b in (((1, 0), (1, 0)), ((1, 0), (0, 1)), ((0, 1), (0, 1)))]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -56,9 +56,9 @@ the form n.H_ij changes by E_ij + psi |H_ij|, and coordinates of unit vectors by
 S_v and S_ij of the primary. What is measured differs by no more than that.
 
 The rounding of what is computed here is carried along as a bound on the error of the coefficients, product by product;
-P, its jets and N enter with ``COMPOSED`` of error. Positions are taken from a point of each piece (x - x_0 w), so that
-products do not lose what coordinates far from the origin would. This module must not know how blends are made, and
-believes nothing of what they were meant to be.
+P, its jets and N enter with ``COMPOSITION_ERROR`` of error. Positions are taken from a point of each piece (x - x_0 w),
+so that products do not lose what coordinates far from the origin would. This module must not know how blends are made,
+and believes nothing of what they were meant to be.
 """
 
 from __future__ import annotations
@@ -68,21 +68,32 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from cqblend.blends.quality.error_bounds import EPS, Norms, Poly, Row, even_weight, largest
-from cqblend.blends.quality.rail_reevaluation import CLOSED_FORM, Witness, pieces
-from cqblend.blends.quality.rounding import Rounding, rounding
+from cqblend.blends.quality.error_bounds import (
+    EPS,
+    BoundedPolynomial,
+    HomogeneousRow,
+    NormBounds,
+    bound_largest,
+    simplify_weight,
+)
+from cqblend.blends.quality.rail_reevaluation import CLOSED_FORM_ERROR, RecomputedRibbon, extract_moved_pieces
+from cqblend.blends.quality.rounding import RoundingBounds, bound_rounding
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.breaks import MOVED, merged, onto
+from cqblend.splines.breaks import MOVED_BREAK, cut_at_breaks, merge_breaks
 from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
-    from cqblend.blends.sections.blend_surface import Blend
+    from cqblend.blends.sections.blend_surface import BlendSurface
 
-COMPOSED = 8 * EPS  # error of P(c) and its like, relative to the largest coefficient of a piece; below 2 EPS measured
-EVEN = 256 * EPS  # weights that differ by less, relatively, count as one, and the difference as an error
-READ = 8 * EPS  # angle by which two unit normals are off as they are compared
+COMPOSITION_ERROR = (
+    8 * EPS
+)  # error of P(c) and its like, relative to the largest coefficient of a piece; below 2 EPS measured
+EQUAL_WEIGHT_TOLERANCE = (
+    256 * EPS
+)  # weights that differ by less, relatively, count as one, and the difference as an error
+NORMAL_COMPARISON_ERROR = 8 * EPS  # angle by which two unit normals are off as they are compared
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +140,7 @@ class Proof:
         return f"proven for the whole rail: gap <= {self.gap:.1e} mm, angle <= {self.angle:.1e} rad{jump}"
 
 
-def prove(blend: Blend, doubts: tuple[float, float] = (0.0, 0.0)) -> Proof:
+def prove_blend(blend: BlendSurface, doubts: tuple[float, float] = (0.0, 0.0)) -> Proof:
     """Prove how a blend meets both of its surfaces: the larger bounds of the two rails.
 
     The proof is about the B-spline that the blend leaves as, with its knots; ``doubts`` as in :func:`prove_side`.
@@ -171,16 +182,16 @@ def prove_side(
     (a, b), (c, d) = surface.domain[0], ribbon.c.domain
     if max(abs(a - c), abs(b - d)) > 8 * EPS * max(abs(a), abs(b)):
         raise InputError(f"the surface runs over t = [{a:.9g}, {b:.9g}], its ribbon over [{c:.9g}, {d:.9g}]: clip one")
-    side = _Side(surface, end, ribbon, 2 if order >= 2 else 1, doubt)
-    angle = side.angle()
-    jump = side.curvature_jump(angle) if order >= 2 and angle < np.pi / 2 else np.inf
-    return Proof(side.gap(), angle if angle < np.pi / 2 else np.pi, jump if np.isfinite(jump) else None)
+    side = _RibbonSide(surface, end, ribbon, 2 if order >= 2 else 1, doubt)
+    angle = side.bound_angle()
+    jump = side.bound_curvature_jump(angle) if order >= 2 and angle < np.pi / 2 else np.inf
+    return Proof(side.bound_gap(), angle if angle < np.pi / 2 else np.pi, jump if np.isfinite(jump) else None)
 
 
 # -- one boundary
 
 
-class _Side:
+class _RibbonSide:
     """A surface H along one boundary and the ribbon's map G(t, v) = S(c + v d + ..) there, on common pieces.
 
     ``polys`` are what bounds depend on. What is called by a derivative, "tv" for H_tv, is that derivative in space,
@@ -190,105 +201,117 @@ class _Side:
     def __init__(self, surface: Surface, end: Literal[0, 1], ribbon: Ribbon, order: int, doubt: float) -> None:
         degrees, knots, poles, weights = surface.to_bspline()
         far = poles[:, -end].mean(axis=0)
-        self.rows = _rows(surface, end, -far, order)
-        self.witness = witness = Witness(ribbon, far)
-        native = list(witness.native.values()) if witness.rounding is not None else []
-        curves = [self.rows[0, 0], witness.normal, witness.along[0], *native]
+        self.rows = _extract_boundary_rows(surface, end, -far, order)
+        self.witness = witness = RecomputedRibbon(ribbon, far)
+        native = list(witness.native_derivatives.values()) if witness.evaluation_rounding is not None else []
+        curves = [self.rows[0, 0], witness.normal, witness.derivatives_along[0], *native]
         if order >= 2:
-            curves += [witness.across[0], witness.mixed[0]]
-        self.breaks = merged(*(curve.breaks for curve in curves), near=MOVED)
-        boundary = self._cut(self.rows[0, 0])[0]
+            curves += [witness.derivatives_across[0], witness.mixed_derivative[0]]
+        self.breaks = merge_breaks(*(curve.breaks for curve in curves), near=MOVED_BREAK)
+        boundary = self._cut_curve(self.rows[0, 0])[0]
         self.origin = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
 
-        self.n = Poly(*self._cut(witness.normal, COMPOSED))
-        self.x, self.p = self._row(self.rows[0, 0], EPS), self._row(witness.along[0], COMPOSED)
-        self.distance = self.x.over(self.p), self.x.w * self.p.w
+        self.n = BoundedPolynomial(*self._cut_curve(witness.normal, COMPOSITION_ERROR))
+        self.x, self.p = (
+            self._make_row(self.rows[0, 0], EPS),
+            self._make_row(witness.derivatives_along[0], COMPOSITION_ERROR),
+        )
+        self.distance = self.x.derive_in_space(self.p), self.x.w * self.p.w
         first, second = self.x.w * self.x.w, self.p.w * self.p.w
         apart = first - second
-        self.even = bool(np.all(apart.size + apart.error <= EVEN * first.norms()[0]))
+        self.even = bool(np.all(apart.size + apart.error <= EQUAL_WEIGHT_TOLERANCE * first.bound_norms()[0]))
         self.squares = first, second
-        t, v = self._of_surface(0, 1), self._of_surface(1, 0)
+        t, v = self._derive_surface(0, 1), self._derive_surface(1, 0)
         self.polys = {"n": self.n, "w": first, "t": t, "v": v, "area": self.n.dot(t.cross(v))}
         self.polys |= {"nt": self.n.dot(t), "nv": self.n.dot(v)}
 
         middles = (self.breaks[:-1] + self.breaks[1:]) / 2
-        table = rounding((degrees, knots, poles, weights), end)
+        table = bound_rounding((degrees, knots, poles, weights), end)
         spans = len(surface.breaks[0]) - 1
-        self.own = table.at(np.clip(np.searchsorted(surface.breaks[0], middles) - 1, 0, spans - 1), 0)
-        self.other = None if witness.rounding is None else witness.rounding(middles)
-        self._add("h", self.own)
-        self.shift = doubt * 2 * float(np.linalg.norm(ribbon.primary.jet(ribbon.native(middles))[1:3], axis=-1).max())
-        unsure = np.full_like(middles, doubt if self.other is not None else doubt + CLOSED_FORM)
-        self.polys["unsure"] = Poly(unsure[None, None], np.zeros_like(middles))
+        self.own = table.take_spans(np.clip(np.searchsorted(surface.breaks[0], middles) - 1, 0, spans - 1), 0)
+        self.other = None if witness.evaluation_rounding is None else witness.evaluation_rounding(middles)
+        self._add_rounding("h", self.own)
+        self.shift = (
+            doubt
+            * 2
+            * float(np.linalg.norm(ribbon.primary.jet(ribbon.find_native_parameters(middles))[1:3], axis=-1).max())
+        )
+        unsure = np.full_like(middles, doubt if self.other is not None else doubt + CLOSED_FORM_ERROR)
+        self.polys["unsure"] = BoundedPolynomial(unsure[None, None], np.zeros_like(middles))
         if self.other is not None:
-            self._add("s", self.other)
+            self._add_rounding("s", self.other)
             self.polys["ws"] = second
-            for name, curve in witness.native.items():
-                self.polys["s" + name] = self._row(curve, COMPOSED).over(self.p)
+            for name, curve in witness.native_derivatives.items():
+                self.polys["s" + name] = self._make_row(curve, COMPOSITION_ERROR).derive_in_space(self.p)
             self.polys["sarea"] = self.n.dot(self.polys["su"].cross(self.polys["sv"]))
 
-    def _add(self, name: str, table: Rounding) -> None:
+    def _add_rounding(self, name: str, table: RoundingBounds) -> None:
         """Add bounds of errors ("eh10") and of derivatives ("zh10") to what quantities depend on."""
         for prefix, values in (("e", table.error), ("z", table.size)):
             for (i, j), value in values.items():
-                self.polys[f"{prefix}{name}{i}{j}"] = Poly(value[None, None], np.zeros_like(value))
+                self.polys[f"{prefix}{name}{i}{j}"] = BoundedPolynomial(value[None, None], np.zeros_like(value))
 
-    def _cut(self, curve: Curve, known: float = 0.0) -> tuple[Array, Array]:
+    def _cut_curve(self, curve: Curve, known: float = 0.0) -> tuple[Array, Array]:
         """Cut a curve on the common breaks; the coefficients of its own pieces are off by a ``known`` share of them."""
-        cut = onto(curve, self.breaks)
+        cut = cut_at_breaks(curve, self.breaks)
         own = np.searchsorted(curve.breaks, (cut.breaks[:-1] + cut.breaks[1:]) / 2) - 1
         rounding = 2 * EPS * (curve.degree + 1) if len(cut.breaks) > len(curve.breaks) else 0.0
         size = np.abs(curve.coefs).max(axis=(0, 1))[np.clip(own, 0, len(curve.breaks) - 2)]
         return cut.coefs, (known + rounding) * size
 
-    def _row(self, curve: Curve, known: float = 0.0) -> Row:
-        (xyz, error), (w, doubt) = (self._cut(part, known) for part in (curve[:3], curve[3]))
+    def _make_row(self, curve: Curve, known: float = 0.0) -> HomogeneousRow:
+        (xyz, error), (w, doubt) = (self._cut_curve(part, known) for part in (curve[:3], curve[3]))
         shift = self.origin * w
         error = error + 2 * EPS * np.abs(shift).max(axis=(0, 1))
-        return Row(Poly(xyz - shift, error), even_weight(w, doubt))
+        return HomogeneousRow(BoundedPolynomial(xyz - shift, error), simplify_weight(w, doubt))
 
-    def _of_surface(self, across: int, along: int) -> Poly:
-        return self._row(self.rows[across, along], EPS).over(self.x)
+    def _derive_surface(self, across: int, along: int) -> BoundedPolynomial:
+        return self._make_row(self.rows[across, along], EPS).derive_in_space(self.x)
 
-    def _of_ribbon(self, jet: Curve) -> Poly:
+    def _derive_ribbon(self, jet: Curve) -> BoundedPolynomial:
         """Return a derivative of the ribbon's map, times the weight that the surface's derivatives have."""
-        derivative = self._row(jet, COMPOSED).over(self.p)
+        derivative = self._make_row(jet, COMPOSITION_ERROR).derive_in_space(self.p)
         if self.even:
-            return Poly(derivative.coefs, derivative.error + EVEN * derivative.size)
+            return BoundedPolynomial(derivative.coefs, derivative.error + EQUAL_WEIGHT_TOLERANCE * derivative.size)
         return derivative * self.squares[0]
 
-    def gap(self) -> float:
+    def bound_gap(self) -> float:
         """Bound |H(t, 0) - S(c(t))|."""
         polys = dict(zip("dw", self.distance, strict=True)) | {"eh00": self.polys["eh00"]}
         if self.other is not None:
             polys["es00"] = self.polys["es00"]
 
-        def quantity(low: Norms, high: Norms) -> Array:
+        def evaluate_gap(low: NormBounds, high: NormBounds) -> Array:
             read = sum(high[name] for name in ("eh00", "es00") if name in high)
             return high["d"] / low["w"] + read
 
-        return largest(polys, quantity) + self.shift
+        return bound_largest(polys, evaluate_gap) + self.shift
 
-    def angle(self) -> float:
+    def bound_angle(self) -> float:
         """Bound the angle between the tangent planes; infinite where nothing is sure."""
-        return largest(self.polys, _angle)
+        return bound_largest(self.polys, _bound_angle)
 
-    def curvature_jump(self, angle: float) -> float:
+    def bound_curvature_jump(self, angle: float) -> float:
         """Bound the jump of the normal curvature, given the angle between the tangent planes."""
         n, witness, polys = self.n, self.witness, dict(self.polys)
         h = {"t": polys["t"], "v": polys["v"]}
         for name, across, along in (("tt", 0, 2), ("tv", 1, 1), ("vv", 2, 0)):
-            h[name] = self._of_surface(across, along)
+            h[name] = self._derive_surface(across, along)
         if not self.even:
             h = {name: poly * self.squares[1] for name, poly in h.items()}
             polys["w"] = self.squares[0] * self.squares[1]
             polys |= {"t": h["t"], "v": h["v"], "area": n.dot(h["t"].cross(h["v"]))}
             polys |= {"nt": n.dot(h["t"]), "nv": n.dot(h["v"])}
-        g = {"t": witness.along[1], "v": witness.across[1], "tt": witness.along[2], "vv": witness.across[2]}
-        made = {name: self._of_ribbon(curve) for name, curve in g.items()}
-        mixed, x = witness.mixed
-        both = self._of_ribbon(mixed) - made["tt"] - made["vv"].times(x**2)
-        made["tv"] = both.times(1 / (2 * x))
+        g = {
+            "t": witness.derivatives_along[1],
+            "v": witness.derivatives_across[1],
+            "tt": witness.derivatives_along[2],
+            "vv": witness.derivatives_across[2],
+        }
+        made = {name: self._derive_ribbon(curve) for name, curve in g.items()}
+        mixed, x = witness.mixed_derivative
+        both = self._derive_ribbon(mixed) - made["tt"] - made["vv"].scale_by(x**2)
+        made["tv"] = both.scale_by(1 / (2 * x))
         for name in ("tt", "tv", "vv"):
             polys["g" + name], polys["d" + name] = n.dot(made[name]), n.dot(h[name] - made[name])
             polys["a" + name], polys["b" + name] = n.dot(h[name].cross(h["v"])), n.dot(h["t"].cross(h[name]))
@@ -296,66 +319,68 @@ class _Side:
         for name in "tv":
             apart = h[name] - made[name]
             polys["x" + name], polys["y" + name] = n.dot(apart.cross(made["v"])), n.dot(made["t"].cross(apart))
-        return largest(polys, lambda low, high: _jump(low, high, np.sin(angle)))
+        return bound_largest(polys, lambda low, high: _bound_curvature_jump(low, high, np.sin(angle)))
 
 
-def _rows(surface: Surface, end: Literal[0, 1], by: Array, order: int) -> dict[tuple[int, int], Curve]:
+def _extract_boundary_rows(surface: Surface, end: Literal[0, 1], by: Array, order: int) -> dict[tuple[int, int], Curve]:
     """Return derivatives of a surface, moved, along a boundary, v running into it, as homogeneous curves (dim 4).
 
     By their orders across and along: differentiated before they are rounded, and before they are cut, since pieces of
     rounding's length have no difference quotients.
     """
-    coefs = pieces(surface.to_bspline(), by, np.longdouble)[..., -end]
+    coefs = extract_moved_pieces(surface.to_bspline(), by, np.longdouble)[..., -end]
     across = np.moveaxis(coefs[:, ::-1] if end else coefs, 1, 0)
     (breaks, other), rows = surface.breaks, {}
     for i in range(order + 1):
         row = across[0]
         for j in range(order + 1 - i):
             rows[i, j] = Curve(breaks, row.astype(float), continuity=surface.continuity[0])
-            row = bernstein.derivative(row) / np.diff(breaks)
-        across = bernstein.derivative(across) / np.diff(other)[-end]
+            row = bernstein.differentiate_coefs(row) / np.diff(breaks)
+        across = bernstein.differentiate_coefs(across) / np.diff(other)[-end]
     return rows
 
 
 # -- bounds
 
 
-def _slant(low: Norms, high: Norms, area: str, first: str, second: str) -> tuple[Array, Array]:
+def _bound_slant(low: NormBounds, high: NormBounds, area: str, first: str, second: str) -> tuple[Array, Array]:
     """Bound the sine of the angle between two tangent vectors from below, and its cosine from above."""
     sine = np.minimum(low[area] / (high["n"] * high[first] * high[second]), 1.0)
     return sine, np.sqrt(1 - sine**2)
 
 
-def _turn(low: Norms, high: Norms, sine: Array, name: str, first: str, second: str) -> Array:
+def _bound_turn(low: NormBounds, high: NormBounds, sine: Array, name: str, first: str, second: str) -> Array:
     """Bound by how much errors of two tangent vectors turn their plane, and change coordinates in it."""
     w = high["w" if name == "h" else "ws"]
     return (high[f"e{name}10"] * w / low[first] + high[f"e{name}01"] * w / low[second]) / sine
 
 
-def _read(low: Norms, high: Norms) -> tuple[Array, Array]:
+def _bound_evaluation_turns(low: NormBounds, high: NormBounds) -> tuple[Array, Array]:
     """Bound by how much evaluation turns the tangent planes of the blend and of the primary."""
-    own = _turn(low, high, _slant(low, high, "area", "t", "v")[0], "h", "t", "v")
+    own = _bound_turn(low, high, _bound_slant(low, high, "area", "t", "v")[0], "h", "t", "v")
     if "sarea" not in high:
         return own, high["unsure"]
-    return own, high["unsure"] + _turn(low, high, _slant(low, high, "sarea", "su", "sv")[0], "s", "su", "sv")
+    return own, high["unsure"] + _bound_turn(
+        low, high, _bound_slant(low, high, "sarea", "su", "sv")[0], "s", "su", "sv"
+    )
 
 
-def _angle(low: Norms, high: Norms) -> Array:
+def _bound_angle(low: NormBounds, high: NormBounds) -> Array:
     """Bound the angle between the tangent planes, as it is evaluated."""
-    sine, cosine = _slant(low, high, "area", "t", "v")
+    sine, cosine = _bound_slant(low, high, "area", "t", "v")
     rail, across = high["nt"] / (low["n"] * low["t"]), high["nv"] / (low["n"] * low["v"])
     planes = np.sqrt(rail**2 + across**2 + 2 * rail * across * cosine) / sine
-    own, other = _read(low, high)
-    return READ + np.arcsin(planes) + np.arcsin(own) + np.arcsin(other)
+    own, other = _bound_evaluation_turns(low, high)
+    return NORMAL_COMPARISON_ERROR + np.arcsin(planes) + np.arcsin(own) + np.arcsin(other)
 
 
-def _jump(low: Norms, high: Norms, sine: float) -> Array:
+def _bound_curvature_jump(low: NormBounds, high: NormBounds, sine: float) -> Array:
     """Bound the jump of the normal curvature, as it is evaluated."""
     unit = low["n"] * low["w"]
     own = {name: high["g" + name] / unit for name in ("tt", "tv", "vv")}  # II(C', C'), II(C', T), II(T, T)
     x, y = ({name: high[axis + name] / low["garea"] for name in "tv"} for axis in "xy")
 
-    def form(x1: Array | float, y1: Array | float, x2: Array | float, y2: Array | float) -> Array:
+    def evaluate_form(x1: Array | float, y1: Array | float, x2: Array | float, y2: Array | float) -> Array:
         return x1 * x2 * own["tt"] + (x1 * y2 + y1 * x2) * own["tv"] + y1 * y2 * own["vv"]
 
     jumps = {}
@@ -364,31 +389,40 @@ def _jump(low: Norms, high: Norms, sine: float) -> Array:
         leaning = (high["a" + name] * high["nt"] + high["b" + name] * high["nv"]) / (low["area"] * unit)
         first, second = (1.0 if k == "t" else 0.0 for k in name)
         turned = (
-            form(first, 1 - first, x[j], y[j]) + form(x[i], y[i], second, 1 - second) + form(x[i], y[i], x[j], y[j])
+            evaluate_form(first, 1 - first, x[j], y[j])
+            + evaluate_form(x[i], y[i], second, 1 - second)
+            + evaluate_form(x[i], y[i], x[j], y[j])
         )
         jumps[name] = high["d" + name] / unit + leaning + turned
-    a, b, slant = low["t"] / high["w"], low["v"] / high["w"], _slant(low, high, "area", "t", "v")
-    jump = _spectral(jumps["tt"] / a**2, jumps["tv"] / (a * b), jumps["vv"] / b**2, *slant)
+    a, b, slant = low["t"] / high["w"], low["v"] / high["w"], _bound_slant(low, high, "area", "t", "v")
+    jump = _bound_spectral_norm(jumps["tt"] / a**2, jumps["tv"] / (a * b), jumps["vv"] / b**2, *slant)
     c, t = low["gt"] / high["w"], low["gv"] / high["w"]
-    straight = _slant(low, high, "garea", "gt", "gv")
-    most = _spectral(own["tt"] / c**2, own["tv"] / (c * t), own["vv"] / t**2, *straight)
+    straight = _bound_slant(low, high, "garea", "gt", "gv")
+    most = _bound_spectral_norm(own["tt"] / c**2, own["tv"] / (c * t), own["vv"] / t**2, *straight)
 
-    def read(name: str, turn: Array, a: Array, b: Array, slant: tuple[Array, Array], bent: Array) -> Array:
+    def bound_evaluation_jump(
+        name: str, turn: Array, a: Array, b: Array, slant: tuple[Array, Array], bent: Array
+    ) -> Array:
         forms = [high[f"e{name}{order}"] + turn * high[f"z{name}{order}"] for order in ("20", "11", "02")]
-        changed = _spectral(forms[0] / a**2, forms[1] / (a * b), forms[2] / b**2, *slant)
+        changed = _bound_spectral_norm(forms[0] / a**2, forms[1] / (a * b), forms[2] / b**2, *slant)
         return (1 + turn) ** 2 * changed + turn * (2 + turn) * bent
 
-    own_turn, other_turn = _read(low, high)
+    own_turn, other_turn = _bound_evaluation_turns(low, high)
     bent = most + jump
-    evaluated = read("h", own_turn, a, b, slant, bent) + (READ / slant[0] + 4 * high["unsure"]) * bent
+    evaluated = (
+        bound_evaluation_jump("h", own_turn, a, b, slant, bent)
+        + (NORMAL_COMPARISON_ERROR / slant[0] + 4 * high["unsure"]) * bent
+    )
     if "sarea" in high:
         u, v = low["su"] / high["ws"], low["sv"] / high["ws"]
         # once as it is evaluated by OCCT, once as it is composed here
-        evaluated = evaluated + 2 * read("s", other_turn, u, v, _slant(low, high, "sarea", "su", "sv"), most)
+        evaluated = evaluated + 2 * bound_evaluation_jump(
+            "s", other_turn, u, v, _bound_slant(low, high, "sarea", "su", "sv"), most
+        )
     return (1 + sine**2) * jump + 2 * sine**2 * most + evaluated
 
 
-def _spectral(aa: Array, ab: Array, bb: Array, sine: Array, cosine: Array) -> Array:
+def _bound_spectral_norm(aa: Array, ab: Array, bb: Array, sine: Array, cosine: Array) -> Array:
     """Bound |II(x, x)| for all unit x from bounds for two unit vectors a, b, and of the angle between them."""
     across = (ab + cosine * aa) / sine
     both = (bb + 2 * cosine * ab + cosine**2 * aa) / sine**2

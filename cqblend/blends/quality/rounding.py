@@ -32,27 +32,29 @@ import numpy as np
 
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import extract
+from cqblend.splines.knots import extract_pieces
 from cqblend.splines.surface import BSplineSurface
 
 EPS = float(np.finfo(float).eps)
-ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+DERIVATIVE_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
 @dataclass(frozen=True)
-class Rounding:
+class RoundingBounds:
     """Bounds for each span, (nu, nv), by order (k, l): of the error of a derivative, and of the derivative itself."""
 
     error: dict[tuple[int, int], Array]
     size: dict[tuple[int, int], Array]
 
-    def at(self, u: Array, v: Array | int) -> Rounding:
+    def take_spans(self, u: Array, v: Array | int) -> RoundingBounds:
         """Take spans."""
         error, size = ({order: table[u, v] for order, table in tables.items()} for tables in (self.error, self.size))
-        return Rounding(error, size)
+        return RoundingBounds(error, size)
 
 
-def rounding(spline: BSplineSurface, end: int | None = None, doubt: tuple[float, float] = (0.0, 0.0)) -> Rounding:
+def bound_rounding(
+    spline: BSplineSurface, end: int | None = None, doubt: tuple[float, float] = (0.0, 0.0)
+) -> RoundingBounds:
     """Bound the rounding of OCCT's evaluation, to second order.
 
     Parameters
@@ -81,27 +83,29 @@ def rounding(spline: BSplineSurface, end: int | None = None, doubt: tuple[float,
     for axis in (0, 1):
         p, k, at = degrees[axis], knots[axis], spans[axis]
         local = np.moveaxis(net, axis, 0)[at - p + np.arange(p + 1)[:, None]]  # (p + 1, spans, other, dim)
-        found = _errors(p, k, at, local, start=end == 0 and axis == 1)
+        found = _bound_direction_errors(p, k, at, local, start=end == 0 and axis == 1)
         errors.append([np.moveaxis(table, 0, axis) for table in found])
         length = (k[at + 1] - k[at])[:, None] if axis == 0 else (k[at + 1] - k[at])[None]
         powers.append([np.ones_like(length), 2 * p / length, 4 * p * max(p - 1, 0) / length**2])
-    error, size = {}, _sizes(degrees, knots, net, end)
-    last = None if end is None or degrees[1] >= degrees[0] else _rows(degrees, knots, spans[0], net, end)
-    for i, j in ORDERS:
+    error, size = {}, _bound_derivatives(degrees, knots, net, end)
+    last = None if end is None or degrees[1] >= degrees[0] else _bound_row_errors(degrees, knots, spans[0], net, end)
+    for i, j in DERIVATIVE_ORDERS:
         if last is None:
-            first = _widest(errors[0][i], spans[1], degrees[1], 1, j + 1 if end == 0 else None) * powers[1][j]
+            first = _take_largest(errors[0][i], spans[1], degrees[1], 1, j + 1 if end == 0 else None) * powers[1][j]
         else:
             first = last[i][:, [j]]
-        second = _widest(errors[1][j], spans[0], degrees[0], 0)
+        second = _take_largest(errors[1][j], spans[0], degrees[0], 0)
         error[i, j] = first + second * powers[0][i] + lost * powers[0][i] * powers[1][j]
-    for (i, j), extra in _moved(size, powers, doubt).items():
+    for (i, j), extra in _bound_parameter_errors(size, powers, doubt).items():
         error[i, j] = error[i, j] + extra
     if weights is None:
-        return Rounding({o: 2 * e for o, e in error.items()}, {o: 2 * s for o, s in size.items()})
-    return _in_space(error, size, 1 / least, far)
+        return RoundingBounds({o: 2 * e for o, e in error.items()}, {o: 2 * s for o, s in size.items()})
+    return _apply_quotient_rule(error, size, 1 / least, far)
 
 
-def _errors(degree: int, knots: Array, spans: Array, local: Array, *, start: bool = False) -> list[Array]:
+def _bound_direction_errors(
+    degree: int, knots: Array, spans: Array, local: Array, *, start: bool = False
+) -> list[Array]:
     """Return the errors of the k-th derivatives in one direction, k = 0, 1, 2, anywhere in spans: (spans, other).
 
     Or, at the ``start`` of the spans, from poles (degree + 1, spans, other, dim).
@@ -127,46 +131,48 @@ def _errors(degree: int, knots: Array, spans: Array, local: Array, *, start: boo
     return errors
 
 
-def _rows(degrees: tuple[int, int], knots: tuple[Array, Array], spans: Array, net: Array, end: int) -> list[Array]:
+def _bound_row_errors(
+    degrees: tuple[int, int], knots: tuple[Array, Array], spans: Array, net: Array, end: int
+) -> list[Array]:
     """Return the errors of derivatives along, of orders 0 to 2, of those across at an end: (spans, 3) each."""
-    breaks, table, _ = extract(degrees[1], knots[1], np.moveaxis(net, 1, 0))  # (q + 1, nu, dim, nv)
+    breaks, table, _ = extract_pieces(degrees[1], knots[1], np.moveaxis(net, 1, 0))  # (q + 1, nu, dim, nv)
     table, length, rows = table[..., -end], np.diff(breaks)[-end], []
     for _ in range(3):
         rows.append(table[-end])
-        table = bernstein.derivative(table) / length
+        table = bernstein.differentiate_coefs(table) / length
     p = degrees[0]
     local = np.stack(rows, axis=1)[spans - p + np.arange(p + 1)[:, None]]
-    return _errors(p, knots[0], spans, local)
+    return _bound_direction_errors(p, knots[0], spans, local)
 
 
-def _sizes(
+def _bound_derivatives(
     degrees: tuple[int, int], knots: tuple[Array, Array], net: Array, end: int | None
 ) -> dict[tuple[int, int], Array]:
     """Bound derivatives of a net by the hulls of its Bernstein pieces, by order: (nu, nv), or (nu, 1) at an end."""
-    breaks, rows, _ = extract(degrees[0], knots[0], net)
-    other, coefs, _ = extract(degrees[1], knots[1], np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
+    breaks, rows, _ = extract_pieces(degrees[0], knots[0], net)
+    other, coefs, _ = extract_pieces(degrees[1], knots[1], np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
     lengths, across = np.diff(breaks)[:, None], np.diff(other)
     if end is not None:
         coefs, across = coefs[..., [-end]], across[[-end]]
     found = {}
-    for i, j in ORDERS:
+    for i, j in DERIVATIVE_ORDERS:
         table = coefs
         for _ in range(j):
-            table = bernstein.derivative(table)
+            table = bernstein.differentiate_coefs(table)
         table = np.moveaxis(table if end is None else table[[-end]], 1, 0)
         for _ in range(i):
-            table = bernstein.derivative(table)
+            table = bernstein.differentiate_coefs(table)
         found[i, j] = np.abs(table).max(axis=(0, 1, 2)) / (lengths**i * across**j)
     return found
 
 
-def _widest(table: Array, spans: Array, degree: int, axis: int, most: int | None = None) -> Array:
+def _take_largest(table: Array, spans: Array, degree: int, axis: int, most: int | None = None) -> Array:
     """Return the largest over the poles, ``most`` of them, that take part in each span of the other direction."""
     local = np.moveaxis(table, axis, 0)[spans - degree + np.arange(degree + 1)[:most, None]]
     return np.asarray(np.moveaxis(local.max(axis=0), 0, axis))
 
 
-def _moved(
+def _bound_parameter_errors(
     size: dict[tuple[int, int], Array], powers: list[list[Array]], doubt: tuple[float, float]
 ) -> dict[tuple[int, int], Array]:
     """Return by how much derivatives differ at parameters that are off."""
@@ -174,17 +180,17 @@ def _moved(
     higher = {(3, 0): size[2, 0] * powers[0][1], (2, 1): size[2, 0] * powers[1][1]}
     higher |= {(1, 2): size[0, 2] * powers[0][1], (0, 3): size[0, 2] * powers[1][1]}
     known = size | higher
-    return {(i, j): known[i + 1, j] * u + known[i, j + 1] * v for i, j in ORDERS}
+    return {(i, j): known[i + 1, j] * u + known[i, j + 1] * v for i, j in DERIVATIVE_ORDERS}
 
 
-def _in_space(
+def _apply_quotient_rule(
     error: dict[tuple[int, int], Array], size: dict[tuple[int, int], Array], scale: float, far: float
-) -> Rounding:
+) -> RoundingBounds:
     """Apply the quotient rule to homogeneous bounds, whose weights count times the largest coordinate."""
     found: dict[tuple[int, int], Array] = {}
     vector: dict[tuple[int, int], Array] = {}
     slope = {order: scale * value / far for order, value in size.items()}  # of weights, relative
-    for i, j in ORDERS:
+    for i, j in DERIVATIVE_ORDERS:
         vector[i, j], doubt = 2 * scale * size[i, j], 2 * scale * error[i, j] + 8 * EPS * scale * size[i, j]
         for a in range(i + 1):
             for b in range(j + 1):
@@ -196,4 +202,4 @@ def _in_space(
                         + scale * error[a, b] / far * vector[i - a, j - b]
                     )
         found[i, j] = doubt + scale * error[0, 0] / far * vector[i, j]
-    return Rounding(found, vector)
+    return RoundingBounds(found, vector)

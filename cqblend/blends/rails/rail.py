@@ -16,24 +16,24 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends.checks import as_point
+from cqblend.blends.checks import to_point
 from cqblend.blends.rails import regularity
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import finite
+from cqblend.splines.knots import to_finite_array
 from cqblend.splines.self_intersection import is_closed
-from cqblend.surfaces.primaries import Array, cross, tangent_coordinates
+from cqblend.surfaces.primaries import Array, cross_product, to_tangent_coordinates
 
 RailSide: TypeAlias = Literal["left", "right"]
 FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]
 FIELDS: tuple[FieldName, ...] = ("parametric", "perpendicular", "chord", "guide", "combination")
 
-PARALLEL = 1e-6
+PARALLEL_ANGLE = 1e-6
 """Angle (rad) between a direction and the rail up to which they count as parallel."""
 
-_UNDECIDED = 1e-9  # cosine between the rail's normal and what it should point to, up to which that has no side
+_UNDECIDED_COSINE = 1e-9  # cosine between the rail's normal and what it should point to, up to which that has no side
 
-_CLEAR = 2 / 3  # share of a rail, by length and cosine, that tells on which side something lies
+_DECISIVE_SHARE = 2 / 3  # share of a rail, by length and cosine, that tells on which side something lies
 
 
 @dataclass(frozen=True)
@@ -84,10 +84,10 @@ class Rail:
             raise InputError(f"a rail is a Curve of dim 2 in the surface's parameter plane, not {given}")
         if self.side is not None and not (isinstance(self.side, str) and self.side in ("left", "right")):
             raise InputError(f'the side of a rail is "left", "right" or None, not {shown(self.side)}')
-        regularity.check(self.surface, self.curve, self._position)
+        regularity.check_rail(self.surface, self.curve, self._space_curve)
 
     @cached_property
-    def _position(self) -> Curve:
+    def _space_curve(self) -> Curve:
         return self.surface.compose(self.curve)
 
     @property
@@ -98,23 +98,23 @@ class Rail:
     @property
     def closed(self) -> bool:
         """Whether the rail ends in space where it starts."""
-        return is_closed(self._position)
+        return is_closed(self._space_curve)
 
     def curve3d(self) -> Curve:
         """Return C(t) = S(c(t)), exact, of degree m (p + q) for a rail of degree m on a surface of degrees (p, q)."""
-        return self._position
+        return self._space_curve
 
     def normal(self) -> Curve:
         """Return n(t) = (Su x Sv)(c(t)), not normalised, exact; of degree 2 m (p + q - 1) if all is polynomial."""
-        return self._normal
+        return self._normal_curve
 
     @cached_property
-    def _normal(self) -> Curve:
+    def _normal_curve(self) -> Curve:
         if not self.surface.rational:
-            return self._partial(1, 0).cross(self._partial(0, 1))
+            return self._compose_partial(1, 0).cross(self._compose_partial(0, 1))
         across, weight = self._homogeneous_normal
-        scale = _weight_of(self.curve)
-        return _quotient(across if scale is None else across * (scale * scale), weight * weight * weight)
+        scale = _extract_weight(self.curve)
+        return _make_quotient(across if scale is None else across * (scale * scale), weight * weight * weight)
 
     @cached_property
     def _homogeneous_normal(self) -> tuple[Curve, Curve]:
@@ -125,17 +125,17 @@ class Rail:
         surface = self.surface
         homogeneous = Surface(surface.breaks, surface.coefs, continuity=surface.continuity)
         p, pu, pv = (
-            _numerator_of(homogeneous.derivative(*order).compose(self.curve)) for order in ((0, 0), (1, 0), (0, 1))
+            _extract_numerator(homogeneous.derivative(*order).compose(self.curve)) for order in ((0, 0), (1, 0), (0, 1))
         )
         x, xu, xv = p[:3], pu[:3], pv[:3]
         return xu.cross(xv) * p[3] + x.cross(xu) * pv[3] + xv.cross(x) * pu[3], p[3]
 
-    def _partial(self, ku: int, kv: int) -> Curve:
+    def _compose_partial(self, ku: int, kv: int) -> Curve:
         return self.surface.derivative(ku, kv).compose(self.curve)
 
-    def _tangent(self, rs: Curve) -> Curve:
+    def _combine_partials(self, rs: Curve) -> Curve:
         """Return r Su + s Sv. For (u', v') it is C', with the digits that differentiating C loses on short pieces."""
-        return self._partial(1, 0) * rs[0] + self._partial(0, 1) * rs[1]
+        return self._compose_partial(1, 0) * rs[0] + self._compose_partial(0, 1) * rs[1]
 
     def field(self, name: FieldName, *operands: Rail | Curve) -> Curve:
         r"""Return one of the paper's cross-boundary tangent fields T(t), exact, of whatever degree that takes.
@@ -166,13 +166,15 @@ class Rail:
         """
         rs = self.symbolic_coordinates(name, *operands)
         if rs is not None:
-            return self._tangent(rs)
+            return self._combine_partials(rs)
         if name == "perpendicular":
-            return self._tangent(self.curve.derivative()).cross(self.normal()) * self._turn()
-        guide = self._guide(name, operands)
-        n = self._homogeneous_normal[0] if self.surface.rational else _numerator_of(self.normal())
-        weight = _weight_of(guide)
-        return _quotient(n.cross(_numerator_of(guide).cross(n)), n.dot(n) if weight is None else n.dot(n) * weight)
+            return self._combine_partials(self.curve.derivative()).cross(self.normal()) * self._determine_sign()
+        guide = self._make_guide_curve(name, operands)
+        n = self._homogeneous_normal[0] if self.surface.rational else _extract_numerator(self.normal())
+        weight = _extract_weight(guide)
+        return _make_quotient(
+            n.cross(_extract_numerator(guide).cross(n)), n.dot(n) if weight is None else n.dot(n) * weight
+        )
 
     def symbolic_coordinates(self, name: FieldName, *operands: Rail | Curve) -> Curve | None:
         """Return the exact (r, s)(t) of a field, a curve of dim 2, where it does not depend on the surface.
@@ -192,10 +194,10 @@ class Rail:
                 f'the field "{name}" takes {" or ".join(map(str, counts[name]))} operands, not {len(operands)}'
             )
         if name == "parametric":
-            turn, rate = self._turn(), self.curve.derivative()
+            turn, rate = self._determine_sign(), self.curve.derivative()
             return Curve.stack([rate[1] * turn, rate[0] * -turn])
         if name == "combination":
-            first, *rest = (self._operand(name, operand, 2) for operand in operands)
+            first, *rest = (self._check_operand(name, operand, 2) for operand in operands)
             return first - rest[0] if rest else first
         return None
 
@@ -210,22 +212,22 @@ class Rail:
         InputError
             As :meth:`field`.
         """
-        t = _along(t)
+        t = _check_parameters(t)
         rs = self.symbolic_coordinates(name, *operands)
         if rs is not None:
             return rs(t)
-        jet, rate = self._jet(t)
+        jet, rate = self._evaluate_jet(t)
         if name == "perpendicular":
-            return self._turn() * np.stack([(rate * jet[2]).sum(-1), -(rate * jet[1]).sum(-1)], axis=-1)
-        return tangent_coordinates(jet, self._guide(name, operands)(t))
+            return self._determine_sign() * np.stack([(rate * jet[2]).sum(-1), -(rate * jet[1]).sum(-1)], axis=-1)
+        return to_tangent_coordinates(jet, self._make_guide_curve(name, operands)(t))
 
-    def _jet(self, t: Array) -> tuple[Array, Array]:
+    def _evaluate_jet(self, t: Array) -> tuple[Array, Array]:
         """Return (S, Su, Sv), (3, n, 3), and C' (n, 3) at t."""
         c, rate = self.curve.jet(t, 1)
         jet = self.surface.jet(c[:, 0], c[:, 1], 1)
         return np.stack([jet[0, 0], jet[1, 0], jet[0, 1]]), rate[:, :1] * jet[1, 0] + rate[:, 1:] * jet[0, 1]
 
-    def _turn(self) -> int:
+    def _determine_sign(self) -> int:
         """Return +1 for the right side, on which (v', -u') and C' x n are, -1 for the left."""
         if self.side is None:
             raise InputError(
@@ -234,16 +236,16 @@ class Rail:
             )
         return 1 if self.side == "right" else -1
 
-    def _guide(self, name: FieldName, operands: tuple[Rail | Curve, ...]) -> Curve:
+    def _make_guide_curve(self, name: FieldName, operands: tuple[Rail | Curve, ...]) -> Curve:
         """Return K(t) of T3 and T4."""
         (operand,) = operands
         if name == "guide":
-            return self._operand(name, operand, 3)
+            return self._check_operand(name, operand, 3)
         if not isinstance(operand, Rail):
             raise InputError(f'the field "chord" takes the other Rail, not {shown(operand)}')
-        return self._operand(name, operand.curve3d(), 3) - self._position
+        return self._check_operand(name, operand.curve3d(), 3) - self._space_curve
 
-    def _operand(self, name: str, operand: object, dim: int) -> Curve:
+    def _check_operand(self, name: str, operand: object, dim: int) -> Curve:
         if not isinstance(operand, Curve) or operand.dim != dim:
             given = f"one of dim {operand.dim}" if isinstance(operand, Curve) else shown(operand)
             raise InputError(f'the field "{name}" takes a Curve of dim {dim}, not {given}')
@@ -269,36 +271,36 @@ class Rail:
             If the two sides are too even, or the target lies on the rail: give a side instead. The message says how
             even, and at which t the sign changes first, or is none.
         """
-        t = regularity.stations(self._position.breaks)
+        t = regularity.sample_stations(self._space_curve.breaks)
         if isinstance(target, Rail):
-            other = self._operand("chord", target.curve3d(), 3)
-            t = np.union1d(t, regularity.stations(np.clip(other.breaks, *self.domain)))
+            other = self._check_operand("chord", target.curve3d(), 3)
+            t = np.union1d(t, regularity.sample_stations(np.clip(other.breaks, *self.domain)))
             there = other(t)
         else:
-            found = as_point(target)
+            found = to_point(target)
             if found is None:
                 raise InputError(f"a rail turns towards another Rail or a point of three numbers, not {shown(target)}")
             there = found
-        jet, rate = self._jet(t)
-        across, chord = cross(rate, cross(jet[1], jet[2])), there - jet[0]
+        jet, rate = self._evaluate_jet(t)
+        across, chord = cross_product(rate, cross_product(jet[1], jet[2])), there - jet[0]
         size = np.linalg.norm(across, axis=-1) * np.linalg.norm(chord, axis=-1)
         cosine = (across * chord).sum(axis=-1) / np.maximum(size, np.finfo(float).tiny)
-        cosine[np.abs(cosine) <= _UNDECIDED] = 0
+        cosine[np.abs(cosine) <= _UNDECIDED_COSINE] = 0
         weight = np.gradient(t) * np.linalg.norm(rate, axis=-1)
         right, left = float(weight @ np.maximum(cosine, 0)), float(weight @ np.maximum(-cosine, 0))
         share = right / (right + left) if right + left > 0 else 0.5
         lengths = np.linalg.norm(chord, axis=-1)
-        meeting = lengths <= _UNDECIDED * lengths.max()
-        if meeting.any() or not max(share, 1 - share) >= _CLEAR:
-            at = float(t[meeting.argmax()]) if meeting.any() else _change(t, cosine, np.zeros_like(cosine))
+        meeting = lengths <= _UNDECIDED_COSINE * lengths.max()
+        if meeting.any() or not max(share, 1 - share) >= _DECISIVE_SHARE:
+            at = float(t[meeting.argmax()]) if meeting.any() else _find_sign_change(t, cosine, np.zeros_like(cosine))
             raise GeometryError(
                 f"the side of the rail cannot be told: at t = {at:.9g}, what it should point to is neither to its left "
                 f"nor to its right, and along the whole rail {1 - share:.0%} speak for the left, {share:.0%} for the "
                 'right; give side="left" or "right"'
             )
-        return self._sided("right" if share > 0.5 else "left")
+        return self._with_side("right" if share > 0.5 else "left")
 
-    def _sided(self, side: RailSide) -> Rail:
+    def _with_side(self, side: RailSide) -> Rail:
         """Return the same rail, which needs no second check, with a side."""
         rail = copy.copy(self)
         object.__setattr__(rail, "side", side)
@@ -313,15 +315,17 @@ class Rail:
             If one is zero or parallel to the rail, or passes from one side to the other between two of the parameters:
             det(c', (r, s)) = 0 there, and the blend would have no tangent plane. The message names t.
         """
-        t, rs = _along(t), finite("directions (r, s)", rs)
+        t, rs = _check_parameters(t), to_finite_array("directions (r, s)", rs)
         if rs.shape != (len(t), 2) or not len(t):
             raise InputError(f"directions (r, s) at {len(t)} parameters have shape {(len(t), 2)}, not {rs.shape}")
-        jet, rate = self._jet(t)
+        jet, rate = self._evaluate_jet(t)
         vectors = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
-        across = cross(vectors, rate)
+        across = cross_product(vectors, rate)
         size = np.linalg.norm(vectors, axis=-1) * np.linalg.norm(rate, axis=-1)
-        normal = cross(jet[1], jet[2])
-        at = _change(t, (across * normal).sum(axis=-1), PARALLEL * size * np.linalg.norm(normal, axis=-1))
+        normal = cross_product(jet[1], jet[2])
+        at = _find_sign_change(
+            t, (across * normal).sum(axis=-1), PARALLEL_ANGLE * size * np.linalg.norm(normal, axis=-1)
+        )
         if at is not None:
             raise GeometryError(
                 f"the direction of the blend is zero or parallel to the rail at t = {at:.9g}, so that the two "
@@ -338,15 +342,15 @@ class Rail:
         return Rail(self.surface, self.curve.reparametrized(t0, t1), self.side)
 
 
-def _along(t: object) -> Array:
+def _check_parameters(t: object) -> Array:
     """Return parameters (n,)."""
-    given = finite("t", t)
+    given = to_finite_array("t", t)
     if given.ndim != 1:
         raise InputError(f"t is an array of parameters of shape (n,), not {given.shape}")
     return given
 
 
-def _change(t: Array, values: Array, least: Array) -> float | None:
+def _find_sign_change(t: Array, values: Array, least: Array) -> float | None:
     """Return the first t at which a sampled function is zero up to ``least`` or changes its sign, else None."""
     if (zero := np.abs(values) <= least).any():
         return float(t[zero.argmax()])
@@ -357,17 +361,17 @@ def _change(t: Array, values: Array, least: Array) -> float | None:
     return float(t[i - 1] + (t[i] - t[i - 1]) * before / (before - after))
 
 
-def _numerator_of(curve: Curve) -> Curve:
+def _extract_numerator(curve: Curve) -> Curve:
     """Return w f of a rational curve f with weight w; f itself if it is polynomial."""
     return Curve(curve.breaks, curve.coefs[:, : curve.dim], continuity=curve.continuity)
 
 
-def _weight_of(curve: Curve) -> Curve | None:
+def _extract_weight(curve: Curve) -> Curve | None:
     """Return w of a rational curve, of dim 1; None if it is polynomial."""
     return Curve(curve.breaks, curve.coefs[:, -1:], continuity=curve.continuity) if curve.rational else None
 
 
-def _quotient(numerator: Curve, denominator: Curve) -> Curve:
+def _make_quotient(numerator: Curve, denominator: Curve) -> Curve:
     """Return the rational curve of a polynomial numerator and a polynomial denominator of dim 1."""
     both = Curve.stack([numerator, denominator])
     return Curve(both.breaks, both.coefs, rational=True, continuity=both.continuity)

@@ -14,30 +14,30 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.self_intersection import TOUCHING, control_points, self_crossing, size_of
-from cqblend.surfaces.primaries import Array, cross
+from cqblend.splines.self_intersection import TOUCHING_DISTANCE, control_points, find_self_crossing, measure_diagonal
+from cqblend.surfaces.primaries import Array, cross_product
 
-SLACK = 1e-9
+DOMAIN_SLACK = 1e-9
 """How far a rail may run outside the domain, relative to its width."""
 
-VANISHING = 1e-9
+VANISHING_SHARE = 1e-9
 """Speed and |Su x Sv| up to this, relative to the largest along the rail, count as zero."""
 
-KINK = 1e-6
+KINK_ANGLE = 1e-6
 """Angle (rad) up to which a rail, or the surface across a knot line, may turn at a break."""
 
-_SAMPLES = 8  # per polynomial piece; a zero between two shows as a slope that is steep for the value
+_SAMPLES_PER_PIECE = 8  # per polynomial piece; a zero between two shows as a slope that is steep for the value
 _HALVINGS = 40
-_THIRDS = 80  # steps that shrink an interval by 2/3 each, to 1e-14 of it
+_THIRDING_STEPS = 80  # steps that shrink an interval by 2/3 each, to 1e-14 of it
 
 
-def stations(breaks: Array) -> Array:
+def sample_stations(breaks: Array) -> Array:
     """Return parameters (n,) along a spline: every break, and equal steps between."""
-    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(_SAMPLES) / _SAMPLES)
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(_SAMPLES_PER_PIECE) / _SAMPLES_PER_PIECE)
     return np.append(inner.ravel(), breaks[-1])
 
 
-def check(surface: Surface, curve: Curve, position: Curve) -> None:
+def check_rail(surface: Surface, curve: Curve, position: Curve) -> None:
     """Check that a curve in the parameter plane can be a rail; ``position`` is its composition with the surface.
 
     Raises
@@ -49,20 +49,21 @@ def check(surface: Surface, curve: Curve, position: Curve) -> None:
         meets itself, or if a weight is not positive. Messages name the parameter.
     """
     _check_domain(surface, curve)
-    t = stations(position.breaks)
+    t = sample_stations(position.breaks)
     _check_tangent_plane(surface, curve, t)
     _check_speed(surface, curve, t)
     _check_smoothness(surface, curve, position)
-    met = self_crossing(position)
+    met = find_self_crossing(position)
     if met is not None:
         a, b = met
         raise GeometryError(
-            f"the rail meets itself: t = {a:.9g}, at {_pair(curve(a))}, and t = {b:.9g}, at {_pair(curve(b))}, are the "
+            f"the rail meets itself: t = {a:.9g}, at {_format_uv(curve(a))}, and t = {b:.9g}, at "
+            f"{_format_uv(curve(b))}, are the "
             f"same point; clip it to a part that does not"
         )
 
 
-def _pair(uv: Array) -> str:
+def _format_uv(uv: Array) -> str:
     return f"(u, v) = ({uv[0]:.9g}, {uv[1]:.9g})"
 
 
@@ -73,15 +74,15 @@ def _check_domain(surface: Surface, curve: Curve) -> None:
     for _ in range(_HALVINGS):
         points = control_points(curve)
         excess = (np.maximum(low - points, points - high) / (high - low)).max(axis=1)
-        doubtful = excess.max(axis=0) > SLACK
+        doubtful = excess.max(axis=0) > DOMAIN_SLACK
         if not doubtful.any():
             return
         ends = np.append(excess[0], excess[-1, -1])
-        if ends.max() > SLACK:
+        if ends.max() > DOMAIN_SLACK:
             t = curve.breaks[ends.argmax()]
             (u0, u1), (v0, v1) = surface.domain
             raise InputError(
-                f"the rail leaves the surface: at t = {t:.9g} it is at {_pair(curve(t))}, outside of the domain "
+                f"the rail leaves the surface: at t = {t:.9g} it is at {_format_uv(curve(t))}, outside of the domain "
                 f"[{u0:.9g}, {u1:.9g}] x [{v0:.9g}, {v1:.9g}]; clip the rail, or extend the surface"
             )
         curve = curve.cut(((curve.breaks[:-1] + curve.breaks[1:]) / 2)[doubtful])
@@ -89,48 +90,52 @@ def _check_domain(surface: Surface, curve: Curve) -> None:
 
 def _check_tangent_plane(surface: Surface, curve: Curve, t: Array) -> None:
     (u0, u1), (v0, v1) = surface.domain
-    jet = _jet(surface, curve(t))
+    jet = _evaluate_jet(surface, curve(t))
     along_u, along_v = (float(np.linalg.norm(s, axis=-1).max()) for s in (jet[1, 0] * (u1 - u0), jet[0, 1] * (v1 - v0)))
     largest = max(along_u, along_v) ** 2 / ((u1 - u0) * (v1 - v0))
-    at = _zero(lambda t: np.linalg.norm(_normals(surface, curve(t)), axis=-1), t, VANISHING * largest)
+    at = _find_zero(
+        lambda t: np.linalg.norm(_evaluate_normals(surface, curve(t)), axis=-1), t, VANISHING_SHARE * largest
+    )
     if at is not None:
         raise GeometryError(
-            f"the surface is singular on the rail, at t = {at:.9g}, {_pair(curve(at))}: Su x Sv is zero there (a pole, "
+            f"the surface is singular on the rail, at t = {at:.9g}, {_format_uv(curve(at))}: Su x Sv is zero there "
+            "(a pole, "
             f"or a side shrunk to a point), so no tangent plane to blend with; keep the rail clear of it"
         )
 
 
-def _jet(surface: Surface, uv: Array) -> Array:
+def _evaluate_jet(surface: Surface, uv: Array) -> Array:
     return surface.jet(uv[..., 0], uv[..., 1], 1)
 
 
-def _normals(surface: Surface, uv: Array) -> Array:
+def _evaluate_normals(surface: Surface, uv: Array) -> Array:
     """Return Su x Sv, (n, 3)."""
-    jet = _jet(surface, uv)
-    return cross(jet[1, 0], jet[0, 1])
+    jet = _evaluate_jet(surface, uv)
+    return cross_product(jet[1, 0], jet[0, 1])
 
 
 def _check_speed(surface: Surface, curve: Curve, t: Array) -> None:
-    def speed(t: Array) -> Array:
+    def evaluate_speed(t: Array) -> Array:
         c, rate = curve.jet(t, 1)
-        jet = _jet(surface, c)
+        jet = _evaluate_jet(surface, c)
         return np.asarray(np.linalg.norm(rate[:, :1] * jet[1, 0] + rate[:, 1:] * jet[0, 1], axis=-1))
 
     low, high = surface.bounds()
-    fastest = float(speed(t).max())
-    if fastest * (t[-1] - t[0]) <= TOUCHING * np.linalg.norm(high - low):
+    fastest = float(evaluate_speed(t).max())
+    if fastest * (t[-1] - t[0]) <= TOUCHING_DISTANCE * np.linalg.norm(high - low):
         raise GeometryError(
-            f"the rail has no length: from t = {t[0]:.9g} to t = {t[-1]:.9g} it stays at {_pair(curve(t[0]))}"
+            f"the rail has no length: from t = {t[0]:.9g} to t = {t[-1]:.9g} it stays at {_format_uv(curve(t[0]))}"
         )
-    at = _zero(speed, t, VANISHING * fastest)
+    at = _find_zero(evaluate_speed, t, VANISHING_SHARE * fastest)
     if at is not None:
         raise GeometryError(
-            f"the rail stands still at t = {at:.9g}, {_pair(curve(at))}: its derivative is zero, and no direction is "
+            f"the rail stands still at t = {at:.9g}, {_format_uv(curve(at))}: its derivative is zero, and no "
+            "direction is "
             f"across it; reparametrise it, or clip it there"
         )
 
 
-def _zero(f: Callable[[Array], Array], t: Array, tolerance: float) -> float | None:
+def _find_zero(f: Callable[[Array], Array], t: Array, tolerance: float) -> float | None:
     """Return the first parameter found at which f >= 0 is zero to the tolerance, or None."""
     y = f(t)
     steps = np.abs(np.diff(y))
@@ -139,7 +144,7 @@ def _zero(f: Callable[[Array], Array], t: Array, tolerance: float) -> float | No
     if not len(at):
         return None
     low, high = t[np.maximum(at - 1, 0)], t[np.minimum(at + 1, len(t) - 1)]
-    for _ in range(_THIRDS):
+    for _ in range(_THIRDING_STEPS):
         third = (high - low) / 3
         left, right = f(np.concatenate([low + third, high - third])).reshape(2, -1)
         low, high = np.where(left < right, low, low + third), np.where(left < right, high - third, high)
@@ -156,24 +161,27 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
     before, after = position.jet(t, 1, side="left"), position.jet(t, 1, side="right")
     gap = np.linalg.norm(after[0] - before[0], axis=-1)
     i = int(gap.argmax())
-    if gap[i] > TOUCHING * size_of(position):
+    if gap[i] > TOUCHING_DISTANCE * measure_diagonal(position):
         raise GeometryError(f"the rail is broken at t = {t[i]:.9g}: its pieces are {gap[i]:.3g} apart there; join them")
-    beside = SLACK * (position.domain[1] - position.domain[0])
-    crease = _angles(_normals(surface, curve(t - beside)), _normals(surface, curve(t + beside)))
+    beside = DOMAIN_SLACK * (position.domain[1] - position.domain[0])
+    crease = _measure_angles(
+        _evaluate_normals(surface, curve(t - beside)), _evaluate_normals(surface, curve(t + beside))
+    )
     i = int(crease.argmax())
-    if crease[i] > KINK:
+    if crease[i] > KINK_ANGLE:
         raise GeometryError(
-            f"the rail crosses a crease of the surface at t = {t[i]:.9g}, {_pair(curve(t[i]))}, where the normal turns "
+            f"the rail crosses a crease of the surface at t = {t[i]:.9g}, {_format_uv(curve(t[i]))}, where the "
+            "normal turns "
             f"by {crease[i]:.3g} rad; split surface and rail there"
         )
-    kink = _angles(before[1], after[1])
+    kink = _measure_angles(before[1], after[1])
     i = int(kink.argmax())
-    if kink[i] > KINK:
+    if kink[i] > KINK_ANGLE:
         raise GeometryError(
             f"the rail has a kink of {kink[i]:.3g} rad at its break t = {t[i]:.9g}; split it there, or round it off"
         )
 
 
-def _angles(a: Array, b: Array) -> Array:
+def _measure_angles(a: Array, b: Array) -> Array:
     """Return the angles between vectors (n, 3)."""
-    return np.arctan2(np.linalg.norm(cross(a, b), axis=-1), (a * b).sum(axis=-1))
+    return np.arctan2(np.linalg.norm(cross_product(a, b), axis=-1), (a * b).sum(axis=-1))

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.splines import Curve
-from cqblend.splines.evaluation import Side, quotient
+from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
 from cqblend.surfaces.primaries import Array, Primary
 
-FADED = 1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
-RETURNS = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
+LEAST_MEASURABLE_SHARE = (
+    1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
+)
+PERIODIC_TOLERANCE = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
 
 
 @dataclass(frozen=True)
@@ -41,39 +43,39 @@ class Ribbon:
     light: bool = False
     fades: bool = False
 
-    def native(self, t: Array) -> Array:
+    def find_native_parameters(self, t: Array) -> Array:
         """Return the native parameters (n, 2) at t, continuous along the rail."""
         near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
-        return self.primary.unlift(self.c(t), near)
+        return self.primary.unlift_points(self.c(t), near)
 
-    def jets(self) -> tuple[Curve, ...]:
+    def compose_jets(self) -> tuple[Curve, ...]:
         """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
-        return self.primary.jets(self.c, self.directions)
+        return self.primary.compose_jets(self.c, self.directions)
 
 
-def faded(ribbon: Ribbon, t: Array) -> Array:
+def is_faded(ribbon: Ribbon, t: Array) -> Array:
     """Tell where, at t (n,), the first derivative into the blend has vanished: nowhere if the ribbon does not fade."""
     if not ribbon.fades:
         return np.zeros(len(t), dtype=bool)
-    length = np.linalg.norm(in_space(np.stack([jet(t) for jet in ribbon.jets()[:2]]))[1], axis=1)
-    return np.asarray(length <= FADED * length.max())
+    length = np.linalg.norm(dehomogenise_jets(np.stack([jet(t) for jet in ribbon.compose_jets()[:2]]))[1], axis=1)
+    return np.asarray(length <= LEAST_MEASURABLE_SHARE * length.max())
 
 
-def returns(ribbon: Ribbon) -> bool:
+def is_periodic(ribbon: Ribbon) -> bool:
     """Whether the jets of a ribbon end as they start."""
     ends = np.array(ribbon.c.domain)
-    jets = in_space(np.stack([jet(ends) for jet in ribbon.jets()]))
+    jets = dehomogenise_jets(np.stack([jet(ends) for jet in ribbon.compose_jets()]))
     jets[0] -= jets[0, :1]
     size = np.abs(jets).max()
-    return bool(np.abs(jets[:, 0] - jets[:, 1]).max() <= RETURNS * max(size, np.finfo(float).tiny))
+    return bool(np.abs(jets[:, 0] - jets[:, 1]).max() <= PERIODIC_TOLERANCE * max(size, np.finfo(float).tiny))
 
 
-def in_space(jets: Array) -> Array:
+def dehomogenise_jets(jets: Array) -> Array:
     """Return derivatives in space, (k, n, 3), of homogeneous ones by any one parameter, (k, n, 4)."""
-    return np.moveaxis(quotient(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
+    return np.moveaxis(dehomogenise_derivatives(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
 
 
-def along(jets: Sequence[Curve], t: Array, order: int, side: Side = "right") -> Array:
+def evaluate_space_jets(jets: Sequence[Curve], t: Array, order: int, side: BreakSide = "right") -> Array:
     """Return jets in space with their derivatives by t, (jets, order + 1, n, 3), of homogeneous ones."""
     homogeneous = np.stack([jet.jet(t, order, side=side) for jet in jets])  # (jets, order + 1, n, 4)
-    return quotient(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)
+    return dehomogenise_derivatives(homogeneous.swapaxes(2, 3)).swapaxes(2, 3)

@@ -18,38 +18,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, Crossing, cross, unit
+from cqblend.surfaces.primaries import Array, KnotCrossing, cross_product, normalise_vectors
 
-SLIVER = 2e-5  # of the rail: breaks nearer to each other than that are one
-LOOSE = 0.02  # share of a turn by which the fit of its fading may err
-FADE = 0.1  # of the rail: over such a length a turn fades, unless the next crossing is nearer
+SLIVER_SHARE = 2e-5  # of the rail: breaks nearer to each other than that are one
+FADE_FIT_SHARE = 0.02  # share of a turn by which the fit of its fading may err
+FADE_LENGTH_SHARE = 0.1  # of the rail: over such a length a turn fades, unless the next crossing is nearer
 
 
 @dataclass(frozen=True)
-class Pin:
-    """A crossing at ``t`` of the knot line ``axis`` = ``value``, at which a direction is turned by ``angle`` (rad).
+class SteeringPin:
+    """A crossing at ``t`` of the knot line ``axis`` = ``value``, where ``evaluate_angle`` (rad) turns a direction.
 
-    ``deep`` says that the second direction is to be parallel to the line, too.
+    ``second_order`` says that the second direction is to be parallel to the line, too.
     """
 
     t: float
     axis: int
     value: float
     angle: float
-    deep: bool
+    second_order: bool
 
 
 @dataclass(frozen=True)
 class Steering:
     """The pins of one rail over ``domain``, in order; on a closed rail they repeat."""
 
-    pins: tuple[Pin, ...]
+    pins: tuple[SteeringPin, ...]
     domain: tuple[float, float]
     closed: bool
 
-    def angle(self, t: Array) -> Array:
+    def evaluate_angle(self, t: Array) -> Array:
         """Return the angle (n,) to turn by: that of the pins at their t, C2 in between, zero far from all."""
         if not self.pins:
             return np.zeros_like(t)
@@ -61,45 +61,45 @@ class Steering:
         angles = np.array([pin.angle for _ in laps for pin in self.pins])
         total = np.zeros_like(t)
         gaps = np.diff(nodes)
-        before = np.minimum(np.append(np.inf, gaps), FADE * period)
-        after = np.minimum(np.append(gaps, np.inf), FADE * period)
+        before = np.minimum(np.append(np.inf, gaps), FADE_LENGTH_SHARE * period)
+        after = np.minimum(np.append(gaps, np.inf), FADE_LENGTH_SHARE * period)
         for node, angle, left, right in zip(nodes, angles, before, after, strict=True):
-            total += angle * _fade(np.where(t < node, (node - t) / left, (t - node) / right))
+            total += angle * _evaluate_fade(np.where(t < node, (node - t) / left, (t - node) / right))
         return total
 
-    def slack(self, t: Array) -> Array:
+    def evaluate_slack(self, t: Array) -> Array:
         """Return how far from the turn a fit may be (rad): how it fades, and rings on, means nothing of its own."""
         largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
-        reach = 2 * FADE * (self.domain[1] - self.domain[0])
-        near = [np.abs(self._apart(t, pin)) < reach for pin in self.pins]
-        return np.where(np.any(near, axis=0), LOOSE * largest, np.zeros_like(t))
+        reach = 2 * FADE_LENGTH_SHARE * (self.domain[1] - self.domain[0])
+        near = [np.abs(self._measure_offset(t, pin)) < reach for pin in self.pins]
+        return np.where(np.any(near, axis=0), FADE_FIT_SHARE * largest, np.zeros_like(t))
 
-    def turned(self, vectors: Array, normals: Array, t: Array) -> Array:
+    def turn_vectors(self, vectors: Array, normals: Array, t: Array) -> Array:
         """Turn tangent vectors (n, 3) about the normals."""
-        angle = self.angle(t)[:, None]
-        return np.cos(angle) * vectors + np.sin(angle) * cross(normals, vectors)
+        angle = self.evaluate_angle(t)[:, None]
+        return np.cos(angle) * vectors + np.sin(angle) * cross_product(normals, vectors)
 
-    def pinned(self, rs: Array, t: Array, *, deep: bool = False) -> Array:
+    def zero_at_pins(self, rs: Array, t: Array, *, deep: bool = False) -> Array:
         """Make the component r or s of directions (n, 2) that vanishes at a pin, or a deep one, exactly zero there."""
         out = rs.copy()
         for pin in self.pins:
-            if deep and not pin.deep:
+            if deep and not pin.second_order:
                 continue
-            out[self._apart(t, pin) == 0, pin.axis] = 0.0
+            out[self._measure_offset(t, pin) == 0, pin.axis] = 0.0
         return out
 
-    def faded(self, rs: Array, t: Array) -> Array:
+    def align_second_directions(self, rs: Array, t: Array) -> Array:
         """Let second directions (n, 2) be parallel to the knot lines at deep pins, by what fades beside them."""
         out = rs.copy()
         for pin in self.pins:
-            if pin.deep:
-                apart = self._apart(t, pin)
+            if pin.second_order:
+                apart = self._measure_offset(t, pin)
                 at = np.flatnonzero(apart == 0)
-                out[:, pin.axis] -= rs[at[0], pin.axis] * _fade(np.abs(apart) / self._reach(pin))
+                out[:, pin.axis] -= rs[at[0], pin.axis] * _evaluate_fade(np.abs(apart) / self._find_reach(pin))
                 out[at, pin.axis] = 0.0
         return out
 
-    def _apart(self, t: Array, pin: Pin) -> Array:
+    def _measure_offset(self, t: Array, pin: SteeringPin) -> Array:
         """Return how far t is from a pin; zero where it is the pin to rounding."""
         apart = t - pin.t
         period = self.domain[1] - self.domain[0]
@@ -107,68 +107,68 @@ class Steering:
             apart -= period * np.round(apart / period)
         return np.where(np.abs(apart) < 1e-13 * period, 0.0, apart)
 
-    def _reach(self, pin: Pin) -> float:
+    def _find_reach(self, pin: SteeringPin) -> float:
         """Return the distance within which a pin may have influence: it ends at the next one of the same axis."""
-        others = [abs(float(self._apart(np.array(one.t), pin))) for one in self.pins if one is not pin]
-        return min([*others, FADE * (self.domain[1] - self.domain[0])])
+        others = [abs(float(self._measure_offset(np.array(one.t), pin))) for one in self.pins if one is not pin]
+        return min([*others, FADE_LENGTH_SHARE * (self.domain[1] - self.domain[0])])
 
 
-def _fade(x: Array) -> Array:
+def _evaluate_fade(x: Array) -> Array:
     """Return the polynomial that falls from 1 to 0 over [0, 1] with two vanishing derivatives at both ends."""
     x = np.clip(x, 0.0, 1.0)
     return 1 - x**3 * (10 - 15 * x + 6 * x**2)
 
 
-class Turn(NamedTuple):
+class RequiredTurn(NamedTuple):
     """A crossing of a knot line whose shape asks for a direction along it: how far the ribbon's is from that.
 
-    ``angle`` (rad, signed) turns the direction onto the line, in either sense; ``clear`` (rad) is how far the line is
-    from the rail.
+    ``evaluate_angle`` (rad, signed) turns the direction onto the line, in either sense; ``clear`` (rad) is how far the
+    line is from the rail.
     """
 
-    crossing: Crossing
+    crossing: KnotCrossing
     angle: float
     clear: float
 
 
-def turns(ribbon: Ribbon, order: int) -> list[Turn]:
+def find_required_turns(ribbon: Ribbon, order: int) -> list[RequiredTurn]:
     """Return where and how far the first direction of a ribbon would have to turn for its jets up to an order."""
-    crossings = [one for one in ribbon.primary.crossings(ribbon.c, order) if one.shape <= order]
+    crossings = [one for one in ribbon.primary.find_knot_crossings(ribbon.c, order) if one.shape_continuity <= order]
     if not crossings:
         return []
     t = np.array([one.t for one in crossings])
     axis = np.array([one.axis for one in crossings])
-    uv = ribbon.native(t)
+    uv = ribbon.find_native_parameters(t)
     uv[np.arange(len(t)), axis] = [one.value for one in crossings]
     jet = ribbon.primary.jet(uv)
-    rail, field = ribbon.jets()[:2]
-    normal = unit(cross(jet[1], jet[2]))
+    rail, field = ribbon.compose_jets()[:2]
+    normal = normalise_vectors(cross_product(jet[1], jet[2]))
     line = np.where((axis == 0)[:, None], jet[2], jet[1])
 
-    def onto_line(vectors: Array) -> Array:
-        sine, cosine = (cross(vectors, line) * normal).sum(1), (vectors * line).sum(1)
+    def measure_angle(vectors: Array) -> Array:
+        sine, cosine = (cross_product(vectors, line) * normal).sum(1), (vectors * line).sum(1)
         return np.asarray(np.arctan2(np.where(cosine < 0, -sine, sine), np.abs(cosine)))
 
-    angle = onto_line(in_space(np.stack([rail(t), field(t)]))[1])
-    clear = np.abs(onto_line(in_space(rail.jet(t, 1))[1]))
-    return [Turn(*one) for one in zip(crossings, angle.tolist(), clear.tolist(), strict=True)]
+    angle = measure_angle(dehomogenise_jets(np.stack([rail(t), field(t)]))[1])
+    clear = np.abs(measure_angle(dehomogenise_jets(rail.jet(t, 1))[1]))
+    return [RequiredTurn(*one) for one in zip(crossings, angle.tolist(), clear.tolist(), strict=True)]
 
 
-def pins(ribbon: Ribbon, limit: float) -> list[Pin]:
+def find_pins(ribbon: Ribbon, limit: float) -> list[SteeringPin]:
     """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
     order, ends = ribbon.order, ribbon.c.domain
-    needed = turns(ribbon, order) if order else []
+    needed = find_required_turns(ribbon, order) if order else []
     if order == 3 and needed:
-        rough = min((one.crossing for one in needed), key=lambda one: one.shape)
-        if rough.shape < 3:
+        rough = min((one.crossing for one in needed), key=lambda one: one.shape_continuity)
+        if rough.shape_continuity < 3:
             raise GeometryError(
                 f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
-                f"{rough.value:.6g}, where one is only C{rough.shape}, at t = {rough.t:.6g}; use G2"
+                f"{rough.value:.6g}, where one is only C{rough.shape_continuity}, at t = {rough.t:.6g}; use G2"
             )
-    close = SLIVER * (ends[1] - ends[0])
-    found: list[Pin] = []
+    close = SLIVER_SHARE * (ends[1] - ends[0])
+    found: list[SteeringPin] = []
     for one, angle, _ in sorted(needed, key=lambda turn: abs(turn.angle)):
         clear = all(abs(one.t - other.t) > close for other in found)
         if abs(angle) <= limit and clear:
-            found.append(Pin(one.t, one.axis, one.value, angle, deep=one.shape < order))
+            found.append(SteeringPin(one.t, one.axis, one.value, angle, second_order=one.shape_continuity < order))
     return sorted(found, key=lambda pin: pin.t)

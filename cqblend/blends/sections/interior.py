@@ -19,30 +19,30 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooFine
-from cqblend.blends.pde.rail_basis import SPLINES
+from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE
 from cqblend.blends.pde.solution import Solution
-from cqblend.blends.sections.cross_basis import bubbles
-from cqblend.blends.sections.hermite_section import Interior, Jets, section, weights
+from cqblend.blends.sections.cross_basis import evaluate_bubbles
+from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.breaks import aligned
-from cqblend.splines.fit import approximate
-from cqblend.splines.knots import extract
+from cqblend.splines.breaks import align_breaks
+from cqblend.splines.fit import approximate_curve
+from cqblend.splines.knots import extract_pieces
 from cqblend.surfaces.primaries import Array
 
-DEGREE = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
-ACROSS = 72  # points across, at least, at which solutions are read
-FINER = 3  # times as many, where these are not enough
-DENSE = 2 / np.pi  # spans for each point, at most: there are points in every one of them
-SAME = 1e-13  # of the interior: as near as that, it is the same
-EASILY = 1e-4  # of the tolerance: as near as that, polynomials on the section's own pieces will do
-SPANS = 128  # along, at most, before an interior gets kinks that it could do without
-LIGHT = 4  # degree along of sections that may be simple: between planes, around axes
+MOST_DEGREE_ACROSS = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
+LEAST_POINTS_ACROSS = 72  # points across, at least, at which solutions are read
+FINER_POINTS_FACTOR = 3  # times as many, where these are not enough
+SPANS_PER_POINT = 2 / np.pi  # spans for each point, at most: there are points in every one of them
+SAME_VALUE_SHARE = 1e-13  # of the interior: as near as that, it is the same
+POLYNOMIAL_TOLERANCE_SHARE = 1e-4  # of the tolerance: as near as that, polynomials on the section's own pieces will do
+MOST_SMOOTH_SPANS = 128  # along, at most, before an interior gets kinks that it could do without
+MOST_SIMPLE_DEGREE = 4  # degree along of sections that may be simple: between planes, around axes
 
 
 @dataclass(frozen=True)
-class Filling(ABC):
+class FilledSection(ABC):
     """Fills the section between jets with something, within a tolerance (mm).
 
     ``halves`` is how many jets x, y and z take from each rail, ``points`` at how many points across the interior is
@@ -56,15 +56,15 @@ class Filling(ABC):
     kinks: Array
     orders: Array
 
-    firm: ClassVar[bool] = False  # whether the kinks are sure to be there
-    most: ClassVar[int] = 512  # spans along
+    kinks_are_certain: ClassVar[bool] = False  # whether the kinks are sure to be there
+    most_spans_along: ClassVar[int] = 512  # spans along
     advice: ClassVar[tuple[str, str]] = (
         "fewer terms, or parameters whose layers along the rails are less thin (a smaller b)",
         "fewer modes",
     )  # what to do about too many spans across and along
 
     @abstractmethod
-    def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+    def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return what is added to the section at v (m,), as a function of t (n,) to (n, m, 3)."""
 
     def __call__(self, sides: tuple[Jets, Jets]) -> Surface:
@@ -76,115 +76,125 @@ class Filling(ABC):
             If the tolerance takes more spans than there may be.
         """
         taken = min(map(len, sides))
-        return section(sides, None if min(self.halves) == taken else self.halves, self.interior(sides))
+        return build_section(sides, None if min(self.halves) == taken else self.halves, self.fit_interior(sides))
 
-    def interior(self, sides: tuple[Jets, Jets]) -> Interior | None:
+    def fit_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
         """Return what is added as splines, None if it is within the tolerance."""
-        for points in (self.points, FINER * self.points):
+        for points in (self.points, FINER_POINTS_FACTOR * self.points):
             v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
-            values, plain = self._values(sides, v), self.added(sides, v)
-            jets = aligned([*sides[0], *sides[1]])
+            values, plain = self._make_weighted_sampler(sides, v), self.make_interior_function(sides, v)
+            jets = align_breaks([*sides[0], *sides[1]])
             breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
             found = values(np.union1d(np.linspace(breaks[0], breaks[-1], 257), (breaks[:-1] + breaks[1:]) / 2))
             size = float(np.abs(found).max())
             if size <= self.tolerance / 4:
                 return None
-            across = self._across(v, found)
+            across = self._choose_across_basis(v, found)
             if across is not None:
                 break
         else:
-            raise TooFine(
-                f"the interior, {size:.2g} mm away from a Hermite section, takes more than {int(DENSE * points)} spans "
+            raise TooManySpansError(
+                f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
+                f"{int(SPANS_PER_POINT * points)} spans "
                 f"across: ask for a larger tolerance, or {self.advice[0]}"
             )
 
-        def sample(t: Array) -> Array:
+        def sample_coefficients(t: Array) -> Array:
             assert across is not None
-            return across.fitted(values(t))
+            return across.fit_coefficients(values(t))
 
-        curve = _simple(sample, breaks, degree, max(SAME * size, EASILY * self.tolerance))
+        curve = _fit_on_pieces(
+            sample_coefficients,
+            breaks,
+            degree,
+            max(SAME_VALUE_SHARE * size, POLYNOMIAL_TOLERANCE_SHARE * self.tolerance),
+        )
         if curve is None:
-            weight, fitted = _common_weight(sides), across.fitted
+            weight, fitted = _common_weight(sides), across.fit_coefficients
             if weight is None:
-                curve = self._along(sample, breaks, None if _even(sides) else jets)
+                curve = self._fit_along(sample_coefficients, breaks, None if _has_unit_weight(sides) else jets)
             else:  # whose kinks would be approximated: multiplied by it, what is smooth in space stays so
-                curve = self._along(lambda t: fitted(plain(t)), breaks, None) * weight
-        return Interior(curve, across.tables, across.breaks, across.continuity)
+                curve = self._fit_along(lambda t: fitted(plain(t)), breaks, None) * weight
+        return SectionInterior(curve, across.tables, across.breaks, across.continuity)
 
-    def _values(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+    def _make_weighted_sampler(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return the interior at all v times the section's weight, as a function of t (n,): (n, m, 3)."""
-        added = self.added(sides, v)
+        added = self.make_interior_function(sides, v)
 
-        def values(t: Array) -> Array:
+        def evaluate_weighted(t: Array) -> Array:
             out = added(t)
-            weight = None if _even(sides) else weights(sides, t, v)
+            weight = None if _has_unit_weight(sides) else evaluate_weights(sides, t, v)
             return out if weight is None else out * weight[..., None]
 
-        return values
+        return evaluate_weighted
 
-    def _along(self, sample: Callable[[Array], Array], breaks: Array, weighted: list[Curve] | None) -> Curve:
+    def _fit_along(self, sample: Callable[[Array], Array], breaks: Array, weighted: list[Curve] | None) -> Curve:
         """Approximate the interior along: C4 if that goes, else with the kinks of rails and weights, C1 at least."""
         kinks, orders = self.kinks, self.orders
         if weighted is not None:
             kinks = np.concatenate([kinks, breaks[1:-1]])
             orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted], axis=0)])
-        smooth, soft = orders >= SPLINES - 1, np.maximum(orders, 1)
-        ways = [(kinks[smooth], orders[smooth], SPANS), (kinks, soft, SPANS), (kinks, orders, self.most)]
-        if self.firm:
-            ways = [(kinks, soft, self.most), (kinks, orders, self.most)]
+        smooth, soft = orders >= LEAST_SPLINE_DEGREE - 1, np.maximum(orders, 1)
+        ways = [
+            (kinks[smooth], orders[smooth], MOST_SMOOTH_SPANS),
+            (kinks, soft, MOST_SMOOTH_SPANS),
+            (kinks, orders, self.most_spans_along),
+        ]
+        if self.kinks_are_certain:
+            ways = [(kinks, soft, self.most_spans_along), (kinks, orders, self.most_spans_along)]
         if (soft == orders).all():
             ways = [*ways[:-2], ways[-1]]
         for at, allowed, most in ways:
             try:
-                return approximate(
+                return approximate_curve(
                     sample, breaks, self.tolerance / 4, kinks=at, orders=allowed, closed=self.closed, most=most
                 )
             except GeometryError as error:
                 last = error
-        raise TooFine(
+        raise TooManySpansError(
             f"the interior between the rails cannot be approximated along them: {last}; ask for a larger tolerance, or "
             f"{self.advice[1]}"
         ) from last
 
-    def _across(self, v: Array, found: Array) -> _Across | None:
+    def _choose_across_basis(self, v: Array, found: Array) -> _AcrossBasis | None:
         """Choose the fewest functions across that hold the interior within a quarter of the tolerance; None if none."""
-        for degree, spans in _choices(self.halves, DENSE * len(v)):
-            across = _Across.of(self.halves, degree, spans, v)
-            if np.abs(across.values(across.fitted(found)) - found).max() <= self.tolerance / 4:
+        for degree, spans in _iterate_spaces(self.halves, SPANS_PER_POINT * len(v)):
+            across = _AcrossBasis.from_spans(self.halves, degree, spans, v)
+            if np.abs(across.evaluate_at_points(across.fit_coefficients(found)) - found).max() <= self.tolerance / 4:
                 return across
         return None
 
 
 @dataclass(frozen=True)
-class Bubbles(Filling):
+class PdeSection(FilledSection):
     r"""The bubbles of a solution of partial differential equations, sum of :math:`\varphi_m(v)\, q_m(w(t))`."""
 
     solution: Solution
 
-    def added(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
+    def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return the sum of the bubbles."""
         del sides
-        inside = [bubbles(half, self.solution.terms, v).T for half in self.halves]
+        inside = [evaluate_bubbles(half, self.solution.terms, v).T for half in self.halves]
 
-        def values(t: Array) -> Array:
-            parts = self.solution.inside(self.solution.clock(t))
+        def evaluate_bubbles_sum(t: Array) -> Array:
+            parts = self.solution.evaluate_coefficients(self.solution.clock(t))
             return np.stack([q @ one for q, one in zip(parts, inside, strict=True)], axis=-1)
 
-        return values
+        return evaluate_bubbles_sum
 
 
-def _choices(halves: tuple[int, int, int], most: float) -> Iterator[tuple[int, int]]:
+def _iterate_spaces(halves: tuple[int, int, int], most: float) -> Iterator[tuple[int, int]]:
     """Yield degrees across and numbers of spans: polynomials first, then splines."""
     least = 2 * max(halves)
-    yield from ((degree, 1) for degree in range(least, DEGREE + 1))
+    yield from ((degree, 1) for degree in range(least, MOST_DEGREE_ACROSS + 1))
     spans = 2
     while spans <= most:
-        yield DEGREE, spans
+        yield MOST_DEGREE_ACROSS, spans
         spans += max(1, spans // 2)
 
 
 @dataclass(frozen=True)
-class _Across:
+class _AcrossBasis:
     """B-splines across that vanish at both ends, as often as each component needs it.
 
     ``tables`` (3, degree + 1, m, spans) are their Bernstein coefficients, m of all components together.
@@ -193,15 +203,15 @@ class _Across:
     tables: Array
     breaks: Array
     continuity: Array
-    at: Array  # values of all at the points v, (n, m)
-    back: Array  # least squares, (m, n)
-    owner: Array  # the component of each, (m,)
+    point_values: Array  # values of all at the points v, (n, m)
+    least_squares: Array  # least squares, (m, n)
+    components: Array  # the component of each, (m,)
 
     @classmethod
-    def of(cls, halves: tuple[int, int, int], degree: int, spans: int, v: Array) -> _Across:
+    def from_spans(cls, halves: tuple[int, int, int], degree: int, spans: int, v: Array) -> _AcrossBasis:
         breaks = np.linspace(0, 1, spans + 1)
         knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
-        _, coefs, continuity = extract(degree, knots, np.eye(spans + degree))
+        _, coefs, continuity = extract_pieces(degree, knots, np.eye(spans + degree))
         values = Curve(breaks, coefs)(v)
         kept = [np.arange(half, spans + degree - half) for half in halves]
         owner = np.repeat([0, 1, 2], [len(one) for one in kept])
@@ -210,47 +220,51 @@ class _Across:
         back = np.concatenate([np.linalg.pinv(values[:, one]) for one in kept])
         return cls(tables, breaks, continuity, values[:, chosen], back, owner)
 
-    def fitted(self, found: Array) -> Array:
+    def fit_coefficients(self, found: Array) -> Array:
         """Return coefficients (n, m) for values (n, points, 3)."""
-        parts = [found[..., i] @ self.back[self.owner == i].T for i in range(3)]
+        parts = [found[..., i] @ self.least_squares[self.components == i].T for i in range(3)]
         return np.concatenate(parts, axis=1)
 
-    def values(self, coefs: Array) -> Array:
+    def evaluate_at_points(self, coefs: Array) -> Array:
         """Return values (n, points, 3) of coefficients (n, m)."""
-        parts = [coefs[:, self.owner == i] @ self.at[:, self.owner == i].T for i in range(3)]
+        parts = [coefs[:, self.components == i] @ self.point_values[:, self.components == i].T for i in range(3)]
         return np.stack(parts, axis=-1)
 
 
-def _even(sides: tuple[Jets, Jets]) -> bool:
+def _has_unit_weight(sides: tuple[Jets, Jets]) -> bool:
     """Whether the weight of a section is one."""
     if sides[0][0].dim == 3:
         return True
-    return all(bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= SAME) for jets in sides for k, jet in enumerate(jets))
+    return all(
+        bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= SAME_VALUE_SHARE)
+        for jets in sides
+        for k, jet in enumerate(jets)
+    )
 
 
 def _common_weight(sides: tuple[Jets, Jets]) -> Curve | None:
     """Return the weight of a section if it is the same at all v, and not one."""
-    if _even(sides):
+    if _has_unit_weight(sides):
         return None
     first, *others = (jet[3] for jets in sides for jet in jets[:1])
     higher = [jet.coefs[:, 3] for jets in sides for jet in jets[1:]]
     same = all(np.array_equal(one.breaks, first.breaks) and one.degree == first.degree for one in others)
-    if not same or any(np.abs(one.coefs - first.coefs).max() > SAME for one in others):
+    if not same or any(np.abs(one.coefs - first.coefs).max() > SAME_VALUE_SHARE for one in others):
         return None
-    return first if all(np.abs(one).max() <= SAME for one in higher) else None
+    return first if all(np.abs(one).max() <= SAME_VALUE_SHARE for one in higher) else None
 
 
-def _simple(sample: Callable[[Array], Array], breaks: Array, degree: int, tolerance: float) -> Curve | None:
+def _fit_on_pieces(sample: Callable[[Array], Array], breaks: Array, degree: int, tolerance: float) -> Curve | None:
     """Return the interior as polynomials of a low degree on the section's own pieces, where that is what it is.
 
     As between planes, and around axes; else None.
     """
-    if degree > LIGHT:
+    if degree > MOST_SIMPLE_DEGREE:
         return None
     nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
     steps = np.diff(breaks)
     values = sample((breaks[:-1] + nodes[:, None] * steps).ravel()).reshape(degree + 1, len(steps), -1)
-    matrix = np.linalg.inv(bernstein.basis(degree, 1 - nodes, nodes).T)
+    matrix = np.linalg.inv(bernstein.evaluate_basis(degree, 1 - nodes, nodes).T)
     values[-1, :-1] = values[0, 1:]  # the same points, but for rounding
     coefs = np.einsum("pk,knd->pdn", matrix, values)
     coefs[0], coefs[-1] = values[0].T, values[-1].T

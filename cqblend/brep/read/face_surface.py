@@ -38,85 +38,85 @@ from OCP.gp import gp_Ax3
 from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from cqblend.blends.contacts.contact_solver import Side
-from cqblend.blends.rails.ribbon import Ribbon, in_space
+from cqblend.blends.contacts.contact_solver import SupportSurface
+from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.spline_conversion import ParameterMap, with_parameters
+from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_map
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
 from cqblend.surfaces.primaries import (
     Array,
     Cone,
-    Crossing,
     Cylinder,
-    Frame,
+    KnotCrossing,
+    LocalFrame,
     Plane,
     Primary,
     Quadric,
-    Revolution,
-    Ring,
+    RevolvedEllipse,
+    RevolvedSpline,
     Sphere,
-    Tensor,
-    near_period,
-    tangent_coordinates,
-    unwrapped,
+    TensorSurface,
+    shift_to_period,
+    to_tangent_coordinates,
+    unwrap_parameters,
 )
 
-PCURVE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
+PCURVE_TOLERANCE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
 
 
 @dataclass(frozen=True)
-class FaceSide(Side):
+class SupportFace(SupportSurface):
     """A face next to the blended edge: its primary, and how to get back to its own parameters.
 
-    ``native`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It differs
-    from ``primary`` on spheres, where solving takes another axis so that poles stay out of the way, and shares its
-    lifted parameters.
+    ``face_primary`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It
+    differs from ``primary`` on spheres, where solving takes another axis so that poles stay out of the way, and shares
+    its lifted parameters.
     """
 
     face: TopoDS_Face
-    native: Primary
+    face_primary: Primary
     bounds: Array
 
-    def working(self, uv: Array) -> Array:
+    def to_working_parameters(self, uv: Array) -> Array:
         """Turn the face's own parameters (n, 2) into those of ``primary``."""
-        if self.native is self.primary:
+        if self.face_primary is self.primary:
             return uv
-        found = self.primary.unlift(self.native.lift(uv), np.zeros((len(uv), 2)))
-        return unwrapped(found, self.primary.periods)
+        found = self.primary.unlift_points(self.face_primary.lift_points(uv), np.zeros((len(uv), 2)))
+        return unwrap_parameters(found, self.primary.periods)
 
-    def own(self, uv: Array) -> Array:
+    def to_face_parameters(self, uv: Array) -> Array:
         """Turn parameters (n, 2) of ``primary`` into the face's own."""
-        if self.native is self.primary:
+        if self.face_primary is self.primary:
             return uv.copy()
-        return self.native.unlift(self.primary.lift(uv), np.zeros_like(uv))
+        return self.face_primary.unlift_points(self.primary.lift_points(uv), np.zeros_like(uv))
 
-    def beside(self, uv: Array, near: Array) -> Array:
+    def unwrap_near(self, uv: Array, near: Array) -> Array:
         """Shift the face's own parameters (n, 2) by whole periods next to ``near`` (n, 2)."""
         out = uv.copy()
-        for axis, period in enumerate(self.native.periods):
+        for axis, period in enumerate(self.face_primary.periods):
             if period is not None:
-                out[:, axis] = near_period(uv[:, axis], near[:, axis], period)
+                out[:, axis] = shift_to_period(uv[:, axis], near[:, axis], period)
         return out
 
-    def at_seam(self, uv: Array) -> bool:
+    def is_at_seam(self, uv: Array) -> bool:
         """Whether the face's own parameters (2,), in its window, lie where a closed direction meets itself."""
         return any(
             period is not None
-            and abs(near_period(uv[axis], self.bounds[axis, 0], period) - self.bounds[axis, 0]) < 1e-6 * period
-            for axis, period in enumerate(self.native.periods)
+            and abs(shift_to_period(uv[axis], self.bounds[axis, 0], period) - self.bounds[axis, 0]) < 1e-6 * period
+            for axis, period in enumerate(self.face_primary.periods)
         )
 
-    def windowed(self, uv: Array) -> Array:
+    def wrap_to_window(self, uv: Array) -> Array:
         """Shift the face's own parameters (n, 2) by whole periods into its window."""
         out = uv.copy()
-        for axis, period in enumerate(self.native.periods):
+        for axis, period in enumerate(self.face_primary.periods):
             if period is not None:
                 out[:, axis] = self.bounds[axis, 0] + np.mod(uv[:, axis] - self.bounds[axis, 0], period)
         return out
 
 
-def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) -> FaceSide:
+def read_support_face(face: TopoDS_Face, edge_points: Array, *, around: bool = False) -> SupportFace:
     """Read a face; ``edge_points`` (n, 3) tell which part of a cone or sphere is meant.
 
     ``around`` says that they run around something: closed, or along an arc of a circle.
@@ -127,48 +127,52 @@ def face_side(face: TopoDS_Face, edge_points: Array, *, around: bool = False) ->
     while isinstance(surface, Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
     bounds = np.array(BRepTools.UVBounds_s(forward)).reshape(2, 2)
-    native = _primary(surface, forward, edge_points)
+    native = _read_primary(surface, forward, edge_points)
     primary = native
-    if isinstance(native, Mapped):
+    if isinstance(native, ReparametrizedSpline):
         primary = native.spline
     elif isinstance(native, Sphere) and len(edge_points) > 1:
-        primary = _turned(native, edge_points, around=around)
+        primary = _reorient_sphere(native, edge_points, around=around)
         native = replace(native, pole=primary.pole)
-    return FaceSide(primary, outward, forward, native, bounds)
+    return SupportFace(primary, outward, forward, native, bounds)
 
 
-def _frame(position: gp_Ax3) -> Frame:
+def _read_local_frame(position: gp_Ax3) -> LocalFrame:
     p = position.Location()
     axes = [position.XDirection(), position.YDirection(), position.Direction()]
-    return Frame(np.array([p.X(), p.Y(), p.Z()]), np.array([[a.X(), a.Y(), a.Z()] for a in axes]))
+    return LocalFrame(np.array([p.X(), p.Y(), p.Z()]), np.array([[a.X(), a.Y(), a.Z()] for a in axes]))
 
 
-def _primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Primary:
+def _read_primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Primary:
     if isinstance(surface, Geom_ElementarySurface):
-        return _elementary(surface, points)
+        return _read_elementary_surface(surface, points)
     if isinstance(surface, Geom_SurfaceOfLinearExtrusion | Geom_SurfaceOfRevolution):
-        swept = _revolution(surface, face) if isinstance(surface, Geom_SurfaceOfRevolution) else _extrusion(surface)
+        swept = (
+            _read_revolved_surface(surface, face)
+            if isinstance(surface, Geom_SurfaceOfRevolution)
+            else _read_extruded_ellipse(surface)
+        )
         if swept is not None:
             return swept
     closed = (bool(surface.IsUClosed()), bool(surface.IsVClosed()))
     if isinstance(surface, Geom_BSplineSurface):  # all of it: rails may run past the face's end
-        return Tensor.of(Surface.from_bspline(*spline_arrays.surface_to_arrays(surface)), closed)
-    spline, parameters = with_parameters(face)
+        return TensorSurface.from_spline(Surface.from_bspline(*spline_arrays.surface_to_arrays(surface)), closed)
+    spline, parameters = to_surface_with_map(face)
     whole = [
         flag and width > 0.999 * (high - low)
         for flag, width, (low, high) in zip(
             closed, (b[-1] - b[0] for b in spline.breaks), np.array(surface.Bounds()).reshape(2, 2), strict=True
         )
     ]
-    tensor = Tensor.of(spline, (whole[0], whole[1]))
-    return tensor if parameters == ParameterMap() else Mapped(tensor, parameters)
+    tensor = TensorSurface.from_spline(spline, (whole[0], whole[1]))
+    return tensor if parameters == ParameterMap() else ReparametrizedSpline(tensor, parameters)
 
 
 @dataclass(frozen=True)
-class Mapped(Primary):
+class ReparametrizedSpline(Primary):
     """A spline in the parameters of the face it came from: those of conics, which a rational spline does not keep."""
 
-    spline: Tensor
+    spline: TensorSurface
     parameters: ParameterMap
 
     @property
@@ -176,53 +180,53 @@ class Mapped(Primary):
         """Those of the spline: the parameters agree at the ends of every arc."""
         return self.spline.periods
 
-    def lines(self, axis: int) -> Array:
-        return self.spline.lines(axis)
+    def inner_knot_lines(self, axis: int) -> Array:
+        return self.spline.inner_knot_lines(axis)
 
-    def crossings(self, c: Curve, most: int) -> list[Crossing]:
-        return self.spline.crossings(c, most)
+    def find_knot_crossings(self, c: Curve, most: int) -> list[KnotCrossing]:
+        return self.spline.find_knot_crossings(c, most)
 
-    def _change(self, change: Callable[[Array], Array], uv: Array) -> Array:
-        inside = self.spline.wrap(uv)
+    def _convert_parameters(self, change: Callable[[Array], Array], uv: Array) -> Array:
+        inside = self.spline.wrap_parameters(uv)
         return change(inside) + (uv - inside)
 
     def jet(self, uv: Array) -> Array:
-        at = self._change(self.parameters.to_spline, uv)
+        at = self._convert_parameters(self.parameters.to_spline, uv)
         jet = self.spline.jet(at)
-        at = self.spline.wrap(at)
+        at = self.spline.wrap_parameters(at)
         for axis, arcs, first, second in ((0, self.parameters.u, 1, 3), (1, self.parameters.v, 2, 5)):
             if arcs is not None:
-                rate, bend = (values[:, None] for values in arcs.rates(at[:, axis]))
+                rate, bend = (values[:, None] for values in arcs.evaluate_conic_rates(at[:, axis]))
                 jet[second] = (jet[second] - jet[first] * bend / rate) / rate**2
                 jet[first], jet[4] = jet[first] / rate, jet[4] / rate
         return jet
 
-    def lift(self, uv: Array) -> Array:
-        return self.spline.lift(self._change(self.parameters.to_spline, uv))
+    def lift_points(self, uv: Array) -> Array:
+        return self.spline.lift_points(self._convert_parameters(self.parameters.to_spline, uv))
 
-    def unlift(self, c: Array, near: Array) -> Array:
-        return self._change(self.parameters.to_face, self.spline.unlift(c, near))
+    def unlift_points(self, c: Array, near: Array) -> Array:
+        return self._convert_parameters(self.parameters.to_face, self.spline.unlift_points(c, near))
 
-    def push(self, uv: Array, c: Array, rs: Array) -> Array:
-        at, slower = self._change(self.parameters.to_spline, uv), rs.copy()
+    def lift_directions(self, uv: Array, c: Array, rs: Array) -> Array:
+        at, slower = self._convert_parameters(self.parameters.to_spline, uv), rs.copy()
         for axis, arcs in enumerate((self.parameters.u, self.parameters.v)):
             if arcs is not None:
-                slower[:, axis] /= arcs.rates(self.spline.wrap(at)[:, axis])[0]
-        return self.spline.push(at, c, slower)
+                slower[:, axis] /= arcs.evaluate_conic_rates(self.spline.wrap_parameters(at)[:, axis])[0]
+        return self.spline.lift_directions(at, c, slower)
 
     @property
-    def powers(self) -> Array:
-        return self.spline.powers
+    def weight_exponents(self) -> Array:
+        return self.spline.weight_exponents
 
-    def jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
-        return self.spline.jets(c, directions, order)
+    def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
+        return self.spline.compose_jets(c, directions, order)
 
-    def normal(self, c: Curve) -> Curve:
-        return self.spline.normal(c)
+    def compose_normal(self, c: Curve) -> Curve:
+        return self.spline.compose_normal(c)
 
 
-def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
-    frame = _frame(surface.Position())
+def _read_elementary_surface(surface: Geom_ElementarySurface, points: Array) -> Primary:
+    frame = _read_local_frame(surface.Position())
     if isinstance(surface, Geom_Plane):
         return Plane(frame)
     if isinstance(surface, Geom_CylindricalSurface):
@@ -237,10 +241,10 @@ def _elementary(surface: Geom_ElementarySurface, points: Array) -> Primary:
         return Sphere(frame, surface.Radius(), middle / np.linalg.norm(middle))
     assert isinstance(surface, Geom_ToroidalSurface)
     major, minor = surface.MajorRadius(), surface.MinorRadius()
-    return Ring.turning(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
+    return RevolvedEllipse.from_ellipse(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
 
 
-def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
+def _reorient_sphere(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     """Give a sphere the axis on which the edge runs clear of the poles.
 
     That is the edge's own axis, and the pole of the lift, if the edge runs ``around`` (closed, or an arc of a circle),
@@ -258,23 +262,23 @@ def _turned(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     x /= np.linalg.norm(x)
     y = np.cross(axis, x) * np.linalg.det(sphere.frame.axes)  # of the same handedness, so that normals agree
-    frame = Frame(sphere.frame.origin, np.array([x, y, axis]))
+    frame = LocalFrame(sphere.frame.origin, np.array([x, y, axis]))
     return replace(sphere, frame=frame, pole=axis if around else sphere.pole, spinning=around)
 
 
-def _basis(surface: Geom_SweptSurface) -> Geom_Curve:
+def _find_basis_curve(surface: Geom_SweptSurface) -> Geom_Curve:
     curve = surface.BasisCurve()
     while isinstance(curve, Geom_TrimmedCurve):
         curve = curve.BasisCurve()
     return curve
 
 
-def _ellipse(curve: Geom_Curve) -> Array | None:
+def _read_ellipse(curve: Geom_Curve) -> Array | None:
     """Return centre and half-axes of a circle or ellipse, rows M, A, B with the curve M + A cos t + B sin t."""
     if not isinstance(curve, Geom_Circle | Geom_Ellipse):
         return None
     position = curve.Position()
-    frame = _frame(gp_Ax3(position.Location(), position.Direction(), position.XDirection()))
+    frame = _read_local_frame(gp_Ax3(position.Location(), position.Direction(), position.XDirection()))
     if isinstance(curve, Geom_Circle):
         major = minor = curve.Radius()
     else:
@@ -282,23 +286,23 @@ def _ellipse(curve: Geom_Curve) -> Array | None:
     return np.array([frame.origin, major * frame.axes[0], minor * frame.axes[1]])
 
 
-def _extrusion(surface: Geom_SurfaceOfLinearExtrusion) -> Cylinder | None:
+def _read_extruded_ellipse(surface: Geom_SurfaceOfLinearExtrusion) -> Cylinder | None:
     """Read an extruded ellipse; None for other profiles, which are read as splines."""
-    ellipse = _ellipse(_basis(surface))
+    ellipse = _read_ellipse(_find_basis_curve(surface))
     if ellipse is None:
         return None
     along = surface.Direction()
-    return Cylinder(Frame(ellipse[0], np.array([ellipse[1], ellipse[2], [along.X(), along.Y(), along.Z()]])))
+    return Cylinder(LocalFrame(ellipse[0], np.array([ellipse[1], ellipse[2], [along.X(), along.Y(), along.Z()]])))
 
 
-def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor | None:
+def _read_revolved_surface(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> TensorSurface | None:
     """Read a revolved ellipse, line or spline; None for other profiles, whose parameter a spline would not keep."""
-    basis, axis = _basis(surface), surface.Axis()
-    frame = _frame(gp_Ax3(axis.Location(), axis.Direction()))
-    ellipse = _ellipse(basis)
+    basis, axis = _find_basis_curve(surface), surface.Axis()
+    frame = _read_local_frame(gp_Ax3(axis.Location(), axis.Direction()))
+    ellipse = _read_ellipse(basis)
     if ellipse is not None:
         local = (ellipse - [frame.origin, np.zeros(3), np.zeros(3)]) @ frame.axes.T
-        return Ring.turning(frame, local)
+        return RevolvedEllipse.from_ellipse(frame, local)
     if isinstance(basis, Geom_Line):
         _, _, low, high = BRepTools.UVBounds_s(face)
         basis = Geom_TrimmedCurve(basis, low, high)
@@ -306,10 +310,10 @@ def _revolution(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face) -> Tensor 
         return None
     degree, knots, poles, weights = spline_arrays.curve_to_arrays(GeomConvert.CurveToBSplineCurve_s(basis))
     profile = Curve.from_bspline(degree, knots, (poles - frame.origin) @ frame.axes.T, weights)
-    return Revolution.turning(frame, profile, closed=bool(basis.IsClosed()))
+    return RevolvedSpline.from_profile(frame, profile, closed=bool(basis.IsClosed()))
 
 
-def pcurve(side: FaceSide, rail: Ribbon) -> Curve:
+def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
     """Return the rail as a curve (u, v)(t) in the face's own parameters, continuous through seams.
 
     Exact on planes and splines. On analytic faces a C2 quintic through value, first and second derivative, the
@@ -321,40 +325,40 @@ def pcurve(side: FaceSide, rail: Ribbon) -> Curve:
         If it does not: the rail runs too near to a pole or an apex.
     """
     c = rail.c
-    if side.native.is_native():
-        return _native_pcurve(side.native, c)
-    native = side.native
-    position = native.position(c)
+    if side.face_primary.has_exact_pcurves():
+        return _extract_exact_pcurve(side.face_primary, c)
+    native = side.face_primary
+    position = native.compose_position(c)
     breaks = position.breaks
     inner = (np.arange(1, 4) / 4)[:, None]
     dense = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 257)]))
-    guide = unwrapped(native.unlift(c(dense), np.zeros((len(dense), 2))), native.periods)
+    guide = unwrap_parameters(native.unlift_points(c(dense), np.zeros((len(dense), 2))), native.periods)
 
-    def parameters(t: Array) -> Array:
+    def solve_parameters(t: Array) -> Array:
         near = np.stack([np.interp(t, dense, column) for column in guide.T], -1)
-        return native.unlift(c(t), near)
+        return native.unlift_points(c(t), near)
 
     speeds = np.linalg.norm(native.jet(guide)[1:3], axis=2).min()
     rounding = 16 * np.finfo(float).eps * float(np.abs(native.jet(guide)[0]).max() / speeds)
     for _ in range(12):
-        uv = parameters(breaks)
-        starts = _parameter_jets(native, uv[:-1], position, breaks[:-1], "right")
-        stops = _parameter_jets(native, uv[1:], position, breaks[1:], "left")
+        uv = solve_parameters(breaks)
+        starts = _solve_parameter_jets(native, uv[:-1], position, breaks[:-1], "right")
+        stops = _solve_parameter_jets(native, uv[1:], position, breaks[1:], "left")
         same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
         stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
         curve = fit.hermite(breaks, np.stack([starts, stops], axis=2))
         t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
-        error = np.abs(curve(t) - parameters(t)).max(axis=1)
-        bad = (error > PCURVE + rounding).reshape(len(inner), -1).any(axis=0)
+        error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
+        bad = (error > PCURVE_TOLERANCE + rounding).reshape(len(inner), -1).any(axis=0)
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
     raise GeometryError(
-        f"a rail cannot be followed in the angles of its face to {PCURVE:g}: it runs too near to a pole"
+        f"a rail cannot be followed in the angles of its face to {PCURVE_TOLERANCE:g}: it runs too near to a pole"
     )
 
 
-def _native_pcurve(native: Primary, c: Curve) -> Curve:
+def _extract_exact_pcurve(native: Primary, c: Curve) -> Curve:
     """Return lifted parameters as plain ones: (u, v, w) of a plane, barycentric pairs of a spline."""
     if isinstance(native, Quadric):
         u, v, w = c.coefs[:, 0], c.coefs[:, 1], c.coefs[:, 2]
@@ -365,11 +369,13 @@ def _native_pcurve(native: Primary, c: Curve) -> Curve:
     return Curve(c.breaks, np.stack([u, v, w], 1), rational=True, continuity=c.continuity)
 
 
-def _parameter_jets(native: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]) -> Array:
+def _solve_parameter_jets(
+    native: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]
+) -> Array:
     """Return parameters and their first two derivatives (3, n, 2) along a rail whose homogeneous spline is given."""
-    _, rate, second = in_space(position.jet(t, 2, side=side))
+    _, rate, second = dehomogenise_jets(position.jet(t, 2, side=side))
     jet = native.jet(uv)
-    du = tangent_coordinates(jet, rate)
+    du = to_tangent_coordinates(jet, rate)
     a, b = du[:, :1], du[:, 1:]
-    ddu = tangent_coordinates(jet, second - a**2 * jet[3] - 2 * a * b * jet[4] - b**2 * jet[5])
+    ddu = to_tangent_coordinates(jet, second - a**2 * jet[3] - 2 * a * b * jet[4] - b**2 * jet[5])
     return np.stack([uv, du, ddu])

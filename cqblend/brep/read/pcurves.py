@@ -20,22 +20,22 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.rails import projection
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.spline_conversion import Arcs, ParameterMap, with_parameters
-from cqblend.brep.topology import explore
+from cqblend.brep.read.spline_conversion import ConicArcs, ParameterMap, to_surface_with_map
+from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.composition import follow
-from cqblend.splines.evaluation import Side
+from cqblend.splines.composition import cut_at_knot_lines
+from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.primaries import Array
 
-PCURVE = 1e-11
+PCURVE_TOLERANCE = 1e-11
 """Largest error of a fitted curve in the parameter plane."""
 
 _REFINEMENTS = 12
 _INNER = (np.arange(1, 4) / 4)[:, None]
 
 
-def curve_on(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
+def read_edge_pcurve(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
     """Return an edge of a face as a curve of dim 2 in the parameters of ``to_surface(face)``, run as the edge is.
 
     Exact where those are the face's own parameters, and for straight pcurves along u or v on any face. Conics, and such
@@ -59,17 +59,17 @@ def curve_on(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
     UnsupportedError
         If the pcurve is an offset curve.
     """
-    if not any(use.IsSame(edge) for use in explore(face, TopAbs_EDGE)):
+    if not any(use.IsSame(edge) for use in explore_subshapes(face, TopAbs_EDGE)):
         raise SelectionError("the edge is not one of the face's: take it from the face, or project it")
     plane = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
     if plane is None:
         raise SelectionError("the edge has no curve in the parameters of the face: project it")
-    curve = _plane_curve(plane, *BRep_Tool.Range_s(edge, face))
-    curve = _in_spline_parameters(curve, with_parameters(face)[1])
+    curve = _read_plane_curve(plane, *BRep_Tool.Range_s(edge, face))
+    curve = _convert_to_spline_parameters(curve, to_surface_with_map(face)[1])
     return curve.reverse() if edge.Orientation() == TopAbs_REVERSED else curve
 
 
-def curve_of(edge: TopoDS_Edge) -> Curve:
+def edge_to_curve(edge: TopoDS_Edge) -> Curve:
     """Return an edge as a curve of dim 3 in space, run as the edge is; conics as rational arcs.
 
     Raises
@@ -85,7 +85,7 @@ def curve_of(edge: TopoDS_Edge) -> Curve:
     return result.reverse() if edge.Orientation() == TopAbs_REVERSED else result
 
 
-def edge_of(curve: Curve) -> TopoDS_Edge:
+def curve_to_edge(curve: Curve) -> TopoDS_Edge:
     """Return the edge that covers the whole of a curve of dim 3.
 
     Raises
@@ -103,10 +103,10 @@ def edge_of(curve: Curve) -> TopoDS_Edge:
     return maker.Edge()
 
 
-def projected(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1e-7) -> Curve:
+def project_to_parameters(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1e-7) -> Curve:
     """Return the projection of an edge, or of a curve of dim 3, into the parameter plane of a surface.
 
-    See :func:`cqblend.blends.rails.projection.projected`.
+    See :func:`cqblend.blends.rails.projection.project_curve`.
 
     Raises
     ------
@@ -115,10 +115,10 @@ def projected(surface: Surface, curve: Curve | TopoDS_Edge, tolerance: float = 1
     GeometryError
         If a point has no foot inside the surface's domain, or the tolerance cannot be reached.
     """
-    return projection.projected(surface, curve if isinstance(curve, Curve) else curve_of(curve), tolerance)
+    return projection.project_curve(surface, curve if isinstance(curve, Curve) else edge_to_curve(curve), tolerance)
 
 
-def _plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
+def _read_plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
     """Return a curve of the parameter plane over a part of its range."""
     while isinstance(curve, Geom2d_TrimmedCurve):
         curve = curve.BasisCurve()
@@ -132,7 +132,7 @@ def _plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
     return Curve.from_bspline(*spline_arrays.curve2d_to_arrays(curve))
 
 
-def _in_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
+def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
     """Return a curve in a face's own parameters in those of its spline."""
     both = (parameters.u, parameters.v)
     if both == (None, None):
@@ -141,18 +141,18 @@ def _in_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
     if curve.degree == 1 and len(curve.breaks) == 2 and not curve.rational and (ends[0] == ends[1]).any():
         return Curve.bezier(parameters.to_spline(ends), domain=curve.domain)
     lines = [np.array([0.0, 1.0]) if arcs is None else arcs.breaks for arcs in both]
-    cut, index, _ = follow(curve, lines, [np.zeros(len(line) - 2, dtype=int) for line in lines])
+    cut, index, _ = cut_at_knot_lines(curve, lines, [np.zeros(len(line) - 2, dtype=int) for line in lines])
     pieces, breaks = index, cut.breaks
     rounding = 16 * np.finfo(float).eps * max(float(np.abs(bound).max()) for bound in curve.bounds())
     for _ in range(_REFINEMENTS):
-        starts = _jets(cut, both, pieces, breaks[:-1], "right")
-        stops = _jets(cut, both, pieces, breaks[1:], "left")
+        starts = _convert_parameter_jets(cut, both, pieces, breaks[:-1], "right")
+        stops = _convert_parameter_jets(cut, both, pieces, breaks[1:], "left")
         same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
         stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
         fitted = fit.hermite(breaks, np.stack([starts, stops], axis=2))
         t = breaks[:-1] + _INNER * np.diff(breaks)
         error = np.abs(fitted(t) - parameters.to_spline(curve(t))).max(axis=(0, 2))
-        bad = error > PCURVE + rounding
+        bad = error > PCURVE_TOLERANCE + rounding
         if not bad.any():
             return fitted
         at = np.flatnonzero(bad)
@@ -160,11 +160,13 @@ def _in_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
         pieces = np.insert(pieces, at + 1, pieces[:, at], axis=1)
     raise GeometryError(
         f"the edge's curve on the face errs by {error.max():.3g} in the spline's parameters at t = "
-        f"{breaks[int(error.argmax())]:.9g}, more than {PCURVE:g}"
+        f"{breaks[int(error.argmax())]:.9g}, more than {PCURVE_TOLERANCE:g}"
     )
 
 
-def _jets(curve: Curve, arcs: tuple[Arcs | None, Arcs | None], pieces: Array, t: Array, side: Side) -> Array:
+def _convert_parameter_jets(
+    curve: Curve, arcs: tuple[ConicArcs | None, ConicArcs | None], pieces: Array, t: Array, side: BreakSide
+) -> Array:
     """Return a curve's parameters on a spline and their first two derivatives, (3, n, 2).
 
     ``pieces`` (2, n) are the arcs on which the points count: at their ends the second derivative depends on it.
@@ -175,10 +177,10 @@ def _jets(curve: Curve, arcs: tuple[Arcs | None, Arcs | None], pieces: Array, t:
             continue
         for k in np.unique(pieces[axis]):
             on = pieces[axis] == k
-            arc = Arcs(whole.breaks[k : k + 2], whole.hyperbolic)
+            arc = ConicArcs(whole.breaks[k : k + 2], whole.hyperbolic)
             angle, turn, bend = out[:, on, axis]
             value = arc.to_spline(angle)
-            slope, curvature = arc.rates(value)
+            slope, curvature = arc.evaluate_conic_rates(value)
             rate = turn / slope
             out[:, on, axis] = value, rate, (bend - curvature * rate**2) / slope
     return out

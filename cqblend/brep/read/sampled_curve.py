@@ -34,7 +34,7 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.spline_conversion import Arcs
+from cqblend.brep.read.spline_conversion import ConicArcs
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
@@ -42,7 +42,7 @@ _LARGEST_ARC = 2 * np.pi / 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class SampledCurve:
     """A curve over a range of its own parameter t.
 
     Attributes
@@ -63,7 +63,7 @@ class Track:
     source: Geom_Curve | Geom2d_Curve
     span: tuple[float, float]
     curve: Curve | None = None
-    arcs: Arcs | None = None
+    arcs: ConicArcs | None = None
     breaks: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -74,14 +74,14 @@ class Track:
         """Return the points (n, dim) at parameters (n,)."""
         if self.curve is None:
             return np.array([self.source.Value(float(one)).Coord() for one in t])
-        return self.curve(self.parameter(t))
+        return self.curve(self.to_curve_parameter(t))
 
-    def parameter(self, t: Array) -> Array:
+    def to_curve_parameter(self, t: Array) -> Array:
         """Return the parameters (n,) of the symbolic curve."""
         return t if self.arcs is None else self.arcs.to_spline(t)
 
 
-def track(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Track:
+def read_sampled_curve(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> SampledCurve:
     """Return a curve over a part of its range.
 
     Examples
@@ -97,27 +97,27 @@ def track(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Track:
         curve = curve.BasisCurve()
     if isinstance(curve, Geom_Line | Geom2d_Line):
         ends = np.array([curve.Value(first).Coord(), curve.Value(last).Coord()])
-        return Track(source, span, Curve.bezier(ends, domain=span))
+        return SampledCurve(source, span, Curve.bezier(ends, domain=span))
     if isinstance(curve, Geom_Conic | Geom2d_Conic) and not isinstance(curve, Geom_Parabola | Geom2d_Parabola):
-        return _conic(curve, span)
-    return Track(source, span, _spline(curve, first, last))
+        return _read_conic(curve, span)
+    return SampledCurve(source, span, _read_spline(curve, first, last))
 
 
-def _conic(curve: Geom_Conic | Geom2d_Conic, span: tuple[float, float]) -> Track:
+def _read_conic(curve: Geom_Conic | Geom2d_Conic, span: tuple[float, float]) -> SampledCurve:
     """Return centre + cos t x + sin t y, or cosh and sinh."""
     hyperbolic = isinstance(curve, Geom_Hyperbola | Geom2d_Hyperbola)
     radii = (curve.Radius(),) * 2 if hasattr(curve, "Radius") else (curve.MajorRadius(), curve.MinorRadius())
     frame = curve.Position()
-    centre, x, y = map(_vector, (curve.Location(), frame.XDirection(), frame.YDirection()))
+    centre, x, y = map(_to_array, (curve.Location(), frame.XDirection(), frame.YDirection()))
     count = max(1, int(np.ceil((span[1] - span[0]) / _LARGEST_ARC - 1e-9)))
-    arcs = Arcs(np.linspace(*span, count + 1), hyperbolic)
-    unit = arcs.homogeneous()
+    arcs = ConicArcs(np.linspace(*span, count + 1), hyperbolic)
+    unit = arcs.build_unit_conic()
     poles = unit @ np.stack([radii[0] * x, radii[1] * y, centre])
     weights = unit[:, 2]
-    return Track(curve, span, Curve.from_bspline(2, arcs.knots(), poles / weights[:, None], weights), arcs)
+    return SampledCurve(curve, span, Curve.from_bspline(2, arcs.build_knots(), poles / weights[:, None], weights), arcs)
 
 
-def _spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curve | None:
+def _read_spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curve | None:
     if isinstance(curve, Geom_Parabola):
         curve = Geom_TrimmedCurve(curve, first, last)
     elif isinstance(curve, Geom2d_Parabola):
@@ -139,5 +139,5 @@ def _spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curv
     return spline if inside == (start, stop) else spline.clip(*inside)
 
 
-def _vector(triple: gp_Pnt | gp_Dir | gp_Pnt2d | gp_Dir2d) -> Array:
+def _to_array(triple: gp_Pnt | gp_Dir | gp_Pnt2d | gp_Dir2d) -> Array:
     return np.array(triple.Coord())

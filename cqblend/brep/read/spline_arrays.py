@@ -67,7 +67,7 @@ def surface_from_arrays(
     InputError
         If shapes or knots do not fit together, or a number is not finite.
     """
-    table = _points(poles, weights, dimension=3, axes=2)
+    table = _pack_points(poles, weights, dimension=3, axes=2)
     packed = [
         _pack_knots(vector, degree, count, f"surface, {name}")
         for vector, degree, count, name in zip(knots, degrees, table.shape, "uv", strict=False)
@@ -87,7 +87,7 @@ def surface_to_arrays(surface: Geom_BSplineSurface) -> SurfaceArrays:
     Bit exact for clamped surfaces. A periodic or unclamped one comes back clamped over its natural bounds (one period),
     by knot insertion.
     """
-    if _is_loose(surface, "U") or _is_loose(surface, "V"):
+    if _is_unclamped(surface, "U") or _is_unclamped(surface, "V"):
         surface = surface.Copy()
         surface.Segment(*surface.Bounds())
     sets = BinTools_SurfaceSet()
@@ -146,14 +146,14 @@ def curve2d_to_arrays(curve: Geom2d_BSplineCurve) -> CurveArrays:
 def _pack_curve(
     header: bytes, dimension: int, degree: int, knots: ArrayLike, poles: ArrayLike, weights: ArrayLike | None
 ) -> io.BytesIO:
-    table = _points(poles, weights, dimension, axes=1)
+    table = _pack_points(poles, weights, dimension, axes=1)
     packed = _pack_knots(knots, degree, len(table), "curve")
     head = struct.pack(_CURVE_LAYOUT, _CURVE_CODE, weights is not None, 0, degree, len(table), len(packed))
     return io.BytesIO(b"".join([header, head, table.tobytes(), packed.tobytes()]))
 
 
 def _unpack_curve(sets: Any, header: bytes, dimension: int, curve: Any) -> CurveArrays:
-    if _is_loose(curve, ""):
+    if _is_unclamped(curve, ""):
         curve = curve.Copy()
         curve.Segment(curve.FirstParameter(), curve.LastParameter())
     sets.Add(curve)
@@ -167,18 +167,18 @@ def _unpack_curve(sets: Any, header: bytes, dimension: int, curve: Any) -> Curve
     return degree, knots, *table
 
 
-def _is_loose(spline: Any, direction: str) -> bool:
+def _is_unclamped(spline: Any, direction: str) -> bool:
     """Whether the spline is periodic or unclamped in the direction ``"U"``, ``"V"``, or ``""`` for a curve."""
 
-    def ask(method: str, *index: int) -> int:
+    def query_spline(method: str, *index: int) -> int:
         return int(getattr(spline, method.format(direction))(*index))
 
-    full = ask("{}Degree") + 1
-    ends = ask("{}Multiplicity", 1), ask("{}Multiplicity", ask("Nb{}Knots"))
-    return bool(ask("Is{}Periodic")) or ends != (full, full)
+    full = query_spline("{}Degree") + 1
+    ends = query_spline("{}Multiplicity", 1), query_spline("{}Multiplicity", query_spline("Nb{}Knots"))
+    return bool(query_spline("Is{}Periodic")) or ends != (full, full)
 
 
-def _points(poles: ArrayLike, weights: ArrayLike | None, dimension: int, axes: int) -> Floats:
+def _pack_points(poles: ArrayLike, weights: ArrayLike | None, dimension: int, axes: int) -> Floats:
     """Check poles and weights, and lay them side by side as the stream wants them."""
     table = np.ascontiguousarray(poles, dtype="<f8")
     if table.ndim != axes + 1 or table.shape[-1] != dimension:

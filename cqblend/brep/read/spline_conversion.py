@@ -72,7 +72,7 @@ _SNAP: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Arcs:
+class ConicArcs:
     """The parameter of a circle, ellipse or hyperbola and that of its rational quadratic spline, one arc after another.
 
     On an arc about ``m`` of half-width ``h`` the spline's parameter ``s`` and the conic's ``a`` obey
@@ -92,35 +92,35 @@ class Arcs:
 
     def to_spline(self, conic: Floats) -> Floats:
         """Return the spline's parameters of given angles."""
-        middle, half = self._arc(conic)
+        middle, half = self._find_arc(conic)
         tan = np.tanh if self.hyperbolic else np.tan
         return np.asarray(middle + half * tan((conic - middle) / 2) / tan(half / 2))
 
     def to_conic(self, spline: Floats) -> Floats:
         """Return the angles of given parameters of the spline."""
-        middle, half = self._arc(spline)
+        middle, half = self._find_arc(spline)
         tan, atan = (np.tanh, np.arctanh) if self.hyperbolic else (np.tan, np.arctan)
         return np.asarray(middle + 2 * atan(tan(half / 2) * (spline - middle) / half))
 
-    def rates(self, spline: Floats) -> tuple[Floats, Floats]:
+    def evaluate_conic_rates(self, spline: Floats) -> tuple[Floats, Floats]:
         """Return the first two derivatives of :meth:`to_conic`."""
-        middle, half = self._arc(spline)
+        middle, half = self._find_arc(spline)
         slope = (np.tanh if self.hyperbolic else np.tan)(half / 2) / half
         x = slope * (spline - middle)
         growth = 1 - x**2 if self.hyperbolic else 1 + x**2
         sign = 1 if self.hyperbolic else -1
         return 2 * slope / growth, sign * 4 * slope**2 * x / growth**2
 
-    def _arc(self, values: Floats) -> tuple[Floats, Floats]:
+    def _find_arc(self, values: Floats) -> tuple[Floats, Floats]:
         index = np.clip(np.searchsorted(self.breaks, values, side="right") - 1, 0, len(self.breaks) - 2)
         start, stop = self.breaks[index], self.breaks[index + 1]
         return (start + stop) / 2, (stop - start) / 2
 
-    def knots(self) -> Floats:
+    def build_knots(self) -> Floats:
         """Return the full knot vector."""
         return np.repeat(self.breaks, [3, *[2] * (len(self.breaks) - 2), 3])
 
-    def homogeneous(self) -> Floats:
+    def build_unit_conic(self) -> Floats:
         """Return the unit conic (w cos a, w sin a, w), or (w cosh a, w sinh a, w), as poles of shape (2n + 1, 3)."""
         cos, sin = (np.cosh, np.sinh) if self.hyperbolic else (np.cos, np.sin)
         middle, half = (self.breaks[:-1] + self.breaks[1:]) / 2, np.diff(self.breaks) / 2
@@ -143,18 +143,18 @@ class ParameterMap:
     array([[0.3, 5. ]])
     """
 
-    u: Arcs | None = None
-    v: Arcs | None = None
+    u: ConicArcs | None = None
+    v: ConicArcs | None = None
 
     def to_spline(self, uv: ArrayLike) -> Floats:
         """Return the spline's parameters, shape (..., 2), of the face's."""
-        return self._mapped(uv, Arcs.to_spline)
+        return self._map_axes(uv, ConicArcs.to_spline)
 
     def to_face(self, uv: ArrayLike) -> Floats:
         """Return the face's own parameters, shape (..., 2), of the spline's."""
-        return self._mapped(uv, Arcs.to_conic)
+        return self._map_axes(uv, ConicArcs.to_conic)
 
-    def _mapped(self, uv: ArrayLike, change: Callable[[Arcs, Floats], Floats]) -> Floats:
+    def _map_axes(self, uv: ArrayLike, change: Callable[[ConicArcs, Floats], Floats]) -> Floats:
         result = np.array(uv, dtype=np.float64)
         for axis, arcs in enumerate((self.u, self.v)):
             if arcs is not None:
@@ -163,17 +163,17 @@ class ParameterMap:
 
 
 @dataclass(frozen=True, slots=True)
-class _Strand:
+class _HomogeneousCurve:
     """A curve in homogeneous form, poles (n, 4), with the map of its parameter."""
 
     degree: int
     knots: Floats
     poles: Floats
-    arcs: Arcs | None = None
+    arcs: ConicArcs | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class _Patch:
+class _SplineSurfaceData:
     """What makes a spline surface, and the map of its parameters."""
 
     degrees: tuple[int, int]
@@ -183,7 +183,9 @@ class _Patch:
     parameters: ParameterMap = ParameterMap()
 
     @classmethod
-    def of(cls, first: _Strand, second: _Strand, homogeneous: Floats) -> "_Patch":
+    def from_homogeneous(
+        cls, first: _HomogeneousCurve, second: _HomogeneousCurve, homogeneous: Floats
+    ) -> "_SplineSurfaceData":
         """Join two directions, with the homogeneous poles (nu, nv, 4) that were made of theirs."""
         weights = homogeneous[..., 3]
         return cls(
@@ -205,7 +207,7 @@ def to_surface(face: TopoDS_Face) -> Surface:
     ----------
     face : TopoDS_Face
         A face on a surface of any type. The spline's parameters are the face's own on planes, Bezier, B-spline and
-        offset surfaces and on extruded lines and splines; elsewhere see :func:`with_parameters`.
+        offset surfaces and on extruded lines and splines; elsewhere see :func:`to_surface_with_map`.
 
     Raises
     ------
@@ -216,16 +218,16 @@ def to_surface(face: TopoDS_Face) -> Surface:
     UnsupportedError
         The surface is of a type that OCCT itself does not store in files.
     """
-    return with_parameters(face)[0]
+    return to_surface_with_map(face)[0]
 
 
-def outward_sign(face: TopoDS_Face) -> float:
+def find_outward_sign(face: TopoDS_Face) -> float:
     """Return +1 if Su x Sv of a face's surface points out of the material, -1 if into it."""
     mirrored = bool(face.Location().Transformation().IsNegative())
     return 1.0 if (face.Orientation() == TopAbs_REVERSED) == mirrored else -1.0
 
 
-def with_parameters(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:
+def to_surface_with_map(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:
     """Return :func:`to_surface` of a face, and the map between the face's own parameters and the spline's."""
     if not isinstance(face, TopoDS_Face) or face.IsNull():
         raise InputError(f"{with_article(type(face).__name__)} is not a face")
@@ -233,9 +235,9 @@ def with_parameters(face: TopoDS_Face) -> tuple[Surface, ParameterMap]:
     surface = BRep_Tool.Surface_s(face, location)
     if surface is None:
         raise InputError("the face has no surface, only a triangulation")
-    patch = _patch(surface, *_bounds(face, surface))
+    patch = _convert_surface(surface, *_find_face_window(face, surface))
     # The location moves the poles, not the surface: OCCT would give a scaled cylinder other parameters.
-    poles = patch.poles if location.IsIdentity() else _moved(patch.poles, location.Transformation())
+    poles = patch.poles if location.IsIdentity() else _transform_poles(patch.poles, location.Transformation())
     return Surface.from_bspline(patch.degrees, patch.knots, poles, patch.weights), patch.parameters
 
 
@@ -266,17 +268,17 @@ def to_face(surface: Surface) -> TopoDS_Face:
     return face
 
 
-def _bounds(face: TopoDS_Face, surface: Geom_Surface) -> tuple[Window, Window]:
+def _find_face_window(face: TopoDS_Face, surface: Geom_Surface) -> tuple[Window, Window]:
     """Return the face's own parameter bounds, inside those of its surface, and no more than a period wide."""
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     a0, a1, b0, b1 = surface.Bounds()
     return (
-        _window(u0, u1, a0, a1, bool(surface.IsUPeriodic())),
-        _window(v0, v1, b0, b1, bool(surface.IsVPeriodic())),
+        _snap_window(u0, u1, a0, a1, bool(surface.IsUPeriodic())),
+        _snap_window(v0, v1, b0, b1, bool(surface.IsVPeriodic())),
     )
 
 
-def _window(start: float, stop: float, least: float, most: float, periodic: bool) -> Window:
+def _snap_window(start: float, stop: float, least: float, most: float, periodic: bool) -> Window:
     if max(abs(start), abs(stop)) > _UNBOUNDED:
         raise InputError("the face is unbounded; trim it first")
     slack = _SNAP * (most - least)
@@ -290,103 +292,105 @@ def _window(start: float, stop: float, least: float, most: float, periodic: bool
     return start, stop
 
 
-def _moved(poles: Floats, transformation: gp_Trsf) -> Floats:
+def _transform_poles(poles: Floats, transformation: gp_Trsf) -> Floats:
     matrix = np.array([[transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)])
     return np.asarray(poles @ matrix[:, :3].T + matrix[:, 3])
 
 
-def _patch(surface: Geom_Surface, u: Window, v: Window) -> _Patch:
+def _convert_surface(surface: Geom_Surface, u: Window, v: Window) -> _SplineSurfaceData:
     if isinstance(surface, Geom_RectangularTrimmedSurface):
-        return _patch(surface.BasisSurface(), u, v)
+        return _convert_surface(surface.BasisSurface(), u, v)
     if isinstance(surface, Geom_BezierSurface):
-        return _spline_patch(GeomConvert.SurfaceToBSplineSurface_s(surface), u, v)
+        return _convert_bspline_surface(GeomConvert.SurfaceToBSplineSurface_s(surface), u, v)
     if isinstance(surface, Geom_BSplineSurface):
-        return _spline_patch(surface, u, v)
+        return _convert_bspline_surface(surface, u, v)
     if isinstance(surface, Geom_ElementarySurface):
-        return _elementary_patch(surface, u, v)
+        return _convert_elementary_surface(surface, u, v)
     if isinstance(surface, Geom_SurfaceOfLinearExtrusion):
-        return _extruded(_strand(surface.BasisCurve(), u), _vector(surface.Direction()), v)
+        return _extrude_curve(_convert_curve(surface.BasisCurve(), u), _to_array(surface.Direction()), v)
     if isinstance(surface, Geom_SurfaceOfRevolution):
         axis = surface.Axis()
-        return _revolved(_strand(surface.BasisCurve(), v), _vector(axis.Location()), _vector(axis.Direction()), u)
+        return _revolve_curve(
+            _convert_curve(surface.BasisCurve(), v), _to_array(axis.Location()), _to_array(axis.Direction()), u
+        )
     if isinstance(surface, Geom_OffsetSurface):
-        return _offset_patch(surface, u, v)
+        return _convert_offset_surface(surface, u, v)
     raise UnsupportedError(
         f"a surface of type {surface.DynamicType().Name()} cannot be converted; rebuild it as a B-spline"
     )
 
 
-def _spline_patch(surface: Geom_BSplineSurface, u: Window, v: Window) -> _Patch:
+def _convert_bspline_surface(surface: Geom_BSplineSurface, u: Window, v: Window) -> _SplineSurfaceData:
     if (*u, *v) != surface.Bounds():
         surface = surface.Copy()
         surface.Segment(*u, *v)
-    return _Patch(*spline_arrays.surface_to_arrays(surface))
+    return _SplineSurfaceData(*spline_arrays.surface_to_arrays(surface))
 
 
-def _elementary_patch(surface: Geom_ElementarySurface, u: Window, v: Window) -> _Patch:
+def _convert_elementary_surface(surface: Geom_ElementarySurface, u: Window, v: Window) -> _SplineSurfaceData:
     """Planes are extruded lines, the others turn a line or a circle of the plane (X, Z) about Z."""
     frame = surface.Position()
-    origin = _vector(frame.Location())
-    x, y, z = map(_vector, (frame.XDirection(), frame.YDirection(), frame.Direction()))
+    origin = _to_array(frame.Location())
+    x, y, z = map(_to_array, (frame.XDirection(), frame.YDirection(), frame.Direction()))
     if isinstance(surface, Geom_Plane):
-        return _extruded(_line(origin, x, u), y, v)
+        return _extrude_curve(_build_line(origin, x, u), y, v)
     if isinstance(surface, Geom_CylindricalSurface):
-        profile = _line(origin + surface.Radius() * x, z, v)
+        profile = _build_line(origin + surface.Radius() * x, z, v)
     elif isinstance(surface, Geom_ConicalSurface):
         angle = surface.SemiAngle()
-        profile = _line(origin + surface.RefRadius() * x, math.sin(angle) * x + math.cos(angle) * z, v)
+        profile = _build_line(origin + surface.RefRadius() * x, math.sin(angle) * x + math.cos(angle) * z, v)
     elif isinstance(surface, Geom_SphericalSurface):
-        profile = _conic(origin, surface.Radius() * x, surface.Radius() * z, v)
+        profile = _build_conic(origin, surface.Radius() * x, surface.Radius() * z, v)
     elif isinstance(surface, Geom_ToroidalSurface):
         centre, radius = origin + surface.MajorRadius() * x, surface.MinorRadius()
-        profile = _conic(centre, radius * x, radius * z, v)
+        profile = _build_conic(centre, radius * x, radius * z, v)
     else:
         raise UnsupportedError(f"a surface of type {surface.DynamicType().Name()} cannot be converted")
-    return _revolved(profile, origin, z if frame.Direct() else -z, u)
+    return _revolve_curve(profile, origin, z if frame.Direct() else -z, u)
 
 
-def _offset_patch(surface: Geom_OffsetSurface, u: Window, v: Window) -> _Patch:
+def _convert_offset_surface(surface: Geom_OffsetSurface, u: Window, v: Window) -> _SplineSurfaceData:
     """Take the exact surface if OCCT knows one (an offset cylinder is a cylinder), else approximate; check either."""
     exact = surface.Surface()
     if exact is not None:
-        patch = _patch(exact, u, v)
-        if _deviation(surface, patch, u, v) <= OFFSET_TOLERANCE * _size(patch):
+        patch = _convert_surface(exact, u, v)
+        if _measure_deviation(surface, patch, u, v) <= OFFSET_TOLERANCE * _measure_extent(patch):
             return patch
     trimmed = Geom_RectangularTrimmedSurface(surface, *u, *v)
-    corners = np.array([_vector(surface.Value(a, b)) for a in u for b in v])
+    corners = np.array([_to_array(surface.Value(a, b)) for a in u for b in v])
     tolerance = OFFSET_TOLERANCE * float(np.ptp(corners, axis=0).max())
     smooth = GeomAbs_Shape.GeomAbs_C1
     approximation = GeomConvert_ApproxSurface(trimmed, tolerance / 10, smooth, smooth, 14, 14, 100, 0)
     if approximation.HasResult():
-        patch = _Patch(*spline_arrays.surface_to_arrays(approximation.Surface()))
-        if _deviation(surface, patch, u, v) <= tolerance:
+        patch = _SplineSurfaceData(*spline_arrays.surface_to_arrays(approximation.Surface()))
+        if _measure_deviation(surface, patch, u, v) <= tolerance:
             return patch
     raise GeometryError(
         f"the offset surface could not be approximated to {tolerance:.1e} mm over {u} x {v}; rebuild it as a B-spline"
     )
 
 
-def _deviation(surface: Geom_Surface, patch: _Patch, u: Window, v: Window) -> float:
+def _measure_deviation(surface: Geom_Surface, patch: _SplineSurfaceData, u: Window, v: Window) -> float:
     """Return the largest distance between a surface and the patch that stands for it, on a grid off all knots."""
     us, vs = (start + (stop - start) * (np.arange(41) + 0.37) / 42 for start, stop in (u, v))
     spline = Surface.from_bspline(patch.degrees, patch.knots, patch.poles, patch.weights)
     uv = patch.parameters.to_spline(np.stack(np.meshgrid(us, vs, indexing="ij"), axis=-1))
-    truth = np.array([[_vector(surface.Value(a, b)) for b in vs] for a in us])
+    truth = np.array([[_to_array(surface.Value(a, b)) for b in vs] for a in us])
     return float(np.linalg.norm(spline(uv[..., 0], uv[..., 1]) - truth, axis=-1).max())
 
 
-def _strand(curve: Geom_Curve, window: Window) -> _Strand:
+def _convert_curve(curve: Geom_Curve, window: Window) -> _HomogeneousCurve:
     """Return a curve of space over a window of its parameter, exactly unless it is an offset curve."""
     if isinstance(curve, Geom_TrimmedCurve):
-        return _strand(curve.BasisCurve(), window)
+        return _convert_curve(curve.BasisCurve(), window)
     if isinstance(curve, Geom_Line):
-        return _line(_vector(curve.Position().Location()), _vector(curve.Position().Direction()), window)
+        return _build_line(_to_array(curve.Position().Location()), _to_array(curve.Position().Direction()), window)
     if isinstance(curve, Geom_Conic):
-        return _conic_strand(curve, window)
+        return _convert_conic_curve(curve, window)
     if isinstance(curve, Geom_BezierCurve):
         curve = GeomConvert.CurveToBSplineCurve_s(curve)
     elif isinstance(curve, Geom_OffsetCurve):
-        curve = _approximated(curve, window)
+        curve = _approximate_offset_curve(curve, window)
     if not isinstance(curve, Geom_BSplineCurve):
         raise UnsupportedError(
             f"a curve of type {curve.DynamicType().Name()} cannot be converted; rebuild it as a B-spline"
@@ -396,80 +400,82 @@ def _strand(curve: Geom_Curve, window: Window) -> _Strand:
         curve.Segment(*window)
     degree, knots, poles, weights = spline_arrays.curve_to_arrays(curve)
     weights = np.ones(len(poles)) if weights is None else weights
-    return _Strand(degree, knots, np.column_stack([poles * weights[:, np.newaxis], weights]))
+    return _HomogeneousCurve(degree, knots, np.column_stack([poles * weights[:, np.newaxis], weights]))
 
 
-def _conic_strand(curve: Geom_Conic, window: Window) -> _Strand:
+def _convert_conic_curve(curve: Geom_Conic, window: Window) -> _HomogeneousCurve:
     frame = curve.Position()
-    centre, x, y = map(_vector, (frame.Location(), frame.XDirection(), frame.YDirection()))
+    centre, x, y = map(_to_array, (frame.Location(), frame.XDirection(), frame.YDirection()))
     if isinstance(curve, Geom_Circle):
-        return _conic(centre, curve.Radius() * x, curve.Radius() * y, window)
+        return _build_conic(centre, curve.Radius() * x, curve.Radius() * y, window)
     if isinstance(curve, Geom_Ellipse | Geom_Hyperbola):
         hyperbolic = isinstance(curve, Geom_Hyperbola)
-        return _conic(centre, curve.MajorRadius() * x, curve.MinorRadius() * y, window, hyperbolic=hyperbolic)
+        return _build_conic(centre, curve.MajorRadius() * x, curve.MinorRadius() * y, window, hyperbolic=hyperbolic)
     # Parabola: centre + t^2 / (4 focal) x + t y, whose poles are its values at (t0, t0), (t0, t1), (t1, t1), polarised.
     first, second = np.array(window)[[0, 0, 1]], np.array(window)[[0, 1, 1]]
     square, linear = first * second / (4 * curve.Focal()), (first + second) / 2
     points = centre + np.outer(square, x) + np.outer(linear, y)
-    return _Strand(2, np.repeat(window, 3), np.column_stack([points, np.ones(3)]))
+    return _HomogeneousCurve(2, np.repeat(window, 3), np.column_stack([points, np.ones(3)]))
 
 
-def _approximated(curve: Geom_OffsetCurve, window: Window) -> Geom_BSplineCurve:
+def _approximate_offset_curve(curve: Geom_OffsetCurve, window: Window) -> Geom_BSplineCurve:
     trimmed = Geom_TrimmedCurve(curve, *window)
     samples = np.linspace(*window, 211)
-    truth = np.array([_vector(curve.Value(t)) for t in samples])
+    truth = np.array([_to_array(curve.Value(t)) for t in samples])
     tolerance = OFFSET_TOLERANCE * float(np.ptp(truth, axis=0).max())
     approximation = GeomConvert_ApproxCurve(trimmed, tolerance / 10, GeomAbs_Shape.GeomAbs_C1, 100, 14)
     if approximation.HasResult():
         result = approximation.Curve()
-        found = np.array([_vector(result.Value(t)) for t in samples])
+        found = np.array([_to_array(result.Value(t)) for t in samples])
         if float(np.linalg.norm(found - truth, axis=1).max()) <= tolerance:
             return result
     raise GeometryError(f"the offset curve could not be approximated to {tolerance:.1e} mm over {window}")
 
 
-def _line(origin: Floats, direction: Floats, window: Window) -> _Strand:
+def _build_line(origin: Floats, direction: Floats, window: Window) -> _HomogeneousCurve:
     points = origin + np.outer(window, direction)
-    return _Strand(1, np.repeat(window, 2), np.column_stack([points, np.ones(2)]))
+    return _HomogeneousCurve(1, np.repeat(window, 2), np.column_stack([points, np.ones(2)]))
 
 
-def _conic(centre: Floats, x: Floats, y: Floats, window: Window, *, hyperbolic: bool = False) -> _Strand:
+def _build_conic(
+    centre: Floats, x: Floats, y: Floats, window: Window, *, hyperbolic: bool = False
+) -> _HomogeneousCurve:
     """Return centre + cos t x + sin t y, or cosh and sinh."""
-    arcs = _arcs(window, hyperbolic=hyperbolic)
-    unit = arcs.homogeneous()
+    arcs = _split_into_arcs(window, hyperbolic=hyperbolic)
+    unit = arcs.build_unit_conic()
     points = unit @ np.stack([x, y, centre])
-    return _Strand(2, arcs.knots(), np.column_stack([points, unit[:, 2]]), arcs)
+    return _HomogeneousCurve(2, arcs.build_knots(), np.column_stack([points, unit[:, 2]]), arcs)
 
 
-def _arcs(window: Window, *, hyperbolic: bool = False) -> Arcs:
+def _split_into_arcs(window: Window, *, hyperbolic: bool = False) -> ConicArcs:
     start, stop = window
     count = max(1, math.ceil((stop - start) / _LARGEST_ARC - _SNAP))
-    return Arcs(np.linspace(start, stop, count + 1), hyperbolic)
+    return ConicArcs(np.linspace(start, stop, count + 1), hyperbolic)
 
 
-def _extruded(strand: _Strand, direction: Floats, v: Window) -> _Patch:
+def _extrude_curve(strand: _HomogeneousCurve, direction: Floats, v: Window) -> _SplineSurfaceData:
     shift = np.append(direction, 0.0)
     weights = strand.poles[:, 3:]
     rows = [strand.poles + length * weights * shift for length in v]
-    return _Patch.of(strand, _line(np.zeros(3), direction, v), np.stack(rows, axis=1))
+    return _SplineSurfaceData.from_homogeneous(strand, _build_line(np.zeros(3), direction, v), np.stack(rows, axis=1))
 
 
-def _revolved(profile: _Strand, origin: Floats, axis: Floats, u: Window) -> _Patch:
+def _revolve_curve(profile: _HomogeneousCurve, origin: Floats, axis: Floats, u: Window) -> _SplineSurfaceData:
     """Turn a profile about an axis, right-handed, by the angles of the window."""
     x, y, centre = np.eye(3)[0], np.eye(3)[1], np.zeros(3)
-    turn = _conic(centre, x, y, u)
+    turn = _build_conic(centre, x, y, u)
     cos, sin, weight = turn.poles[:, [0, 1, 3]].T[..., np.newaxis, np.newaxis]
     points, weights = profile.poles[:, :3], profile.poles[:, 3:]
     arm = points - weights * origin
     along = np.outer(arm @ axis, axis)
     arm = arm - along
     turned = cos * arm + sin * np.cross(axis, arm) + weight * (along + weights * origin)
-    return _Patch.of(turn, profile, np.concatenate([turned, weight * weights], axis=-1))
+    return _SplineSurfaceData.from_homogeneous(turn, profile, np.concatenate([turned, weight * weights], axis=-1))
 
 
-def _size(patch: _Patch) -> float:
+def _measure_extent(patch: _SplineSurfaceData) -> float:
     return float(np.ptp(patch.poles.reshape(-1, 3), axis=0).max())
 
 
-def _vector(triple: gp_Pnt | gp_Dir) -> Floats:
+def _to_array(triple: gp_Pnt | gp_Dir) -> Floats:
     return np.array([triple.X(), triple.Y(), triple.Z()])

@@ -18,15 +18,15 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
 
-from cqblend.brep.topology import Index, compound_of, explore
+from cqblend.brep.topology import ShapeIndex, explore_subshapes, make_compound
 from cqblend.errors import PatternWarning, warn
 from cqblend.splines.bernstein import Array
 
-_PLACES = (np.arange(9) + 0.5) / 9
+_SAMPLE_SHARES = (np.arange(9) + 0.5) / 9
 """Parts of a border's range at which it is looked whether it lies on another one."""
 
 
-def joined(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, TopoDS_Face]:
+def sew_faces(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, TopoDS_Face]:
     """Return faces of which those that touch share their edges.
 
     Parameters
@@ -41,7 +41,7 @@ def joined(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, Topo
     PatternWarning
         Borders coincide and could not be joined, as where three faces meet; the message says how many.
     """
-    if not _coinciding(list(faces.values()), tolerance):
+    if not _count_coinciding_borders(list(faces.values()), tolerance):
         return dict(faces)
     sewing = BRepBuilderAPI_Sewing(tolerance)
     for face in faces.values():
@@ -49,9 +49,9 @@ def joined(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, Topo
     sewing.Perform()
     result = {}
     for number, face in faces.items():
-        found = next(explore(sewing.Modified(face), TopAbs_FACE), face)
+        found = next(explore_subshapes(sewing.Modified(face), TopAbs_FACE), face)
         result[number] = TopoDS.Face_s(found.Oriented(face.Orientation()))
-    left = _coinciding(list(result.values()), tolerance)
+    left = _count_coinciding_borders(list(result.values()), tolerance)
     if left:
         warn(
             PatternWarning(
@@ -62,13 +62,13 @@ def joined(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, Topo
     return result
 
 
-def _coinciding(faces: Sequence[TopoDS_Face], tolerance: float) -> int:
+def _count_coinciding_borders(faces: Sequence[TopoDS_Face], tolerance: float) -> int:
     """Count the free borders that run along an edge of another face."""
-    edges = _edges(faces)
+    edges = _find_edge_owners(faces)
     free = [i for i, (_, owners) in enumerate(edges) if len(owners) == 1]
     if len(faces) < 2 or not free:
         return 0
-    points = np.array([_points(edge) for edge, _ in edges])
+    points = np.array([_sample_edge(edge) for edge, _ in edges])
     reach = tolerance + np.ptp(points, axis=1).max(axis=1) / 8  # between two places, and to the ends
     low, high = points.min(axis=1) - reach[:, None], points.max(axis=1) + reach[:, None]
     count = 0
@@ -76,20 +76,20 @@ def _coinciding(faces: Sequence[TopoDS_Face], tolerance: float) -> int:
         near = ((low[i] <= high) & (low <= high[i])).all(axis=1)
         others = [j for j in np.flatnonzero(near).tolist() if not edges[i][1] & edges[j][1]]
         count += any(
-            _along(points[one], edges[other][0], (low[other], high[other]), tolerance)
+            _is_along_edge(points[one], edges[other][0], (low[other], high[other]), tolerance)
             for j in others
             for one, other in ((i, j), (j, i))
         )
     return count
 
 
-def _edges(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, set[int]]]:
+def _find_edge_owners(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, set[int]]]:
     """Return the edges of faces, and which faces use each; a seam of a face is no border, and left out."""
-    index = Index(compound_of(faces), TopAbs_EDGE)
+    index = ShapeIndex(make_compound(faces), TopAbs_EDGE)
     uses: dict[int, list[int]] = {}
     for number, face in enumerate(faces):
-        for edge in explore(face, TopAbs_EDGE):
-            uses.setdefault(index.of(edge), []).append(number)
+        for edge in explore_subshapes(face, TopAbs_EDGE):
+            uses.setdefault(index.find_number(edge), []).append(number)
     found = ((TopoDS.Edge_s(index[number]), owners) for number, owners in uses.items())
     return [
         (edge, set(owners))
@@ -98,20 +98,22 @@ def _edges(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, set[int]]]:
     ]
 
 
-def _points(edge: TopoDS_Edge) -> Array:
+def _sample_edge(edge: TopoDS_Edge) -> Array:
     curve = BRepAdaptor_Curve(edge)
     start, stop = curve.FirstParameter(), curve.LastParameter()
-    return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _PLACES])
+    return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _SAMPLE_SHARES])
 
 
-def _along(points: Array, edge: TopoDS_Edge, box: tuple[Array, Array], tolerance: float) -> bool:
+def _is_along_edge(points: Array, edge: TopoDS_Edge, box: tuple[Array, Array], tolerance: float) -> bool:
     """Whether two neighbouring points lie on an edge, which is within a box."""
     inside: Array = np.all((points >= box[0]) & (points <= box[1]), axis=1)
     if not (inside[:-1] & inside[1:]).any():
         return False
-    near = [bool(here) and _distance(point, edge) <= tolerance for point, here in zip(points, inside, strict=True)]
+    near = [
+        bool(here) and _measure_distance(point, edge) <= tolerance for point, here in zip(points, inside, strict=True)
+    ]
     return any(one and other for one, other in pairwise(near))
 
 
-def _distance(point: Array, edge: TopoDS_Edge) -> float:
+def _measure_distance(point: Array, edge: TopoDS_Edge) -> float:
     return float(BRepExtrema_DistShapeShape(BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex(), edge).Value())

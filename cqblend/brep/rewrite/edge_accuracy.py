@@ -20,18 +20,18 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.face_surface import face_side
-from cqblend.brep.topology import BUILDER, Index, ends, explore, loosen
+from cqblend.brep.read.face_surface import read_support_face
+from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
 from cqblend.splines import fit
-from cqblend.surfaces.primaries import tangent_coordinates
+from cqblend.surfaces.primaries import to_tangent_coordinates
 
-MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
-COARSE = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
-FEET, STEPS = 257, 4  # points of an edge whose feet on a face are looked for, and steps that this takes
+TOLERANCE_MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
+REFIT_DEVIATION = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
+FOOT_COUNT, FOOT_ITERATIONS = 257, 4  # points of an edge whose feet on a face are looked for, and steps that this takes
 
 
-def deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
+def measure_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
     """Return the largest distance (mm) between an edge's curve and the image of its parameter curve on a face.
 
     Both at the same parameter, if the edge claims as much, along all of the edge. The orientation of the use tells the
@@ -70,28 +70,28 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
     span: tuple[float, float] = BRep_Tool.Range_s(use)
     if span != BRep_Tool.Range_s(use, face) or BRep_Tool.IsClosed_s(use, face):
         return strays
-    t = np.linspace(span[0], span[1], FEET)
+    t = np.linspace(span[0], span[1], FOOT_COUNT)
     curve = BRep_Tool.Curve_s(use, 0.0, 0.0)
     points = np.array([curve.Value(x).Coord() for x in t.tolist()])
     start = uv = np.array([old.Value(x).Coord() for x in t.tolist()])
-    surface = face_side(face, points[:1]).native
-    for _ in range(STEPS):
+    surface = read_support_face(face, points[:1]).face_primary
+    for _ in range(FOOT_ITERATIONS):
         jet = surface.jet(uv)
-        uv = uv + tangent_coordinates(jet, points - jet[0])
+        uv = uv + to_tangent_coordinates(jet, points - jet[0])
     found, before = surface.jet(uv)[0], surface.jet(start)[0]
     off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
     if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
         return strays
     degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
     BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
-    strays_now = deviation(use, face)
+    strays_now = measure_deviation(use, face)
     if strays_now < strays / 2:
         return strays_now
     BUILDER.UpdateEdge(use, old, face, BRep_Tool.Tolerance_s(use))
     return strays
 
 
-def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> float:
+def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, vertices: ShapeIndex) -> float:
     """Raise the tolerance of every edge of faces that is not among the input's ``edges`` to what its curves need.
 
     Its parameter curves are fitted again first where that brings them much nearer. New vertices follow. Edges and
@@ -100,17 +100,17 @@ def settle(faces: Iterable[TopoDS_Face], edges: Index, vertices: Index) -> float
     """
     largest = 0.0
     for face in faces:
-        for use in explore(face, TopAbs_EDGE):
-            if edges.of(use):
+        for use in explore_subshapes(face, TopAbs_EDGE):
+            if edges.find_number(use):
                 continue
-            strays = deviation(use, face)
-            if strays > COARSE:
+            strays = measure_deviation(use, face)
+            if strays > REFIT_DEVIATION:
                 strays = refit_pcurve(use, face, strays)
-            needed = MARGIN * strays
+            needed = TOLERANCE_MARGIN * strays
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
             largest = max(largest, BRep_Tool.Tolerance_s(use))
-            for vertex in ends(use):
-                if not vertices.of(vertex):
-                    loosen(vertex, BRep_Tool.Tolerance_s(use))
+            for vertex in find_end_vertices(use):
+                if not vertices.find_number(vertex):
+                    raise_vertex_tolerance(vertex, BRep_Tool.Tolerance_s(use))
     return largest

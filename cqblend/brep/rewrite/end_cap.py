@@ -15,33 +15,39 @@ from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import intersect, newton
-from cqblend.brep.rewrite.edge_accuracy import MARGIN
-from cqblend.brep.rewrite.end_curve import edge_between, end_curve, end_edge, fitted, span_of
-from cqblend.brep.rewrite.end_on_face import Ending
-from cqblend.brep.rewrite.neighbour_edges import Cut, border_in_plane, foot_on
+from cqblend.blends.contacts.contact_solver import project_to_intersection, solve_damped_newton
+from cqblend.brep.rewrite.edge_accuracy import TOLERANCE_MARGIN
+from cqblend.brep.rewrite.end_curve import (
+    fit_solved_curve,
+    get_end_parameters,
+    make_end_edge,
+    make_shared_edge,
+    solve_end_curve,
+)
+from cqblend.brep.rewrite.end_on_face import BlendEnd
+from cqblend.brep.rewrite.neighbour_edges import EdgeTrim, find_edge_in_plane, project_to_edge
 from cqblend.brep.topology import (
     BUILDER,
-    attach,
-    ends,
-    flipped,
-    forward,
-    location_of,
-    loosen,
-    make_face,
+    attach_pcurves,
+    find_end_vertices,
+    locate_vertex,
+    make_bare_face,
+    make_closed_wire,
+    make_trimmed_copy,
     make_vertex,
-    make_wire,
-    trimmed,
+    orient_forward,
+    raise_vertex_tolerance,
+    reverse_edge,
 )
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, Frame, Plane, unit
+from cqblend.surfaces.primaries import Array, LocalFrame, Plane, normalise_vectors
 
 if TYPE_CHECKING:
-    from cqblend.brep.rewrite.shell_edit import Surgery
+    from cqblend.brep.rewrite.shell_edit import ShellEdit
 
 
-def in_cap(surgery: Surgery, end: int, t: float) -> Ending:
+def end_in_cap(surgery: ShellEdit, end: int, t: float) -> BlendEnd:
     """End the blend in a flat cap in the plane across the edge at t.
 
     Raises
@@ -50,63 +56,69 @@ def in_cap(surgery: Surgery, end: int, t: float) -> Ending:
         If the blend does not meet that plane, or the edge's vertex is too far from the surfaces for a cap there.
     """
     at = np.array([t])
-    stations = intersect(surgery.sides, surgery.spine.stations(at, surgery.sides), surgery.spine.length)
+    stations = project_to_intersection(
+        surgery.sides, surgery.spine.locate_stations(at, surgery.sides), surgery.spine.length
+    )
     foot, tau = stations.point[0], stations.direction[0]
-    first, second = (row(at)[0] for row in surgery.rows)
+    first, second = (row(at)[0] for row in surgery.rail_curves)
     loop = np.cross(second - first, foot - first) @ tau  # X runs ahead in the boundary of the cap at the far end
     normal = tau * (np.sign(loop) * (1.0 if end else -1.0))
     across = (second - first) - (second - first) @ tau * tau
-    x = unit(across)
-    plane = Plane(Frame(foot, np.array([x, np.cross(normal, x), normal])))
+    x = normalise_vectors(across)
+    plane = Plane(LocalFrame(foot, np.array([x, np.cross(normal, x), normal])))
     surface = Geom_Plane(gp_Ax3(gp_Pnt(*foot.tolist()), gp_Dir(*normal.tolist()), gp_Dir(*x.tolist())))
-    cap = make_face(surface)
-    curve = end_curve(surgery, plane, foot, np.zeros(2), t)
-    edge, corners = end_edge(surgery, curve, cap)
-    vertex = _foot_vertex(surgery, end, t, foot)
+    cap = make_bare_face(surface)
+    curve = solve_end_curve(surgery, plane, foot, np.zeros(2), t)
+    edge, corners = make_end_edge(surgery, curve, cap)
+    vertex = _make_foot_vertex(surgery, end, t, foot)
     walls: tuple[list[TopoDS_Edge], list[TopoDS_Edge]] = ([], [])
     bounds, cuts = [], []
     for i, (side, corner) in enumerate(zip(surgery.sides, corners, strict=True)):
-        border = border_in_plane(side.face, vertex, surgery.spine.edges, tau, location_of(corner)) if t == end else None
+        border = (
+            find_edge_in_plane(side.face, vertex, surgery.spine.edges, tau, locate_vertex(corner)) if t == end else None
+        )
         if border is None:
-            foot_uv = stations.uv[i], surgery.spine.on_face(at, side.face)
-            walls[i].append(_wall(surgery, i, foot_uv, curve, plane, cap, (vertex, corner)))
+            foot_uv = stations.uv[i], surgery.spine.evaluate_pcurves(at, side.face)
+            walls[i].append(_make_cap_border(surgery, i, foot_uv, curve, plane, cap, (vertex, corner)))
             bounds += walls[i]
             continue
-        piece, wall = _cut_off(border, vertex, corner)
-        attach(piece, cap, GeomAPI.To2d_s(BRep_Tool.Curve_s(piece, 0.0, 0.0), surface.Pln()))
+        piece, wall = _trim_to_corner(border, vertex, corner)
+        attach_pcurves(piece, cap, GeomAPI.To2d_s(BRep_Tool.Curve_s(piece, 0.0, 0.0), surface.Pln()))
         bounds.append(wall)
         first, second = surgery.faces_at_edge(border)
-        cuts.append(Cut(end, border, vertex, corner, (first, second), piece, side.face))
-    uses = [edge, flipped(bounds[1]), bounds[0]] if end else [flipped(edge), flipped(bounds[0]), bounds[1]]
-    BUILDER.Add(cap, make_wire(uses))
-    return Ending(edge, corners, span_of(curve), vertex, tuple(cuts), walls, cap)
+        cuts.append(EdgeTrim(end, border, vertex, corner, (first, second), piece, side.face))
+    uses = (
+        [edge, reverse_edge(bounds[1]), bounds[0]] if end else [reverse_edge(edge), reverse_edge(bounds[0]), bounds[1]]
+    )
+    BUILDER.Add(cap, make_closed_wire(uses))
+    return BlendEnd(edge, corners, get_end_parameters(curve), vertex, tuple(cuts), walls, cap)
 
 
-def _cut_off(edge: TopoDS_Edge, vertex: TopoDS_Vertex, corner: TopoDS_Vertex) -> tuple[TopoDS_Edge, TopoDS_Edge]:
+def _trim_to_corner(edge: TopoDS_Edge, vertex: TopoDS_Vertex, corner: TopoDS_Vertex) -> tuple[TopoDS_Edge, TopoDS_Edge]:
     """Return the part of a FORWARD edge between its vertex and a corner: FORWARD, and from the vertex to the corner."""
     first, last = BRep_Tool.Range_s(edge)
-    at, distance = foot_on(edge, corner)
-    loosen(corner, MARGIN * distance)
-    if ends(edge)[0].IsSame(vertex):
-        piece = trimmed(edge, (vertex, corner), (first, at))
+    at, distance = project_to_edge(edge, corner)
+    raise_vertex_tolerance(corner, TOLERANCE_MARGIN * distance)
+    if find_end_vertices(edge)[0].IsSame(vertex):
+        piece = make_trimmed_copy(edge, (vertex, corner), (first, at))
         return piece, piece
-    piece = trimmed(edge, (corner, vertex), (at, last))
-    return piece, flipped(piece)
+    piece = make_trimmed_copy(edge, (corner, vertex), (at, last))
+    return piece, reverse_edge(piece)
 
 
-def _foot_vertex(surgery: Surgery, end: int, t: float, foot: Array) -> TopoDS_Vertex:
+def _make_foot_vertex(surgery: ShellEdit, end: int, t: float, foot: Array) -> TopoDS_Vertex:
     """Return the edge's own vertex if the cap stands there, else a new one on the edge."""
     if t == end:
         vertex = surgery.spine.vertices[end]
-        if np.linalg.norm(location_of(vertex) - foot) > BRep_Tool.Tolerance_s(vertex):
+        if np.linalg.norm(locate_vertex(vertex) - foot) > BRep_Tool.Tolerance_s(vertex):
             raise TopologyError("the edge's vertex is too far from its faces for a blend to end there")
         return vertex
-    on_edge = surgery.spine.points(np.array([t]))[0]
-    return make_vertex(foot, MARGIN * float(np.linalg.norm(on_edge - foot)))
+    on_edge = surgery.spine.evaluate_points(np.array([t]))[0]
+    return make_vertex(foot, TOLERANCE_MARGIN * float(np.linalg.norm(on_edge - foot)))
 
 
-def _wall(
-    surgery: Surgery,
+def _make_cap_border(
+    surgery: ShellEdit,
     i: int,
     foot_uv: tuple[Array, Array],
     end_curve: Curve,
@@ -121,33 +133,36 @@ def _wall(
     side, (uv, on_edge) = surgery.sides[i], foot_uv
     t, corner = end_curve(np.array([float(i)]))[0, [0]], end_curve(np.array([float(i)]))[0, 4:]
     foot = plane.frame.origin
-    start, stop = side.beside(side.own(uv), on_edge), side.beside(surgery.pcurves[i](t), on_edge)
+    start, stop = (
+        side.unwrap_near(side.to_face_parameters(uv), on_edge),
+        side.unwrap_near(surgery.rail_pcurves[i](t), on_edge),
+    )
     chord, normal = corner - foot, plane.frame.axes[2]
     length = float(np.linalg.norm(chord))
 
-    def exact(s: Array) -> Array:
-        def system(x: Array) -> tuple[Array, Array, Array]:
-            jet = side.native.jet(x)
+    def solve_curve_points(s: Array) -> Array:
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            jet = side.face_primary.jet(x)
             offset = jet[0] - foot
             residual = np.stack([offset @ normal, offset @ chord / length - s * length], -1)
             jacobian = np.stack([np.stack([rate @ normal, rate @ chord / length], -1) for rate in jet[1:3]], -1)
             return residual, jacobian, np.linalg.norm(jet[1:3], axis=2).T
 
-        x, good = newton(system, start + s[:, None] * (stop - start), length, length)
+        x, good = solve_damped_newton(evaluate_system, start + s[:, None] * (stop - start), length, length)
         if not good.all():
             raise TopologyError("a flat cap at the end of the edge does not cross its faces cleanly")
-        point = side.native.jet(x)[0]
+        point = side.face_primary.jet(x)[0]
         return np.column_stack([x, (point - foot) @ plane.frame.axes[:2].T, point])
 
-    def error(values: Array, _: Array) -> float:
-        on_face, on_plane = side.native.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
+    def measure_error(values: Array, _: Array) -> float:
+        on_face, on_plane = side.face_primary.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
 
-    return edge_between(fitted(exact, error), vertices, side.face, cap)
+    return make_shared_edge(fit_solved_curve(solve_curve_points, measure_error), vertices, side.face, cap)
 
 
-def remains(
-    surgery: Surgery, low: Ending, high: Ending, caps: tuple[float | None, float | None]
+def make_edge_remainders(
+    surgery: ShellEdit, low: BlendEnd, high: BlendEnd, caps: tuple[float | None, float | None]
 ) -> dict[int, list[TopoDS_Edge]]:
     """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
     spine = surgery.spine
@@ -157,15 +172,15 @@ def remains(
     for edge, start, stop in zip(spine.edges, stops[:-1], stops[1:], strict=True):
         if stop <= first or start >= last:
             continue
-        pieces = left.setdefault(surgery.edges.of(edge), [])
+        pieces = left.setdefault(surgery.edge_index.find_number(edge), [])
         for t, ending, before in ((first, low, True), (last, high, False)):
             if start < t < stop:
-                at = float(spine.locate(np.array([t]))[1][0])
-                head = before == (edge.Orientation() == forward(edge).Orientation())
-                span, own = BRep_Tool.Range_s(edge), ends(TopoDS.Edge_s(forward(edge)))
+                at = float(spine.locate_parameters(np.array([t]))[1][0])
+                head = before == (edge.Orientation() == orient_forward(edge).Orientation())
+                span, own = BRep_Tool.Range_s(edge), find_end_vertices(TopoDS.Edge_s(orient_forward(edge)))
                 pieces.append(
-                    trimmed(edge, (own[0], ending.vertex), (span[0], at))
+                    make_trimmed_copy(edge, (own[0], ending.vertex), (span[0], at))
                     if head
-                    else trimmed(edge, (ending.vertex, own[1]), (at, span[1]))
+                    else make_trimmed_copy(edge, (ending.vertex, own[1]), (at, span[1]))
                 )
     return left

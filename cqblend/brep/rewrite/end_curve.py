@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import newton, normal_jet
+from cqblend.blends.contacts.contact_solver import differentiate_normal, solve_damped_newton
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.topology import attach, make_edge, make_vertex
+from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Array, Primary, tangent_coordinates
+from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
 
 if TYPE_CHECKING:
-    from cqblend.brep.rewrite.shell_edit import Surgery
+    from cqblend.brep.rewrite.shell_edit import ShellEdit
 
-FITTED = 1e-9  # mm: such curves are fitted until they lie on both their faces to this, if they can
-MOST = 64  # times six spans of such a curve
+FIT_TOLERANCE = 1e-9  # mm: such curves are fitted until they lie on both their faces to this, if they can
+MAX_FIT_REFINEMENT = 64  # times six spans of such a curve
 
 
-class EndError(CqblendError):
+class BlendEndError(CqblendError):
     """One end of a blend cannot be built: ``end`` is 0 or 1, and ``cause`` is why."""
 
     def __init__(self, end: int, cause: CqblendError) -> None:
@@ -31,25 +31,25 @@ class EndError(CqblendError):
         self.cause = cause
 
 
-def span_of(curve: Curve) -> tuple[float, float]:
+def get_end_parameters(curve: Curve) -> tuple[float, float]:
     """Return the t of the rails at which an end curve starts and stops."""
     first, last = curve(np.array([0.0, 1.0]))[:, 0]
     return float(first), float(last)
 
 
-def fitted(exact: Callable[[Array], Array], error: Callable[[Array, Array], float]) -> Curve:
+def fit_solved_curve(exact: Callable[[Array], Array], error: Callable[[Array, Array], float]) -> Curve:
     """Interpolate a curve on [0, 1]: one cubic if that is right, else C2 cubics on as many spans as it takes."""
     count = 1
     while True:
         v = np.linspace(0, 1, 6 * count + 1)
         values = exact(v)
-        curve = _cubic(values) if count == 1 else fit.interpolate(v[::2], values[::2])
-        if error(curve(v), v) <= FITTED or count >= MOST:
+        curve = _interpolate_cubic(values) if count == 1 else fit.interpolate(v[::2], values[::2])
+        if error(curve(v), v) <= FIT_TOLERANCE or count >= MAX_FIT_REFINEMENT:
             return curve
         count *= 2
 
 
-def _cubic(values: Array) -> Curve:
+def _interpolate_cubic(values: Array) -> Curve:
     """Return the cubic on [0, 1] through values at 0, 1/3, 2/3 and 1, the even ones of (7, k)."""
     q = values[::2]
     coefs = [
@@ -61,8 +61,8 @@ def _cubic(values: Array) -> Curve:
     return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
 
 
-def end_curve(
-    surgery: Surgery, native: Primary, corner: Array, at: Array, start: float, tangent: int | None = None
+def solve_end_curve(
+    surgery: ShellEdit, native: Primary, corner: Array, at: Array, start: float, tangent: int | None = None
 ) -> Curve:
     """Return the curve v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1].
 
@@ -76,12 +76,12 @@ def end_curve(
     """
     surface = surgery.blend.surface
     size = float(np.linalg.norm(surface(start, 0.0) - surface(start, 1.0)))
-    touch, slope = (None, 0.0) if tangent is None else _touching(surface, native, at, start, tangent)
+    touch, slope = (None, 0.0) if tangent is None else _solve_tangent_contact(surface, native, at, start, tangent)
     if touch is not None:
         start, at, corner = float(touch[0]), touch[1:], native.jet(touch[None, 1:])[0, 0]
 
-    def exact(v: Array) -> Array:
-        def system(x: Array) -> tuple[Array, Array, Array]:
+    def solve_curve_points(v: Array) -> Array:
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
             h = surface.jet(x[:, 0], v, 1)
             n = native.jet(x[:, 1:])
             jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
@@ -89,22 +89,24 @@ def end_curve(
 
         t = start + slope * (v - (tangent or 0))
         offset = surface(t, v) - corner
-        guess = at + tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
-        x, good = newton(system, np.column_stack([t, guess]), size, size)
+        guess = at + to_tangent_coordinates(native.jet(np.tile(at, (len(v), 1))), offset)
+        x, good = solve_damped_newton(evaluate_system, np.column_stack([t, guess]), size, size)
         if touch is not None:  # where the equations are singular, and the solution is known
             x[v == tangent], good[v == tangent] = touch, True
         if not good.all():
             raise TopologyError("the blend does not meet the face there all across: the size is too large for it")
         return np.column_stack([x[:, 0], v, x[:, 1:], native.jet(x[:, 1:])[0]])
 
-    def error(values: Array, v: Array) -> float:
+    def measure_error(values: Array, v: Array) -> float:
         on_blend, on_face = surface(values[:, 0], v), native.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_face)))
 
-    return fitted(exact, error)
+    return fit_solved_curve(solve_curve_points, measure_error)
 
 
-def _touching(surface: Surface, native: Primary, at: Array, start: float, side: int) -> tuple[Array, float]:
+def _solve_tangent_contact(
+    surface: Surface, native: Primary, at: Array, start: float, side: int
+) -> tuple[Array, float]:
     """Return (t, a, b) at which rail ``side`` of a blend H touches N(a, b), and dt/dv of the curve in which H meets N.
 
     The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the
@@ -112,10 +114,10 @@ def _touching(surface: Surface, native: Primary, at: Array, start: float, side: 
     """
     v = np.array([float(side)])
 
-    def system(x: Array) -> tuple[Array, Array, Array]:
+    def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
         h, n = surface.jet(x[:, 0], v, 2), native.jet(x[:, 1:])
         away, rate = h[0, 0] - n[0], h[1, 0]
-        normal, normal_a, normal_b = normal_jet(n)
+        normal, normal_a, normal_b = differentiate_normal(n)
         rows = [
             [rate * n[1], away * n[3] - n[1] * n[1], away * n[4] - n[1] * n[2]],
             [rate * n[2], away * n[4] - n[1] * n[2], away * n[5] - n[2] * n[2]],
@@ -127,35 +129,37 @@ def _touching(surface: Surface, native: Primary, at: Array, start: float, side: 
 
     rate = surface.jet(np.array([start]), v, 1)[1, 0]
     speed = float(np.linalg.norm(rate))
-    x, good = newton(system, np.array([[start, *at]]), speed**2, speed)
+    x, good = solve_damped_newton(evaluate_system, np.array([[start, *at]]), speed**2, speed)
     if not good.all():
         raise TopologyError("the blend does not run out on the face there")
     h, n = surface.jet(x[:, 0], v, 2), native.jet(x[:, 1:])
-    normal = normal_jet(n)[0]
-    steps = [tangent_coordinates(n, h[1, 0])[0], tangent_coordinates(n, h[0, 1])[0]]
+    normal = differentiate_normal(n)[0]
+    steps = [to_tangent_coordinates(n, h[1, 0])[0], to_tangent_coordinates(n, h[0, 1])[0]]
     bend = (np.array([[n[3], n[4]], [n[4], n[5]]])[:, :, 0] * normal).sum(axis=-1)
 
-    def second(i: int, j: int) -> float:
+    def evaluate_second_derivative(i: int, j: int) -> float:
         along = (h[2, 0], h[1, 1], h[0, 2])[i + j]
         return float((along * normal).sum() - steps[i] @ bend @ steps[j])
 
-    roots = np.roots([second(0, 0), 2 * second(0, 1), second(1, 1)])
+    roots = np.roots(
+        [evaluate_second_derivative(0, 0), 2 * evaluate_second_derivative(0, 1), evaluate_second_derivative(1, 1)]
+    )
     into = [float(root) for root in roots.real if root * (0.5 - side) * (0.5 - start) > 0]
     if np.iscomplex(roots).any() or not into:
         raise TopologyError("the blend does not run out on the face there")
     return x[0], min(into, key=abs)
 
 
-def end_edge(
-    surgery: Surgery, curve: Curve, face: TopoDS_Face
+def make_end_edge(
+    surgery: ShellEdit, curve: Curve, face: TopoDS_Face
 ) -> tuple[TopoDS_Edge, tuple[TopoDS_Vertex, TopoDS_Vertex]]:
     """Make the edge of an end curve, with its pcurves on the blend and on the face it ends on."""
     first, last = curve(np.array([0.0, 1.0]))[:, 4:]
     corners = (make_vertex(first), make_vertex(last))
-    return edge_between(curve, corners, surgery.face, face), corners
+    return make_shared_edge(curve, corners, surgery.blend_face, face), corners
 
 
-def edge_between(
+def make_shared_edge(
     curve: Curve,
     vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
     first: TopoDS_Face,
@@ -164,6 +168,6 @@ def edge_between(
     """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
     degree, knots, poles, _ = curve.to_bspline()
     edge = make_edge(spline_arrays.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
-    attach(edge, first, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, :2]))
-    attach(edge, second, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+    attach_pcurves(edge, first, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, :2]))
+    attach_pcurves(edge, second, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
     return edge

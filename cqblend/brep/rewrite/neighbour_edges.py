@@ -13,41 +13,42 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import newton
-from cqblend.brep.read.face_surface import FaceSide, face_side
-from cqblend.brep.rewrite.edge_accuracy import MARGIN, deviation
-from cqblend.brep.rewrite.end_curve import EndError, edge_between, fitted
+from cqblend.blends.contacts.contact_solver import solve_damped_newton
+from cqblend.brep.read.face_surface import SupportFace, read_support_face
+from cqblend.brep.rewrite.edge_accuracy import TOLERANCE_MARGIN, measure_deviation
+from cqblend.brep.rewrite.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
 from cqblend.brep.select.spine import EdgeSpine
 from cqblend.brep.topology import (
     CONFUSION,
-    Ancestors,
-    direction_from,
-    distinct,
-    ends,
-    explore,
-    forward,
-    location_of,
-    loosen,
-    parameters_at,
-    seams,
-    trimmed,
+    AncestorMap,
+    drop_duplicate_shapes,
+    explore_subshapes,
+    find_end_vertices,
+    find_outgoing_tangent,
+    find_seam_edges,
+    find_vertex_uv,
+    locate_vertex,
+    make_trimmed_copy,
+    orient_forward,
+    raise_vertex_tolerance,
 )
 from cqblend.errors import SizeError, TopologyError
-from cqblend.surfaces.primaries import Array, near_period, tangent_coordinates
+from cqblend.surfaces.primaries import Array, shift_to_period, to_tangent_coordinates
 
 if TYPE_CHECKING:
-    from cqblend.brep.rewrite.shell_edit import Surgery
+    from cqblend.brep.rewrite.shell_edit import ShellEdit
 
 
-GOES_ON = 0.15  # rad: a joint that turns by less at a vertex goes on there
+SAME_DIRECTION = 0.15  # rad: a joint that turns by less at a vertex goes on there
 
 
 @dataclass(frozen=True)
-class Cut:
+class EdgeTrim:
     """An edge of the input, at one ``end`` of the blend, that a corner of it cuts in two, or is beyond the end of.
 
-    It loses what is between ``vertex``, its end at the blended edge, and ``corner``; or it is lengthened. ``wall`` is
-    the part cut off where a cap stands on it: then only the face ``side``, which ends at the rail, loses that.
+    It loses what is between ``vertex``, its end at the blended edge, and ``corner``; or it is lengthened.
+    ``cap_border`` is the part cut off where a cap stands on it: then only the face ``trimmed_face``, which ends at the
+    rail, loses that.
     """
 
     end: int
@@ -55,17 +56,17 @@ class Cut:
     vertex: TopoDS_Vertex
     corner: TopoDS_Vertex
     faces: tuple[TopoDS_Face, TopoDS_Face]
-    wall: TopoDS_Edge | None = None
-    side: TopoDS_Face | None = None
+    cap_border: TopoDS_Edge | None = None
+    trimmed_face: TopoDS_Face | None = None
 
 
-def faces_beside(solid: TopoDS_Shape, vertex: TopoDS_Vertex, sides: Sequence[FaceSide]) -> list[TopoDS_Face]:
+def find_neighbour_faces(solid: TopoDS_Shape, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
     """Return the faces at a vertex of the blended edge that are none of its two sides."""
-    faces = Ancestors(solid, TopAbs_VERTEX, TopAbs_FACE)(vertex)
+    faces = AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE)(vertex)
     return [face for face in faces if not any(face.IsSame(side.face) for side in sides)]
 
 
-def face_across(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence[FaceSide]) -> TopoDS_Face:
+def find_end_face(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
     """Return the one face at the start (``end`` 0) or stop (1) of the blended edge on which its blend can end.
 
     Raises
@@ -74,49 +75,56 @@ def face_across(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence
         If there is not exactly one further face, or another edge goes on there in the direction of the blended one.
     """
     vertex, edge = spine.vertices[end], spine.edges[-end]
-    others = faces_beside(solid, vertex, sides)
+    others = find_neighbour_faces(solid, vertex, sides)
     if len(others) != 1:
         raise TopologyError(
             f"the joint goes on there: a natural end takes one further face, across the edge, not {len(others)}"
         )
-    arriving = -direction_from(vertex, edge)
-    for other in Ancestors(solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex):
-        if not other.IsSame(edge) and np.linalg.norm(direction_from(vertex, other) - arriving) < GOES_ON:
+    arriving = -find_outgoing_tangent(vertex, edge)
+    for other in AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex):
+        if not other.IsSame(edge) and np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving) < SAME_DIRECTION:
             raise TopologyError("the joint goes on there: another edge leaves in the same direction")
     return others[0]
 
 
-def trim_neighbours(surgery: Surgery, cuts: Iterable[Cut]) -> None:
+def trim_neighbour_edges(surgery: ShellEdit, cuts: Iterable[EdgeTrim]) -> None:
     """Cut the edges at the ends of the blended one where the blend's corners lie on them, or lengthen them to there."""
-    cuts_of: dict[int, list[Cut]] = {}
+    cuts_of: dict[int, list[EdgeTrim]] = {}
     for cut in cuts:
-        cuts_of.setdefault(surgery.edges.of(cut.edge), []).append(cut)
+        cuts_of.setdefault(surgery.edge_index.find_number(cut.edge), []).append(cut)
     for number, changes in cuts_of.items():
-        edge = TopoDS.Edge_s(forward(surgery.edges[number]))
+        edge = TopoDS.Edge_s(orient_forward(surgery.edge_index[number]))
         whole = BRep_Tool.Range_s(edge)
-        span, vertices, beyond = list(whole), list(ends(edge)), []
+        span, vertices, beyond = list(whole), list(find_end_vertices(edge)), []
         for cut in changes:
             which = 0 if vertices[0].IsSame(cut.vertex) else 1
             try:
-                at = _end_at(edge, which, cut)
+                at = _find_trim_parameter(edge, which, cut)
                 if at is None:
-                    beyond.append(_extension(cut))
+                    beyond.append(_make_extension_edge(cut))
                     continue
             except SizeError as error:
-                name = surgery.named(edge)
-                raise EndError(cut.end, SizeError(f"{name} next to the blend: {error}")) from error
+                name = surgery.name_part(edge)
+                raise BlendEndError(cut.end, SizeError(f"{name} next to the blend: {error}")) from error
             span[which], vertices[which] = at, cut.corner
-        if np.linalg.norm(location_of(vertices[0]) - location_of(vertices[1])) < 100 * CONFUSION or span[0] >= span[1]:
-            name = surgery.named(edge)
+        if (
+            np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1])) < 100 * CONFUSION
+            or span[0] >= span[1]
+        ):
+            name = surgery.name_part(edge)
             nothing = SizeError(f"nothing would remain of {name} next to the blend: the size is too large")
-            raise nothing if len({cut.end for cut in changes}) > 1 else EndError(changes[0].end, nothing)
-        piece = edge if tuple(span) == whole else trimmed(edge, (vertices[0], vertices[1]), (span[0], span[1]))
+            raise nothing if len({cut.end for cut in changes}) > 1 else BlendEndError(changes[0].end, nothing)
+        piece = (
+            edge if tuple(span) == whole else make_trimmed_copy(edge, (vertices[0], vertices[1]), (span[0], span[1]))
+        )
         for face in surgery.faces_at_edge(edge):
-            walls = [cut.wall for cut in changes if cut.wall is not None and not face.IsSame(cut.side)]
-            surgery.rewrite(face).replaced[number] = [piece, *beyond, *walls]
+            walls = [
+                cut.cap_border for cut in changes if cut.cap_border is not None and not face.IsSame(cut.trimmed_face)
+            ]
+            surgery.get_face_edit(face).replaced_edges[number] = [piece, *beyond, *walls]
 
 
-def _end_at(edge: TopoDS_Edge, which: int, cut: Cut) -> float | None:
+def _find_trim_parameter(edge: TopoDS_Edge, which: int, cut: EdgeTrim) -> float | None:
     """Return the parameter at which a FORWARD edge is to end; None if none of its own does, and it is to be extended.
 
     Raises
@@ -124,27 +132,27 @@ def _end_at(edge: TopoDS_Edge, which: int, cut: Cut) -> float | None:
     SizeError
         If the corner lies beyond the other end.
     """
-    at, distance = foot_on(edge, cut.corner)
-    if distance <= _slack(edge, cut.faces):
-        loosen(cut.corner, MARGIN * distance)
+    at, distance = project_to_edge(edge, cut.corner)
+    if distance <= _compute_corner_tolerance(edge, cut.faces):
+        raise_vertex_tolerance(cut.corner, TOLERANCE_MARGIN * distance)
         return at
-    if not _lies_behind(edge, cut):
+    if not _is_corner_behind(edge, cut):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it")
-    return _end_on_curve(edge, which, cut)
+    return _find_extension_parameter(edge, which, cut)
 
 
-def border_in_plane(
+def find_edge_in_plane(
     face: TopoDS_Face, vertex: TopoDS_Vertex, blended: Sequence[TopoDS_Edge], normal: Array, corner: Array
 ) -> TopoDS_Edge | None:
     """Return the edge of a face that runs from a vertex to a point in the plane through the vertex; None if none does.
 
     ``normal`` is the plane's, and the edges that are ``blended`` do not count.
     """
-    start = location_of(vertex)
-    for edge in distinct(forward(use) for use in explore(face, TopAbs_EDGE)):
-        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in (*blended, *seams(face))):
+    start = locate_vertex(vertex)
+    for edge in drop_duplicate_shapes(orient_forward(use) for use in explore_subshapes(face, TopAbs_EDGE)):
+        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in (*blended, *find_seam_edges(face))):
             continue
-        own = ends(edge)
+        own = find_end_vertices(edge)
         if own[0].IsSame(own[1]) or not any(vertex.IsSame(end) for end in own):
             continue
         curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
@@ -159,7 +167,7 @@ def border_in_plane(
     return None
 
 
-def foot_on(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
+def project_to_edge(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
     """Return the parameter of a FORWARD edge nearest to a vertex, and the distance (mm), infinite if it is beyond."""
     project = GeomAPI_ProjectPointOnCurve(
         BRep_Tool.Pnt_s(corner), BRep_Tool.Curve_s(edge, 0.0, 0.0), *BRep_Tool.Range_s(edge)
@@ -169,23 +177,28 @@ def foot_on(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
     return project.LowerDistanceParameter(), project.LowerDistance()
 
 
-def _slack(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
+def _compute_corner_tolerance(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
     """Return how far a point of both faces may be from their edge (mm): as far as that strays from them itself."""
-    strays = (deviation(use, face) for face in faces for use in explore(face, TopAbs_EDGE) if use.IsSame(edge))
+    strays = (
+        measure_deviation(use, face)
+        for face in faces
+        for use in explore_subshapes(face, TopAbs_EDGE)
+        if use.IsSame(edge)
+    )
     return max(10 * BRep_Tool.Tolerance_s(edge), 10 * CONFUSION, 2 * max(strays))
 
 
-def _lies_behind(edge: TopoDS_Edge, cut: Cut) -> bool:
+def _is_corner_behind(edge: TopoDS_Edge, cut: EdgeTrim) -> bool:
     """Whether a corner lies past the end of an edge at the cut's vertex: at a vertex of mixed convexity."""
     point, rate = gp_Pnt(), gp_Vec()
     first, last = BRep_Tool.Range_s(edge)
-    starts = ends(edge)[0].IsSame(cut.vertex)
+    starts = find_end_vertices(edge)[0].IsSame(cut.vertex)
     BRep_Tool.Curve_s(edge, 0.0, 0.0).D1(first if starts else last, point, rate)
     away = np.array(rate.Coord()) * (1.0 if starts else -1.0)
-    return bool((location_of(cut.corner) - location_of(cut.vertex)) @ away < 0)
+    return bool((locate_vertex(cut.corner) - locate_vertex(cut.vertex)) @ away < 0)
 
 
-def _end_on_curve(edge: TopoDS_Edge, which: int, cut: Cut) -> float | None:
+def _find_extension_parameter(edge: TopoDS_Edge, which: int, cut: EdgeTrim) -> float | None:
     """Return the parameter past an end of a FORWARD edge at which its own curves reach a corner; None if they do not.
 
     Lines and circles go on past the ends of their edges, and so do their parameter curves, or none of these is used.
@@ -196,7 +209,7 @@ def _end_on_curve(edge: TopoDS_Edge, which: int, cut: Cut) -> float | None:
         return None
     at = project.LowerDistanceParameter()
     if curve.IsPeriodic():
-        at = float(near_period(np.array(at), np.array((first, last)[which]), curve.Period()))
+        at = float(shift_to_period(np.array(at), np.array((first, last)[which]), curve.Period()))
     span = (at, last) if which == 0 else (first, at)
     pcurves = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for face in cut.faces]
     within = all(
@@ -205,25 +218,25 @@ def _end_on_curve(edge: TopoDS_Edge, which: int, cut: Cut) -> float | None:
     )
     if not within or not span[0] < span[1] or (first <= at <= last):
         return None
-    longer = trimmed(edge, ends(edge), span)
-    strays = max(project.LowerDistance(), *(deviation(longer, face) for face in cut.faces))
+    longer = make_trimmed_copy(edge, find_end_vertices(edge), span)
+    strays = max(project.LowerDistance(), *(measure_deviation(longer, face) for face in cut.faces))
     return at if strays <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION) else None
 
 
-def _extension(cut: Cut) -> TopoDS_Edge:
+def _make_extension_edge(cut: EdgeTrim) -> TopoDS_Edge:
     """Make the edge in which two faces go on meeting, past the end of their own edge, to a corner of the blend.
 
     FORWARD in the sense of that edge, at whose vertex it starts or stops exactly.
     """
-    start, stop = location_of(cut.vertex), location_of(cut.corner)
-    first, second = (face_side(face, start[None]) for face in cut.faces)
+    start, stop = locate_vertex(cut.vertex), locate_vertex(cut.corner)
+    first, second = (read_support_face(face, start[None]) for face in cut.faces)
     length = float(np.linalg.norm(stop - start))
     chord = (stop - start) / length
-    guesses = [parameters_at(cut.vertex, side.face)[None] for side in (first, second)]
+    guesses = [find_vertex_uv(cut.vertex, side.face)[None] for side in (first, second)]
 
-    def solve(s: Array) -> Array:
-        def system(x: Array) -> tuple[Array, Array, Array]:
-            one, other = first.native.jet(x[:, :2]), second.native.jet(x[:, 2:])
+    def solve_curve_points(s: Array) -> Array:
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            one, other = first.face_primary.jet(x[:, :2]), second.face_primary.jet(x[:, 2:])
             residual = np.column_stack([one[0] - other[0], (one[0] - start) @ chord - s * length])
             jacobian = np.zeros((len(x), 4, 4))
             for column, rate in enumerate((one[1], one[2], -other[1], -other[2])):
@@ -234,30 +247,33 @@ def _extension(cut: Cut) -> TopoDS_Edge:
 
         guess = np.column_stack(
             [
-                at + tangent_coordinates(side.native.jet(np.repeat(at, len(s), axis=0)), s[:, None] * (stop - start))
+                at
+                + to_tangent_coordinates(
+                    side.face_primary.jet(np.repeat(at, len(s), axis=0)), s[:, None] * (stop - start)
+                )
                 for side, at in zip((first, second), guesses, strict=True)
             ]
         )
-        x, good = newton(system, guess, length, length)
+        x, good = solve_damped_newton(evaluate_system, guess, length, length)
         if not good.all():
             raise SizeError("its faces do not go on meeting past its end, as far as the blend needs them to")
-        return np.column_stack([x, first.native.jet(x[:, :2])[0]])
+        return np.column_stack([x, first.face_primary.jet(x[:, :2])[0]])
 
     # The vertex may be beside the surfaces; the edge starts there all the same, and is on them where it stops.
-    beside = start - solve(np.zeros(1))[0, 4:]
+    beside = start - solve_curve_points(np.zeros(1))[0, 4:]
 
-    def exact(s: Array) -> Array:
-        values = solve(s)
+    def offset_to_vertex(s: Array) -> Array:
+        values = solve_curve_points(s)
         values[:, 4:] += (1 - s)[:, None] * beside
         return values
 
-    def error(values: Array, s: Array) -> float:
+    def measure_error(values: Array, s: Array) -> float:
         points = values[:, 4:] - (1 - s)[:, None] * beside
-        images = first.native.jet(values[:, :2])[0], second.native.jet(values[:, 2:4])[0]
+        images = first.face_primary.jet(values[:, :2])[0], second.face_primary.jet(values[:, 2:4])[0]
         return float(max(np.abs(image - points).max() for image in images))
 
-    backward = ends(TopoDS.Edge_s(forward(cut.edge)))[0].IsSame(cut.vertex)
-    curve, pair = fitted(exact, error), (cut.vertex, cut.corner)
-    return edge_between(
+    backward = find_end_vertices(TopoDS.Edge_s(orient_forward(cut.edge)))[0].IsSame(cut.vertex)
+    curve, pair = fit_solved_curve(offset_to_vertex, measure_error), (cut.vertex, cut.corner)
+    return make_shared_edge(
         curve.reverse() if backward else curve, pair[::-1] if backward else pair, first.face, second.face
     )

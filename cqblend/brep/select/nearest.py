@@ -15,7 +15,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cqblend.brep.verification.edge_continuity import continuity_between, edge_sides
+from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.errors import CqblendError, SelectionError
 
 Point = tuple[float, float, float]
@@ -42,7 +42,7 @@ class PickedFace:
     distance: float
 
 
-def nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
+def find_nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
     """Return the face nearest to a point.
 
     Raises
@@ -63,7 +63,7 @@ def nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
     return min(picked, key=lambda one: one.distance)
 
 
-def nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
+def find_nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
     """Return the edge nearest to a point that has two different faces on its two sides.
 
     Seams, degenerate and free edges are passed over; if it is to be ``sharp``, those at which the faces meet smoothly
@@ -91,9 +91,9 @@ def nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdg
 
 def _is_joint(shape: TopoDS_Shape, edge: TopoDS_Edge, *, sharp: bool) -> bool:
     try:
-        sides = edge_sides(shape, edge)
+        sides = find_edge_sides(shape, edge)
         if sides[0][0].IsSame(sides[1][0]):
             return False
-        return not sharp or continuity_between(sides, _SAMPLES).kind != "smooth"
+        return not sharp or measure_continuity_between(sides, _SAMPLES).kind != "smooth"
     except CqblendError:
         return False

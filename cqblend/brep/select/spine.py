@@ -18,17 +18,17 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
-from cqblend.brep.read.face_surface import FaceSide
-from cqblend.brep.topology import ends, explore, forward
+from cqblend.brep.read.face_surface import SupportFace
+from cqblend.brep.topology import explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
-from cqblend.surfaces.primaries import Array, tangent_coordinates, unit
+from cqblend.surfaces.primaries import Array, normalise_vectors, to_tangent_coordinates
 
-TABLE = 65  # points at which the speed along an edge is read
-ROUND = 1e-9  # relative deviation up to which an edge is an arc of a circle
+TABLE_SIZE = 65  # points at which the speed along an edge is read
+CIRCLE_TOLERANCE = 1e-9  # relative deviation up to which an edge is an arc of a circle
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _ArcLengthTable:
     """One edge of the chain: its parameters against arc length, from its start as the chain runs."""
 
     edge: TopoDS_Edge
@@ -37,16 +37,16 @@ class _Piece:
     parameter: Array
     slope: Array  # d parameter / d arc
 
-    def at(self, arc: Array) -> Array:
+    def find_parameters(self, arc: Array) -> Array:
         """Return edge parameters at arc lengths, by cubic Hermite interpolation of the table."""
-        i = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, TABLE - 2)
+        i = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, TABLE_SIZE - 2)
         h = self.arc[i + 1] - self.arc[i]
         x = (arc - self.arc[i]) / h
         p0, p1, m0, m1 = self.parameter[i], self.parameter[i + 1], h * self.slope[i], h * self.slope[i + 1]
         return p0 + x * (m0 + x * (3 * (p1 - p0) - 2 * m0 - m1 + x * (m0 + m1 - 2 * (p1 - p0))))
 
 
-def chain(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_Edge], bool]:
+def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_Edge], bool]:
     """Order edges head to tail as the face's boundary runs; also tell whether they close.
 
     Raises
@@ -54,12 +54,12 @@ def chain(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_
     SelectionError
         If they do not form one chain.
     """
-    uses = [next(use for use in explore(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
+    uses = [next(use for use in explore_subshapes(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
     ordered = [uses.pop(0)]
     while uses:
-        start, end = ends(ordered[0])[0], ends(ordered[-1])[1]
+        start, end = find_end_vertices(ordered[0])[0], find_end_vertices(ordered[-1])[1]
         for use in uses:
-            first, last = ends(use)
+            first, last = find_end_vertices(use)
             if first.IsSame(end):
                 ordered.append(use)
             elif last.IsSame(start):
@@ -70,7 +70,7 @@ def chain(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_
             break
         else:
             raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
-    return ordered, ends(ordered[0])[0].IsSame(ends(ordered[-1])[1])
+    return ordered, find_end_vertices(ordered[0])[0].IsSame(find_end_vertices(ordered[-1])[1])
 
 
 @dataclass(frozen=True)
@@ -79,10 +79,10 @@ class EdgeSpine:
 
     edges: list[TopoDS_Edge]
     closed: bool
-    pieces: list[_Piece] = field(init=False, repr=False)
+    pieces: list[_ArcLengthTable] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pieces", [_measure(edge) for edge in self.edges])
+        object.__setattr__(self, "pieces", [_tabulate_edge(edge) for edge in self.edges])
 
     @property
     def length(self) -> float:
@@ -92,9 +92,9 @@ class EdgeSpine:
     @property
     def vertices(self) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
         """The vertices at t = 0 and t = 1."""
-        return ends(self.edges[0])[0], ends(self.edges[-1])[1]
+        return find_end_vertices(self.edges[0])[0], find_end_vertices(self.edges[-1])[1]
 
-    def locate(self, t: Array) -> tuple[Array, Array]:
+    def locate_parameters(self, t: Array) -> tuple[Array, Array]:
         """Return which edge each t in [0, 1] is on, and its parameter there."""
         stops = np.cumsum([piece.length for piece in self.pieces])
         arc = np.clip(t, 0.0, 1.0) * stops[-1]
@@ -102,14 +102,14 @@ class EdgeSpine:
         parameter = np.empty(len(t))
         for i, piece in enumerate(self.pieces):
             mine = number == i
-            parameter[mine] = piece.at(arc[mine] - (stops[i] - piece.length))
+            parameter[mine] = piece.find_parameters(arc[mine] - (stops[i] - piece.length))
         return number, parameter
 
-    def points(self, t: Array) -> Array:
+    def evaluate_points(self, t: Array) -> Array:
         """Return points of the edge's 3D curve (n, 3) at t in [0, 1]."""
-        return self._curve(*self.locate(t))[0]
+        return self._evaluate_with_tangents(*self.locate_parameters(t))[0]
 
-    def _curve(self, number: Array, parameter: Array) -> tuple[Array, Array]:
+    def _evaluate_with_tangents(self, number: Array, parameter: Array) -> tuple[Array, Array]:
         curves = [BRepAdaptor_Curve(edge) for edge in self.edges]
         p, v = gp_Pnt(), gp_Vec()
         rows = []
@@ -118,25 +118,25 @@ class EdgeSpine:
             rows.append((p.X(), p.Y(), p.Z(), v.X(), v.Y(), v.Z()))
         table = np.array(rows)
         reverse = np.array([edge.Orientation() == TopAbs_REVERSED for edge in self.edges])
-        return table[:, :3], unit(table[:, 3:]) * np.where(reverse[number], -1.0, 1.0)[:, None]
+        return table[:, :3], normalise_vectors(table[:, 3:]) * np.where(reverse[number], -1.0, 1.0)[:, None]
 
-    def on_face(self, t: Array, face: TopoDS_Face) -> Array:
+    def evaluate_pcurves(self, t: Array, face: TopoDS_Face) -> Array:
         """Return the face's own parameters (n, 2) of the edge at t in [0, 1], as its pcurves have them."""
-        return self._on_face(*self.locate(t), face)
+        return self._evaluate_pcurves(*self.locate_parameters(t), face)
 
-    def _on_face(self, number: Array, parameter: Array, face: TopoDS_Face) -> Array:
-        curves = [BRep_Tool.CurveOnSurface_s(forward(edge), face, 0.0, 0.0) for edge in self.edges]
+    def _evaluate_pcurves(self, number: Array, parameter: Array, face: TopoDS_Face) -> Array:
+        curves = [BRep_Tool.CurveOnSurface_s(orient_forward(edge), face, 0.0, 0.0) for edge in self.edges]
         values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
         return np.array([(value.X(), value.Y()) for value in values])
 
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
         """Centre (3,) and radius of the circle that the spine runs along, None if there is none."""
-        points = self.points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
+        points = self.evaluate_points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
         middle = points.mean(axis=0)
         axes = np.linalg.svd(points - middle)[2]
         size = np.abs(points - middle).max()
-        if np.abs((points - middle) @ axes[2]).max() > ROUND * size:
+        if np.abs((points - middle) @ axes[2]).max() > CIRCLE_TOLERANCE * size:
             return None
         flat = (points - middle) @ axes[:2].T
         system = np.column_stack([2 * flat, np.ones(len(flat))])
@@ -144,11 +144,11 @@ class EdgeSpine:
         if rank < 3:
             return None
         radius = float(np.sqrt(solution[2] + solution[:2] @ solution[:2]))
-        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > ROUND * radius:
+        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > CIRCLE_TOLERANCE * radius:
             return None
         return middle + solution[:2] @ axes[:2], radius
 
-    def turn(self) -> float | None:
+    def measure_arc_angle(self) -> float | None:
         """Return the angle of the arc that the spine is, None if it is not a circle's."""
         if self.circle is None:
             return None
@@ -157,26 +157,26 @@ class EdgeSpine:
             return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
         return float(turn) if turn < 2 * np.pi else None
 
-    def stations(self, t: Array, sides: tuple[FaceSide, FaceSide]) -> Stations:
+    def locate_stations(self, t: Array, sides: tuple[SupportFace, SupportFace]) -> Stations:
         """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
-        number, parameter = self.locate(t)
-        point, direction = self._curve(number, parameter)
-        past = self._past(t)
+        number, parameter = self.locate_parameters(t)
+        point, direction = self._evaluate_with_tangents(number, parameter)
+        past = self._measure_overshoot(t)
         uv = []
         for side in sides:
-            found = side.working(self._on_face(number, parameter, side.face))
+            found = side.to_working_parameters(self._evaluate_pcurves(number, parameter, side.face))
             if past.any():
                 jet = side.primary.jet(found)
-                found = found + tangent_coordinates(jet, direction * past[:, None])
+                found = found + to_tangent_coordinates(jet, direction * past[:, None])
             uv.append(found)
         return Stations(t, point + direction * past[:, None], direction, (uv[0], uv[1]))
 
-    def onward(self, stations: Stations, sides: tuple[FaceSide, FaceSide]) -> Stations:
-        """Move those of :meth:`stations` that are past the ends of an arc of a circle onto that circle.
+    def extend_along_circle(self, stations: Stations, sides: tuple[SupportFace, SupportFace]) -> Stations:
+        """Move those of :meth:`locate_stations` that are past the ends of an arc of a circle onto that circle.
 
         So an arc goes on as an arc, and what is rolled along it stays one of revolution.
         """
-        past = self._past(stations.t)
+        past = self._measure_overshoot(stations.t)
         if self.circle is None or not past.any():
             return stations
         centre, radius = self.circle
@@ -185,20 +185,20 @@ class EdgeSpine:
         cos, sin = np.cos(angle), np.sin(angle)
         point = np.where(angle == 0, stations.point, centre + cos * arm + radius * sin * direction)
         uv = [
-            found + tangent_coordinates(side.primary.jet(found), point - stations.point)
+            found + to_tangent_coordinates(side.primary.jet(found), point - stations.point)
             for side, found in zip(sides, stations.uv, strict=True)
         ]
         return Stations(stations.t, point, cos * direction - sin * arm / radius, (uv[0], uv[1]))
 
-    def _past(self, t: Array) -> Array:
+    def _measure_overshoot(self, t: Array) -> Array:
         """Return how far (mm, signed) parameters are past the ends."""
         return np.asarray(np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length)
 
 
-def _measure(edge: TopoDS_Edge) -> _Piece:
+def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
     curve = BRepAdaptor_Curve(edge)
     first, last = curve.FirstParameter(), curve.LastParameter()
-    parameter = np.linspace(first, last, 2 * TABLE - 1)
+    parameter = np.linspace(first, last, 2 * TABLE_SIZE - 1)
     p, v = gp_Pnt(), gp_Vec()
     speeds = []
     for x in parameter.tolist():
@@ -207,8 +207,8 @@ def _measure(edge: TopoDS_Edge) -> _Piece:
     speed = np.array(speeds)
     if edge.Orientation() == TopAbs_REVERSED:
         parameter, speed = parameter[::-1], speed[::-1]
-    step = (last - first) / (TABLE - 1)
+    step = (last - first) / (TABLE_SIZE - 1)
     simpson = step / 6 * (speed[:-2:2] + 4 * speed[1::2] + speed[2::2])
     arc = np.append(0.0, np.cumsum(simpson))
     sign = np.sign(parameter[-1] - parameter[0])
-    return _Piece(edge, float(arc[-1]), arc, parameter[::2], sign / np.maximum(speed[::2], 1e-9 * speed.max()))
+    return _ArcLengthTable(edge, float(arc[-1]), arc, parameter[::2], sign / np.maximum(speed[::2], 1e-9 * speed.max()))

@@ -38,29 +38,29 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from cqblend.brep.verification.measuring_places import (
-    ALONG,
-    AROUND,
-    INSIDE,
-    WORST,
-    beyond_lines,
-    crossings,
-    knot_lines,
-    knots_of,
-    sharpened,
-    spread,
+    CLUSTER_OFFSETS,
+    KNOT_LINE_TOLERANCE,
+    SPAN_SHARES,
+    WORST_COUNT,
+    find_curve_knots,
+    find_knot_crossings,
+    find_knot_lines,
+    measure_line_distances,
+    resample_near_maxima,
+    spread_samples,
 )
 from cqblend.errors import GeometryError, InputError, SelectionError
 
 Array = NDArray[np.float64]
-Kind = Literal["convex", "concave", "smooth"]
+EdgeKind = Literal["convex", "concave", "smooth"]
 
-SMOOTH = 1e-3
+SMOOTH_ANGLE = 1e-3
 """Largest normal angle (radians) of an edge that is called smooth: 0.06 degrees. Native fillets stay below 1e-4."""
 
-_BESIDE = 1e-14
+_KNOT_STEP = 1e-14
 """Step off a knot line to read one side of it, relative to the domain. OCCT tells sides apart down to 1e-15."""
 
-_DEGENERATE = 1e-7
+_DEGENERATE_RATIO = 1e-7
 """|Su x Sv| below this share of its largest value along the edge has a direction made of rounding: nan."""
 
 
@@ -106,7 +106,7 @@ class Continuity:
     tolerance : float
         The edge's tolerance, mm.
     kind : {'convex', 'concave', 'smooth'}
-        Judged where the angle is largest; smooth up to :data:`SMOOTH`.
+        Judged where the angle is largest; smooth up to :data:`SMOOTH_ANGLE`.
     samples : int
         How many samples had a normal on both sides.
     """
@@ -115,7 +115,7 @@ class Continuity:
     angle: float
     curvature_jump: float
     tolerance: float
-    kind: Kind
+    kind: EdgeKind
     samples: int
 
     def __str__(self) -> str:
@@ -145,11 +145,11 @@ class Crease:
         return f"crease of {self.angle:.2g} rad at (u, v) = ({u:.6g}, {v:.6g}), ({x:.6g}, {y:.6g}, {z:.6g})"
 
 
-Side = tuple[TopoDS_Face, TopoDS_Edge]
+EdgeSide = tuple[TopoDS_Face, TopoDS_Edge]
 """A face, and the edge with the orientation it has in that face (which picks the pcurve of a seam)."""
 
 
-def continuity(shape: TopoDS_Shape, edge: TopoDS_Edge, samples: int = 1000) -> Continuity:
+def measure_continuity(shape: TopoDS_Shape, edge: TopoDS_Edge, samples: int = 1000) -> Continuity:
     """Measure how the two faces at an edge meet.
 
     Parameters
@@ -181,10 +181,10 @@ def continuity(shape: TopoDS_Shape, edge: TopoDS_Edge, samples: int = 1000) -> C
     surface on the side of larger parameters, which need not be the same side of the edge's point. Samples at which a
     normal does not exist (the pole at the end of a sphere's seam) count for the gap only.
     """
-    return continuity_between(edge_sides(shape, edge), samples)
+    return measure_continuity_between(find_edge_sides(shape, edge), samples)
 
 
-def edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[Side, Side]:
+def find_edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[EdgeSide, EdgeSide]:
     """Return the two sides of an edge in a shape, in the order of the shape's faces.
 
     Raises
@@ -202,54 +202,54 @@ def edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[Side, Side]:
         raise SelectionError("the edge is not an edge of the shape: pick it from the shape itself, not from a copy")
     if BRep_Tool.Degenerated_s(edge):
         raise SelectionError("the edge is degenerate (the pole of a surface): it has no length and no continuity")
-    sides = [side for face in faces_of.FindFromKey(edge) for side in uses_of(TopoDS.Face_s(face), edge)]
+    sides = [side for face in faces_of.FindFromKey(edge) for side in find_sides_on_face(TopoDS.Face_s(face), edge)]
     if len(sides) != 2:
         what = "a free boundary" if len(sides) == 1 else f"used {len(sides)} times"
         raise SelectionError(f"the edge is {what}: continuity is measured between exactly two sides")
     return sides[0], sides[1]
 
 
-def continuity_between(
-    sides: tuple[Side, Side], samples: int = 1000, where: Callable[[Array], Array] | None = None
+def measure_continuity_between(
+    sides: tuple[EdgeSide, EdgeSide], samples: int = 1000, where: Callable[[Array], Array] | None = None
 ) -> Continuity:
-    """Measure how two known sides of an edge meet: :func:`continuity` without the search for them.
+    """Measure how two known sides of an edge meet: :func:`measure_continuity` without the search for them.
 
     ``where`` tells at which parameters (n,) of the edge angle and curvature count; everywhere if it is not given.
     """
     edge = sides[0][1]
 
-    def measure(ts: Array) -> tuple[Array, Array, Array]:
-        points, tangents = _curve(edge, ts)
-        one, two = (edge_samples(use, face, ts) for face, use in sides)
+    def compare_sides(ts: Array) -> tuple[Array, Array, Array]:
+        points, tangents = _evaluate_edge(edge, ts)
+        one, two = (sample_edge_side(use, face, ts) for face, use in sides)
         pairs = ((one.points, two.points), (one.points, points), (two.points, points))
         gaps = np.max([np.linalg.norm(a - b, axis=1) for a, b in pairs], axis=0)
-        angles = angle_between(one.normals, two.normals)
-        jumps = _spectral_norm(_unfolded(one, tangents) - _unfolded(two, tangents))
+        angles = measure_angle_between(one.normals, two.normals)
+        jumps = _spectral_norm(_express_in_edge_frame(one, tangents) - _express_in_edge_frame(two, tangents))
         if where is not None:
             counts = where(ts)
             angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
         return gaps, angles, jumps
 
-    ts = sample_parameters(sides, samples)
-    first = measure(ts)
+    ts = choose_sample_parameters(sides, samples)
+    first = compare_sides(ts)
     measured = int(np.isfinite(first[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    ts, (gaps, angles, jumps) = sharpened(measure, ts, first)
+    ts, (gaps, angles, jumps) = resample_near_maxima(compare_sides, ts, first)
     worst = int(np.nanargmax(angles))
     at = ts[[worst]]
-    one, two = (edge_samples(use, face, at) for face, use in sides)
+    one, two = (sample_edge_side(use, face, at) for face, use in sides)
     return Continuity(
         gap=float(gaps.max()),
         angle=float(angles[worst]),
         curvature_jump=float(np.nanmax(jumps)),
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_kind(edge, _curve(edge, at)[1][0], one.normals[0], two.normals[0], float(angles[worst])),
+        kind=_classify_edge(edge, _evaluate_edge(edge, at)[1][0], one.normals[0], two.normals[0], float(angles[worst])),
         samples=measured,
     )
 
 
-def edge_samples(edge: TopoDS_Edge, face: TopoDS_Face, ts: ArrayLike) -> EdgeSamples:
+def sample_edge_side(edge: TopoDS_Edge, face: TopoDS_Face, ts: ArrayLike) -> EdgeSamples:
     """Evaluate a face along one of its edges.
 
     Parameters
@@ -276,24 +276,24 @@ def edge_samples(edge: TopoDS_Edge, face: TopoDS_Face, ts: ArrayLike) -> EdgeSam
     -----
     Where the edge runs along a knot line of the surface, derivatives are those of the face's own side of that line.
     """
-    uses = uses_of(face, edge)
+    uses = find_sides_on_face(face, edge)
     if not uses:
         raise SelectionError("the edge is not an edge of the face")
     if len(uses) == 1:
         edge = uses[0][1]
-    pcurve, low, high = _pcurve(edge, face)
+    pcurve, low, high = _get_pcurve(edge, face)
     surface = BRep_Tool.Surface_s(face)
-    ts = _onto(np.asarray(ts, dtype=float), BRep_Tool.Range_s(edge), (low, high))
-    uv = _values2d(pcurve, ts)
+    ts = _map_to_range(np.asarray(ts, dtype=float), BRep_Tool.Range_s(edge), (low, high))
+    uv = _evaluate_pcurve(pcurve, ts)
     left = edge.Orientation() == face.Orientation()  # a REVERSED edge of a REVERSED face runs forward on its surface
-    beside = _on_own_side(uv, ts, pcurve, surface, (high - low) * (1.0 if left else -1.0))
-    jets = _jets(surface, beside, order=2)
+    beside = _shift_to_face_side(uv, ts, pcurve, surface, (high - low) * (1.0 if left else -1.0))
+    jets = _evaluate_surface(surface, beside, order=2)
     moved = (beside != uv).any(axis=1)
-    jets[moved, 0] = _jets(surface, uv[moved], order=1)[:, 0]
-    return EdgeSamples(jets[:, 0], *_normals_and_curvature(jets, face.Orientation() == TopAbs_REVERSED), uv)
+    jets[moved, 0] = _evaluate_surface(surface, uv[moved], order=1)[:, 0]
+    return EdgeSamples(jets[:, 0], *_compute_normals_curvatures(jets, face.Orientation() == TopAbs_REVERSED), uv)
 
 
-def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
+def choose_sample_parameters(sides: Sequence[EdgeSide], samples: int = 1000) -> Array:
     """Parameters at which to compare the sides of an edge: equidistant, and clustered beside all that may jump.
 
     That is the ends, the knots of the 3D curve and of the pcurves, and the crossings with knot lines of the faces'
@@ -309,16 +309,16 @@ def sample_parameters(sides: Sequence[Side], samples: int = 1000) -> Array:
     edge = sides[0][1]
     ends = BRep_Tool.Range_s(edge)
     unit = (0.0, 1.0)
-    breaks = [np.array(unit), _onto(knots_of(BRepAdaptor_Curve(edge)), ends, unit)]
+    breaks = [np.array(unit), _map_to_range(find_curve_knots(BRepAdaptor_Curve(edge)), ends, unit)]
     for face, use in sides:
-        pcurve, low, high = _pcurve(use, face)
-        knots = knots_of(Geom2dAdaptor_Curve(pcurve, low, high))
-        found = crossings(partial(_values2d, pcurve), low, high, BRep_Tool.Surface_s(face))
-        breaks.append(_onto(np.concatenate((knots, found)), (low, high), unit))
-    return _onto(spread(np.unique(np.concatenate(breaks)), samples), unit, ends)
+        pcurve, low, high = _get_pcurve(use, face)
+        knots = find_curve_knots(Geom2dAdaptor_Curve(pcurve, low, high))
+        found = find_knot_crossings(partial(_evaluate_pcurve, pcurve), low, high, BRep_Tool.Surface_s(face))
+        breaks.append(_map_to_range(np.concatenate((knots, found)), (low, high), unit))
+    return _map_to_range(spread_samples(np.unique(np.concatenate(breaks)), samples), unit, ends)
 
 
-def contact(
+def measure_surface_contact(
     surfaces: tuple[Geom_Surface, Geom_Surface], places: Callable[[Array], tuple[Array, Array]], ts: Array
 ) -> tuple[float, float, float]:
     """Measure how two surfaces meet along a common curve, on which ``places`` gives parameters (n, 2) on each.
@@ -330,43 +330,43 @@ def contact(
     """
     sign = 0.0
 
-    def compare(pair: Sequence[Geom_Surface], ts: Array) -> tuple[Array, Array, Array]:
+    def compare_surfaces(pair: Sequence[Geom_Surface], ts: Array) -> tuple[Array, Array, Array]:
         nonlocal sign
         at = places(ts)
-        first, second = (_jets(surface, uv, order=2) for surface, uv in zip(pair, at, strict=True))
-        (n, bent), (m, other) = (_normals_and_curvature(jets, reverse=False) for jets in (first, second))
+        first, second = (_evaluate_surface(surface, uv, order=2) for surface, uv in zip(pair, at, strict=True))
+        (n, bent), (m, other) = (_compute_normals_curvatures(jets, reverse=False) for jets in (first, second))
         sign = sign or (-1.0 if np.nansum(n * m) < 0 else 1.0)
         one, two = EdgeSamples(first[:, 0], n, bent, at[0]), EdgeSamples(second[:, 0], sign * m, sign * other, at[1])
         along = first[:, 1]
         return (
             np.linalg.norm(one.points - two.points, axis=1),
-            angle_between(one.normals, two.normals),
-            _spectral_norm(_unfolded(one, along) - _unfolded(two, along)),
+            measure_angle_between(one.normals, two.normals),
+            _spectral_norm(_express_in_edge_frame(one, along) - _express_in_edge_frame(two, along)),
         )
 
-    ts, values = sharpened(partial(compare, surfaces), ts, compare(surfaces, ts))
+    ts, values = resample_near_maxima(partial(compare_surfaces, surfaces), ts, compare_surfaces(surfaces, ts))
     found = [values]
-    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-WORST:].tolist():
-        x, y, z = _jets(surfaces[0], places(ts[[i]])[0], order=1)[0, 0].tolist()
-        beside = [_translated(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
-        around = np.concatenate([ts[max(i - len(INSIDE), 0) : i + len(INSIDE) + 1], ts[::20]])
-        found.append(list(compare(beside, around)))
+    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-WORST_COUNT:].tolist():
+        x, y, z = _evaluate_surface(surfaces[0], places(ts[[i]])[0], order=1)[0, 0].tolist()
+        beside = [_translate_surface(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
+        around = np.concatenate([ts[max(i - len(SPAN_SHARES), 0) : i + len(SPAN_SHARES) + 1], ts[::20]])
+        found.append(list(compare_surfaces(beside, around)))
     gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
     return gap, angle, jump
 
 
-def _translated(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
+def _translate_surface(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
     """Return a moved copy of a surface."""
     copy = surface.Copy()
     copy.Translate(by)
     return copy
 
 
-def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
+def find_inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     """Find the sharpest crease inside a face: along knot lines across which its surface need not be C1.
 
     Both one-sided normals are read beside every such line, at ``samples`` points of it and beside the knots that
-    cross it; what lies outside the face's boundary does not count. Seams are edges: :func:`continuity` measures
+    cross it; what lies outside the face's boundary does not count. Seams are edges: :func:`measure_continuity` measures
     those.
 
     Raises
@@ -377,16 +377,16 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
     face = TopoDS.Face_s(require_shape(face, "face", TopAbs_FACE))
     bounds = BRepTools.UVBounds_s(face)
     window = GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *bounds)
-    lines = knot_lines(window, GeomAbs_C1)
-    knots = knot_lines(window, GeomAbs_C3)
+    lines = find_knot_lines(window, GeomAbs_C1)
+    knots = find_knot_lines(window, GeomAbs_C3)
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
         low, high = bounds[2 * other : 2 * other + 2]
-        beside = AROUND[0] * (high - low)
+        beside = CLUSTER_OFFSETS[0] * (high - low)
         along = np.linspace(low + beside, high - beside, samples)
         along = np.concatenate((along, (knots[other][1:-1, None] + np.array([-beside, beside])).ravel()))
         for at in lines[k][1:-1]:
-            step = _step(bounds[2 * k + 1] - bounds[2 * k], at)
+            step = _compute_side_step(bounds[2 * k + 1] - bounds[2 * k], at)
             pair = np.empty((along.size, 2, 2))
             pair[:, :, other] = along[:, None]
             pair[:, :, k] = at - step, at + step
@@ -397,27 +397,27 @@ def inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
         uv = uv[[boundary.Perform(gp_Pnt2d(*middle)) != TopAbs_OUT for middle in uv.mean(axis=1).tolist()]]
     if not len(uv):
         return Crease(0.0, None, None)
-    points, normals = (array.reshape(-1, 2, 3) for array in face_normals(face, uv.reshape(-1, 2)))
-    angles = np.nan_to_num(angle_between(normals[:, 0], normals[:, 1]))
+    points, normals = (array.reshape(-1, 2, 3) for array in evaluate_face_normals(face, uv.reshape(-1, 2)))
+    angles = np.nan_to_num(measure_angle_between(normals[:, 0], normals[:, 1]))
     worst = int(angles.argmax())
     u, v = uv[worst].mean(axis=0).tolist()
     x, y, z = points[worst, 0].tolist()
     return Crease(float(angles[worst]), (u, v), (x, y, z))
 
 
-def outline(face: TopoDS_Face, samples: int = 65) -> Array:
+def sample_outline(face: TopoDS_Face, samples: int = 65) -> Array:
     """Return the boundary of a face in its parameter plane, as the ends (n, 2, 2) of short straight pieces."""
     pieces = []
     explorer = TopExp_Explorer(face, TopAbs_EDGE)
     while explorer.More():
-        pcurve, low, high = _pcurve(TopoDS.Edge_s(explorer.Current()), face)
-        points = _values2d(pcurve, np.linspace(low, high, samples))
+        pcurve, low, high = _get_pcurve(TopoDS.Edge_s(explorer.Current()), face)
+        points = _evaluate_pcurve(pcurve, np.linspace(low, high, samples))
         pieces.append(np.stack([points[:-1], points[1:]], axis=1))
         explorer.Next()
     return np.concatenate(pieces)
 
 
-def face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
+def evaluate_face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
     """Points and outward unit normals of a face at parameters (n, 2): (n, 3) each, normals nan at degenerate points.
 
     Raises
@@ -425,12 +425,12 @@ def face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
     GeometryError
         OCCT cannot evaluate the surface.
     """
-    jets = _jets(BRep_Tool.Surface_s(face), uv, order=1)
-    normals = _unit(np.cross(jets[:, 1], jets[:, 2]))
+    jets = _evaluate_surface(BRep_Tool.Surface_s(face), uv, order=1)
+    normals = _normalise_rows(np.cross(jets[:, 1], jets[:, 2]))
     return jets[:, 0], -normals if face.Orientation() == TopAbs_REVERSED else normals
 
 
-def angle_between(a: Array, b: Array) -> Array:
+def measure_angle_between(a: Array, b: Array) -> Array:
     """Angles between vectors, ``atan2(|a x b|, a.b)``: exact to rounding also near 0 and pi, unlike arccos."""
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("...i,...i->...", a, b)))
 
@@ -450,7 +450,7 @@ def require_shape(shape: object, name: str, kind: TopAbs_ShapeEnum | None = None
     return shape
 
 
-def uses_of(face: TopoDS_Face, edge: TopoDS_Edge) -> list[Side]:
+def find_sides_on_face(face: TopoDS_Face, edge: TopoDS_Edge) -> list[EdgeSide]:
     """Return the sides of an edge on which a face lies: two on a seam, none if the edge floats inside the face."""
     uses = []
     explorer = TopExp_Explorer(face, TopAbs_EDGE)
@@ -462,7 +462,7 @@ def uses_of(face: TopoDS_Face, edge: TopoDS_Edge) -> list[Side]:
     return uses
 
 
-def _pcurve(edge: TopoDS_Edge, face: TopoDS_Face) -> tuple[Geom2d_Curve, float, float]:
+def _get_pcurve(edge: TopoDS_Edge, face: TopoDS_Face) -> tuple[Geom2d_Curve, float, float]:
     """Return an edge's curve in the parameter plane of a face, and its range."""
     pcurve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
     if pcurve is None:
@@ -474,7 +474,7 @@ def _pcurve(edge: TopoDS_Edge, face: TopoDS_Face) -> tuple[Geom2d_Curve, float, 
 # ----------------------------------------------------------------------------------------------------------- evaluation
 
 
-def _values2d(pcurve: Geom2d_Curve, ts: Array) -> Array:
+def _evaluate_pcurve(pcurve: Geom2d_Curve, ts: Array) -> Array:
     """Evaluate a plane curve: (n, 2)."""
     point, evaluate, flat = gp_Pnt2d(), pcurve.D0, []
     for t in ts.tolist():
@@ -483,7 +483,7 @@ def _values2d(pcurve: Geom2d_Curve, ts: Array) -> Array:
     return np.array(flat).reshape(-1, 2)
 
 
-def _curve(edge: TopoDS_Edge, ts: Array) -> tuple[Array, Array]:
+def _evaluate_edge(edge: TopoDS_Edge, ts: Array) -> tuple[Array, Array]:
     """Evaluate an edge in space, its 3D curve if it has one: points and derivatives, (n, 3) each."""
     point, tangent, evaluate, flat = gp_Pnt(), gp_Vec(), BRepAdaptor_Curve(edge).D1, []
     for t in ts.tolist():
@@ -494,7 +494,7 @@ def _curve(edge: TopoDS_Edge, ts: Array) -> tuple[Array, Array]:
     return values[:, 0], values[:, 1]
 
 
-def _jets(surface: Geom_Surface, uv: Array, order: Literal[1, 2]) -> Array:
+def _evaluate_surface(surface: Geom_Surface, uv: Array, order: Literal[1, 2]) -> Array:
     """Evaluate a surface by OCCT: S, Su, Sv and, to order 2, Suu, Svv, Suv, as (n, 3 or 6, 3)."""
     evaluate = surface.D1 if order == 1 else surface.D2
     point, vectors = gp_Pnt(), [gp_Vec() for _ in range(2 if order == 1 else 5)]
@@ -510,11 +510,11 @@ def _jets(surface: Geom_Surface, uv: Array, order: Literal[1, 2]) -> Array:
     return np.array(flat).reshape(-1, len(readers), 3)
 
 
-def _normals_and_curvature(jets: Array, reverse: bool) -> tuple[Array, Array]:
+def _compute_normals_curvatures(jets: Array, reverse: bool) -> tuple[Array, Array]:
     """Outward unit normals and curvature tensors from second order jets; nan where the surface is degenerate."""
     su, sv = jets[:, 1], jets[:, 2]
     cross = -np.cross(su, sv) if reverse else np.cross(su, sv)
-    normals = _unit(cross)
+    normals = _normalise_rows(cross)
     size = np.linalg.norm(cross, axis=1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         dual = np.stack((np.cross(sv, normals), np.cross(normals, su)), axis=1) / size[:, None]
@@ -525,16 +525,16 @@ def _normals_and_curvature(jets: Array, reverse: bool) -> tuple[Array, Array]:
     return normals, np.asarray(dual.transpose(0, 2, 1) @ form @ dual)
 
 
-def _unit(vectors: Array) -> Array:
+def _normalise_rows(vectors: Array) -> Array:
     """Normalise rows; nan for those that are nothing but rounding beside the longest."""
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    sound = size > _DEGENERATE * np.nanmax(size)
+    sound = size > _DEGENERATE_RATIO * np.nanmax(size)
     return np.asarray(np.divide(vectors, size, out=np.full_like(vectors, np.nan), where=sound))
 
 
-def _unfolded(side: EdgeSamples, tangents: Array) -> Array:
+def _express_in_edge_frame(side: EdgeSamples, tangents: Array) -> Array:
     """Curvature tensors in the orthonormal frame (along the edge, across it) of each tangent plane: (n, 2, 2)."""
-    across = _unit(np.cross(side.normals, tangents))
+    across = _normalise_rows(np.cross(side.normals, tangents))
     frame = np.stack((np.cross(across, side.normals), across), axis=1)
     return np.asarray(frame @ side.curvature @ frame.transpose(0, 2, 1))
 
@@ -545,9 +545,9 @@ def _spectral_norm(forms: Array) -> Array:
     return np.asarray(np.abs(mean) + np.hypot((forms[:, 0, 0] - forms[:, 1, 1]) / 2, forms[:, 0, 1]))
 
 
-def _kind(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> Kind:
+def _classify_edge(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> EdgeKind:
     """Tell which way an edge bends: on a convex one the second normal points away from the first face."""
-    if angle <= SMOOTH:
+    if angle <= SMOOTH_ANGLE:
         return "smooth"
     into_first = np.cross(first, tangent) * (1.0 if edge.Orientation() == TopAbs_FORWARD else -1.0)
     return "concave" if into_first @ second > 0.0 else "convex"
@@ -556,31 +556,31 @@ def _kind(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle:
 # ------------------------------------------------------------------------------------------------ knots and their sides
 
 
-def _on_own_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surface, span: float) -> Array:
+def _shift_to_face_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surface, span: float) -> Array:
     """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
 
     ``span`` is the length of the edge's range, negative if the face lies to the right of its pcurve. Only lines where
     second derivatives may jump matter; a pcurve that merely crosses a line stays.
     """
     moved = uv.copy()
-    for k, beyond, size in beyond_lines(surface, GeomAbs_C2, uv):
+    for k, beyond, size in measure_line_distances(surface, GeomAbs_C2, uv):
         offset = beyond[np.arange(len(uv)), np.abs(beyond).argmin(axis=1)]
-        for i in np.nonzero(np.abs(offset) <= ALONG * size)[0].tolist():
+        for i in np.nonzero(np.abs(offset) <= KNOT_LINE_TOLERANCE * size)[0].tolist():
             point, velocity = gp_Pnt2d(), gp_Vec2d()
             pcurve.D1(float(ts[i]), point, velocity)
-            if abs(velocity.Coord()[k] * span) <= ALONG * size:
+            if abs(velocity.Coord()[k] * span) <= KNOT_LINE_TOLERANCE * size:
                 inward = (-velocity.Y(), velocity.X())[k] * span
                 at = uv[i, k] - offset[i]
-                moved[i, k] = at + math.copysign(_step(size, at), inward)
+                moved[i, k] = at + math.copysign(_compute_side_step(size, at), inward)
     return moved
 
 
-def _step(size: float, at: float) -> float:
+def _compute_side_step(size: float, at: float) -> float:
     """Length of the step off a knot line that surely changes sides."""
-    return max(_BESIDE * size, 16.0 * float(np.spacing(abs(at))))
+    return max(_KNOT_STEP * size, 16.0 * float(np.spacing(abs(at))))
 
 
-def _onto(ts: Array, source: tuple[float, float], target: tuple[float, float]) -> Array:
+def _map_to_range(ts: Array, source: tuple[float, float], target: tuple[float, float]) -> Array:
     """Map parameters from one range onto another; identical ranges leave every bit as it was."""
     if source == target:
         return ts

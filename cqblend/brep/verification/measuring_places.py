@@ -18,45 +18,45 @@ from OCP.TColStd import TColStd_Array1OfReal
 
 Array = NDArray[np.float64]
 
-AROUND = np.array([1e-8, 1e-5, 1e-3])
+CLUSTER_OFFSETS = np.array([1e-8, 1e-5, 1e-3])
 """Distances of the samples clustered on either side of a break, relative to the edge's range."""
 
-INSIDE = (1 - np.cos(np.pi * (np.arange(11) + 0.5) / 11)) / 2
+SPAN_SHARES = (1 - np.cos(np.pi * (np.arange(11) + 0.5) / 11)) / 2
 """Samples inside every span, as shares of it, however short: denser towards its ends, where errors are largest."""
 
-_SHORTEST = 64 * float(np.finfo(float).eps)
+_SHORTEST_SPAN = 64 * float(np.finfo(float).eps)
 """Length of a span, relative to the parameters, below which there are no parameters inside it."""
 
-_SHARPENED, WORST = 2, 4
+_RESAMPLING_ROUNDS, WORST_COUNT = 2, 4
 """How often it is measured again around the largest values, and around how many of each."""
 
 _BRACKETS, _STEPS = 1025, 40
 """Points between which crossings with knot lines are looked for, and steps in which they are found at most."""
 
-ALONG = 1e-7
+KNOT_LINE_TOLERANCE = 1e-7
 """A pcurve that stays this near a knot line, relative to the domain, runs along it: those read from STEP do stray."""
 
 
-def spread(at: Array, samples: int) -> Array:
+def spread_samples(at: Array, samples: int) -> Array:
     """Spread samples over a range: equidistant, beside given places (n,), its ends among them, and in between.
 
     However close two places are, there are samples between them, as long as there are numbers.
     """
     low, high = at[0], at[-1]
     grid = np.linspace(low, high, samples)
-    around = AROUND * (high - low)
+    around = CLUSTER_OFFSETS * (high - low)
     clusters = (at[:, None] + np.concatenate((-around, around))).ravel()
     ts = np.concatenate((grid, clusters))
-    ts = ts[_distance(ts, at) > around[0] / 2]
+    ts = ts[_measure_nearest_distance(ts, at) > around[0] / 2]
     lengths = np.diff(at)
-    sparse = lengths < len(INSIDE) * (high - low) / (samples - 1)
-    sparse &= lengths > _SHORTEST * max(abs(low), abs(high))
-    inside = (at[:-1] + INSIDE[:, None] * lengths)[:, sparse].ravel()
+    sparse = lengths < len(SPAN_SHARES) * (high - low) / (samples - 1)
+    sparse &= lengths > _SHORTEST_SPAN * max(abs(low), abs(high))
+    inside = (at[:-1] + SPAN_SHARES[:, None] * lengths)[:, sparse].ravel()
     ts = np.unique(np.concatenate((ts, inside)))
     return np.asarray(ts[(ts > low) & (ts < high)])
 
 
-def sharpened(
+def resample_near_maxima(
     measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...]
 ) -> tuple[Array, list[Array]]:
     """Measure again, more densely, around the largest of each of some values (n,) at ts (n,); return all that is known.
@@ -65,19 +65,19 @@ def sharpened(
     that every twentieth is measured along.
     """
     rows = np.stack(values)
-    for _ in range(_SHARPENED):
-        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -WORST:].ravel()
+    for _ in range(_RESAMPLING_ROUNDS):
+        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -WORST_COUNT:].ravel()
         sound = np.asarray(np.isfinite(rows).all(axis=0))
         before, after = np.maximum(worst - 1, 0), np.minimum(worst + 1, len(ts) - 1)
         clear = sound[before] & sound[after]
         low, high = ts[before][clear], ts[after][clear]
-        fine = np.unique(np.concatenate([(low + INSIDE[:, None] * (high - low)).ravel(), ts[::20]]))
+        fine = np.unique(np.concatenate([(low + SPAN_SHARES[:, None] * (high - low)).ravel(), ts[::20]]))
         ts, index = np.unique(np.concatenate([ts, fine]), return_index=True)
         rows = np.concatenate([rows, np.stack(measure(fine))], axis=1)[:, index]
     return ts, list(rows)
 
 
-def crossings(curve: Callable[[Array], Array], low: float, high: float, surface: Geom_Surface) -> Array:
+def find_knot_crossings(curve: Callable[[Array], Array], low: float, high: float, surface: Geom_Surface) -> Array:
     """Return where a curve in the parameter plane crosses knot lines of a surface: sign changes, found to rounding.
 
     The curve is given by its values (n, 2) at parameters (n,) from ``low`` to ``high``.
@@ -85,10 +85,10 @@ def crossings(curve: Callable[[Array], Array], low: float, high: float, surface:
     ts = np.linspace(low, high, _BRACKETS)
     uv = curve(ts)
     found = [np.empty(0)]
-    for k, beyond, size in beyond_lines(surface, GeomAbs_CN, uv):
+    for k, beyond, size in measure_line_distances(surface, GeomAbs_CN, uv):
         before, after = beyond[:-1], beyond[1:]
         crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
-        crosses &= np.abs(after - before) > ALONG * size  # else it runs along the line
+        crosses &= np.abs(after - before) > KNOT_LINE_TOLERANCE * size  # else it runs along the line
         i, line = np.nonzero(crosses)
         a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
         at_line = uv[i, k] - fa
@@ -110,16 +110,16 @@ def crossings(curve: Callable[[Array], Array], low: float, high: float, surface:
     return np.concatenate(found)
 
 
-def knots_of(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
+def find_curve_knots(curve: BRepAdaptor_Curve | Geom2dAdaptor_Curve) -> Array:
     """Return the parameters between which a curve is one and the same function, with both ends of its range."""
     ends = np.array([curve.FirstParameter(), curve.LastParameter()])
     if curve.GetType() != GeomAbs_BSplineCurve:
-        return _intervals(curve.NbIntervals(GeomAbs_CN), lambda found: curve.Intervals(found, GeomAbs_CN))
+        return _read_intervals(curve.NbIntervals(GeomAbs_CN), lambda found: curve.Intervals(found, GeomAbs_CN))
     spline = curve.BSpline()
-    return _between([spline.Knot(i) for i in range(1, spline.NbKnots() + 1)], ends)
+    return _clip_knots([spline.Knot(i) for i in range(1, spline.NbKnots() + 1)], ends)
 
 
-def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
+def find_knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Array, Array]:
     """Return the u and the v between which a surface is certainly of a class, with both ends of its domain.
 
     The knots of a B-spline are between what is CN, even of the highest degree; OCCT's own intervals leave those out.
@@ -130,18 +130,20 @@ def knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple[Arra
         v = [spline.VKnot(i) for i in range(1, spline.NbVKnots() + 1)]
         ends = np.array([surface.FirstUParameter(), surface.LastUParameter()])
         across = np.array([surface.FirstVParameter(), surface.LastVParameter()])
-        return _between(u, ends), _between(v, across)
+        return _clip_knots(u, ends), _clip_knots(v, across)
     return (
-        _intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
-        _intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
+        _read_intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
+        _read_intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
     )
 
 
-def beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Iterator[tuple[int, Array, float]]:
+def measure_line_distances(
+    surface: Geom_Surface, order: GeomAbs_Shape, uv: Array
+) -> Iterator[tuple[int, Array, float]]:
     """Yield, per direction with knot lines: its index, points' signed distances (n, lines), the domain's length."""
     adaptor = GeomAdaptor_Surface(surface)
     periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
-    for k, ends in enumerate(knot_lines(adaptor, order)):
+    for k, ends in enumerate(find_knot_lines(adaptor, order)):
         closed = periodic[k] and isinstance(surface, Geom_BSplineSurface)
         lines = ends[:-1] if closed else ends[1:-1]
         if lines.size:
@@ -150,7 +152,7 @@ def beyond_lines(surface: Geom_Surface, order: GeomAbs_Shape, uv: Array) -> Iter
             yield k, beyond - size * np.round(beyond / size) if periodic[k] else beyond, size
 
 
-def _between(knots: Sequence[float], ends: Array) -> Array:
+def _clip_knots(knots: Sequence[float], ends: Array) -> Array:
     """Return the knots inside a range, with both its ends; over several periods the knots of each."""
     inner, period = np.array(knots), knots[-1] - knots[0]
     laps = np.arange(np.floor((ends[0] - knots[0]) / period), np.floor((ends[1] - knots[0]) / period) + 1)
@@ -158,14 +160,14 @@ def _between(knots: Sequence[float], ends: Array) -> Array:
     return np.unique(np.concatenate([ends[:1], inner[(inner > ends[0]) & (inner < ends[1])], ends[1:]]))
 
 
-def _intervals(count: int, fill: Callable[[TColStd_Array1OfReal], None]) -> Array:
+def _read_intervals(count: int, fill: Callable[[TColStd_Array1OfReal], None]) -> Array:
     """Read the ends of a number of intervals from one of OCCT's adaptors."""
     ends = TColStd_Array1OfReal(1, count + 1)
     fill(ends)
     return np.array([ends.Value(i) for i in range(1, count + 2)])
 
 
-def _distance(ts: Array, at: Array) -> Array:
+def _measure_nearest_distance(ts: Array, at: Array) -> Array:
     """Distances from parameters to the nearest of some sorted places."""
     i = np.searchsorted(at, ts).clip(1, len(at) - 1)
     return np.asarray(np.minimum(np.abs(ts - at[i - 1]), np.abs(ts - at[i])))

@@ -1,4 +1,4 @@
-"""Is a finished solid sound? Asked in full by :func:`verify`, and quickly of every blend by :func:`check_solid`.
+"""Is a finished solid sound? Asked in full by :func:`verify_shape`, and quickly of every blend by :func:`check_solid`.
 
 ``BRepCheck`` alone does not know: it calls solids valid that are inside out, whose blend bulges outside, or that fall
 apart when cut or sent through STEP. So everything is tried that a user will do next, and measured with OCCT's own
@@ -65,14 +65,14 @@ from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_Ind
 
 from cqblend.brep.step_files import read_step, write_step
 from cqblend.brep.verification.edge_continuity import (
-    Side,
-    edge_samples,
-    face_normals,
+    EdgeSide,
+    choose_sample_parameters,
+    evaluate_face_normals,
+    find_sides_on_face,
     require_shape,
-    sample_parameters,
-    uses_of,
+    sample_edge_side,
 )
-from cqblend.brep.verification.measuring_places import knot_lines
+from cqblend.brep.verification.measuring_places import find_knot_lines
 from cqblend.errors import CqblendError, InputError, SelectionError
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ Array = NDArray[np.float64]
 VOLUME_ACCURACY = 1e-6
 """Relative accuracy asked of OCCT's volume integration, and of volumes that are to add up."""
 
-ANGLE = 1e-4
+SMOOTH_EDGE_ANGLE = 1e-4
 """Largest normal angle (radians) of an edge that is flagged smooth: native fillets on freeform faces reach 4e-5."""
 
 _CONFUSION = 1e-7
@@ -89,10 +89,10 @@ _CONFUSION = 1e-7
 _CHANGE_ACCURACIES = (1e-5, 1e-8)
 """The same for the volume between a few faces and those that replaced them: the second if the first leaves a doubt."""
 
-_SAMPLES = 200
+_EDGE_SAMPLES = 200
 """Along an edge, for OCCT's own analysis of continuity."""
 
-_EPSILONS = (1e-12, 1e-12, 1e-12, 1e-12, 1e-12)
+_ANALYSIS_EPSILONS = (1e-12, 1e-12, 1e-12, 1e-12, 1e-12)
 """Null vector, C0, C1, C2, G1: OCCT's defaults of 1e-3 would decide for us what is small."""
 
 _STEP_SLACK = 1e-7
@@ -167,7 +167,7 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class Verification:
-    """What :func:`verify` found; ``ok`` if nothing is wrong, else ``problems`` says what.
+    """What :func:`verify_shape` found; ``ok`` if nothing is wrong, else ``problems`` says what.
 
     Attributes
     ----------
@@ -209,23 +209,25 @@ class Verification:
         box, step = self.box, self.step
         rows = [
             ("verification", "ok" if self.ok else f"{len(self.problems)} problem{'s' * (len(self.problems) > 1)}"),
-            ("exactly valid", _yes(self.valid)),
-            ("closed", _yes(self.closed)),
+            ("exactly valid", _format_bool(self.valid)),
+            ("closed", _format_bool(self.closed)),
             ("volume", f"{self.volume:.9g} mm^3"),
             ("smooth edges", f"{sum(edge.smooth for edge in self.edges)} of {len(self.edges)} looked at"),
             ("gap", f"{self.gap:.1e} mm"),
             ("angle", f"{self.angle:.1e} rad"),
-            ("box", f"{_yes(box.valid)}, off by {box.mismatch:.1e}" if box else "failed"),
+            ("box", f"{_format_bool(box.valid)}, off by {box.mismatch:.1e}" if box else "failed"),
             (
                 "STEP",
-                f"{_yes(step.valid)}, off by {step.mismatch:.1e}, angle {step.angle:.1e} rad" if step else "failed",
+                f"{_format_bool(step.valid)}, off by {step.mismatch:.1e}, angle {step.angle:.1e} rad"
+                if step
+                else "failed",
             ),
         ]
         return "\n".join([*(f"{name:<14s}{value}" for name, value in rows), *(f"- {line}" for line in self.problems)])
 
 
-def verify(
-    shape: TopoDS_Shape, faces: Iterable[TopoDS_Face] | None = None, *, angular_tolerance: float = ANGLE
+def verify_shape(
+    shape: TopoDS_Shape, faces: Iterable[TopoDS_Face] | None = None, *, angular_tolerance: float = SMOOTH_EDGE_ANGLE
 ) -> Verification:
     """Check a solid harder than ``BRepCheck`` does.
 
@@ -258,26 +260,28 @@ def verify(
     integration errors.
     """
     require_shape(shape, "shape")
-    solids = subshapes(shape, TopAbs_SOLID)
+    solids = list_subshapes(shape, TopAbs_SOLID)
     if not solids:
         raise InputError("shape holds no solid: there is nothing to verify")
-    body = _compound(solids)
-    chosen = subshapes(body, TopAbs_FACE) if faces is None else _chosen(shape, faces)
-    complaints = [line for exact in (False, True) for line in _describe(shape, flaws(shape, exact=exact), exact=exact)]
-    shells = _shell_problems(body)
+    body = _make_compound(solids)
+    chosen = list_subshapes(body, TopAbs_FACE) if faces is None else _locate_faces(shape, faces)
+    complaints = [
+        line for exact in (False, True) for line in _describe_flaws(shape, find_flaws(shape, exact=exact), exact=exact)
+    ]
+    shells = _find_shell_problems(body)
     edges, bad_edges = _check_edges(shape, chosen, everything=faces is not None, angular_tolerance=angular_tolerance)
-    plane = skew_plane(body)
-    volume, error = volume_of(body, plane)
+    plane = make_skew_plane(body)
+    volume, error = measure_volume(body, plane)
     box, bad_box = _check_box(body, chosen, plane, volume, error)
     step, bad_step = _check_step(shape, edges, plane, volume, error)
     problems = [
-        *_few(complaints),
+        *_abbreviate_lines(complaints),
         *shells,
-        *_inside_out(body),
-        *_few(bad_edges),
-        *_few([line for face in chosen for line in _folds(face)]),
+        *_find_inverted_solids(body),
+        *_abbreviate_lines(bad_edges),
+        *_abbreviate_lines([line for face in chosen for line in _find_folds(face)]),
         *bad_box,
-        *_few(bad_step),
+        *_abbreviate_lines(bad_step),
     ]
     smooth = [edge for edge in edges if edge.smooth]
     return Verification(
@@ -324,34 +328,38 @@ def check_solid(
     list of str
         One line for every problem; empty if there is none.
     """
-    index_before, index_after = (_index(solid, TopAbs_FACE) for solid in (before, after))
-    old = [face for face in subshapes(before, TopAbs_FACE) if not index_after.Contains(face)]
-    new = [face for face in subshapes(after, TopAbs_FACE) if not index_before.Contains(face)]
+    index_before, index_after = (_index_subshapes(solid, TopAbs_FACE) for solid in (before, after))
+    old = [face for face in list_subshapes(before, TopAbs_FACE) if not index_after.Contains(face)]
+    new = [face for face in list_subshapes(after, TopAbs_FACE) if not index_before.Contains(face)]
     missing = [i for i, face in enumerate(new_faces, 1) if not index_after.Contains(face)]
     problems = [f"new face {i} is not in the result" for i in missing]
     for exact in (False, True):
-        found = flaws(_compound(new), exact=exact)
+        found = find_flaws(_make_compound(new), exact=exact)
         if found:
-            problems += _few(_describe(after, _not_inherited(found, flaws(_compound(old), exact=exact)), exact=exact))
-    known = set(_shell_problems(before))
-    problems += [line for line in _shell_problems(after) if line not in known]
+            problems += _abbreviate_lines(
+                _describe_flaws(
+                    after, _drop_inherited_flaws(found, find_flaws(_make_compound(old), exact=exact)), exact=exact
+                )
+            )
+    known = set(_find_shell_problems(before))
+    problems += [line for line in _find_shell_problems(after) if line not in known]
     if not problems:
-        problems += _inside_out(after)
-    problems += _loose(old, new, after, tolerance)
-    problems += [line for face in new_faces for line in _folds(face)]
-    problems += [line for face in new_faces if index_after.Contains(face) for line in _collisions(face, after)]
-    if grows is not None and not _beyond(before, new_faces, grows):
-        problems += _wrong_way(old, new, grows)
+        problems += _find_inverted_solids(after)
+    problems += _find_loose_edges(old, new, after, tolerance)
+    problems += [line for face in new_faces for line in _find_folds(face)]
+    problems += [line for face in new_faces if index_after.Contains(face) for line in _find_collisions(face, after)]
+    if grows is not None and not _is_on_wanted_side(before, new_faces, grows):
+        problems += _check_volume_change(old, new, grows)
     return problems
 
 
-def subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
+def list_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     """Return the distinct sub-shapes of a kind, in the order of ``TopExp.MapShapes``, oriented as first met."""
-    index = _index(shape, kind)
+    index = _index_subshapes(shape, kind)
     return [_CAST[kind](index.FindKey(i)) for i in range(1, index.Extent() + 1)]
 
 
-def volume_of(
+def measure_volume(
     shape: TopoDS_Shape, plane: gp_Pln | None = None, accuracy: float = VOLUME_ACCURACY
 ) -> tuple[float, float]:
     """Return the volume inside a shape, mm^3, negative if it is inside out, and OCCT's estimate of its error.
@@ -360,13 +368,13 @@ def volume_of(
     """
     properties = GProp_GProps()
     relative = BRepGProp.VolumePropertiesGK_s(
-        shape, properties, plane or skew_plane(shape), accuracy, False, True, False, False, False
+        shape, properties, plane or make_skew_plane(shape), accuracy, False, True, False, False, False
     )
     volume = float(properties.Mass())
     return volume, abs(relative * volume)
 
 
-def _doubt(shape: TopoDS_Shape, volume: float) -> float:
+def _estimate_volume_error(shape: TopoDS_Shape, volume: float) -> float:
     """Return by how much another integration of OCCT's differs, mm^3.
 
     On trimmed faces of many and uneven spans the error of either can be a hundred times what it says.
@@ -376,9 +384,9 @@ def _doubt(shape: TopoDS_Shape, volume: float) -> float:
     return abs(float(properties.Mass()) - volume)
 
 
-def skew_plane(shape: TopoDS_Shape) -> gp_Pln:
+def make_skew_plane(shape: TopoDS_Shape) -> gp_Pln:
     """Return a plane near the middle of a shape, askew to whatever people make: no face measures zero from there."""
-    low, high = _bounds(shape)
+    low, high = _compute_bounds(shape)
     normal = np.array([0.3826, 0.5217, 0.7625])
     point = (low + high) / 2 - 0.0719 * float(np.linalg.norm(high - low)) * normal
     return gp_Pln(gp_Pnt(*point.tolist()), gp_Dir(*normal.tolist()))
@@ -401,75 +409,77 @@ def is_valid(shape: TopoDS_Shape) -> bool:
     return bool(BRepCheck_Analyzer(shape).IsValid())
 
 
-def flaws(shape: TopoDS_Shape, *, exact: bool = True) -> list[Flaw]:
+def find_flaws(shape: TopoDS_Shape, *, exact: bool = True) -> list[Flaw]:
     """Return what BRepCheck complains about, in exact mode or in the ordinary one."""
     analyzer = BRepCheck_Analyzer(shape, True, False, exact)
     if analyzer.IsValid():
         return []
     found: dict[tuple[TopoDS_Shape, TopoDS_Shape, BRepCheck_Status], Flaw] = {}
     for kind in _CAST:
-        for part in subshapes(shape, kind):
+        for part in list_subshapes(shape, kind):
             for use in (part.Oriented(TopAbs_FORWARD), part.Oriented(TopAbs_REVERSED)):
                 try:
                     result = analyzer.Result(use)  # there is one for each orientation that the shape uses
                 except Standard_NoSuchObject:
                     continue
-                for flaw in _flaws_of(result, part):
+                for flaw in _list_subshape_flaws(result, part):
                     found.setdefault((flaw.shape, flaw.context.Oriented(TopAbs_FORWARD), flaw.status), flaw)
     return list(found.values())
 
 
-def _flaws_of(result: BRepCheck_Result, part: TopoDS_Shape) -> list[Flaw]:
+def _list_subshape_flaws(result: BRepCheck_Result, part: TopoDS_Shape) -> list[Flaw]:
     """Return the complaints about one sub-shape: in whatever it belongs to, or by itself if in nothing."""
     found = []
     result.InitContextIterator()
     while result.MoreShapeInContext():
-        found += [Flaw(part, result.ContextualShape(), status) for status in _errors(result.StatusOnShape())]
+        found += [Flaw(part, result.ContextualShape(), status) for status in _list_errors(result.StatusOnShape())]
         result.NextShapeInContext()
     heard = {flaw.status for flaw in found}
-    return found + [Flaw(part, part, status) for status in _errors(result.Status()) if status not in heard]
+    return found + [Flaw(part, part, status) for status in _list_errors(result.Status()) if status not in heard]
 
 
-def _errors(statuses: BRepCheck_ListOfStatus) -> list[BRepCheck_Status]:
+def _list_errors(statuses: BRepCheck_ListOfStatus) -> list[BRepCheck_Status]:
     """Return the errors in a list of statuses; "no error" stands alone, and OCP takes long to iterate."""
     return [] if statuses.IsEmpty() or statuses.First() == BRepCheck_NoError else list(statuses)
 
 
-def _not_inherited(found: list[Flaw], before: list[Flaw]) -> list[Flaw]:
+def _drop_inherited_flaws(found: list[Flaw], before: list[Flaw]) -> list[Flaw]:
     """Drop complaints heard before, about the same sub-shape or one on the same curve or surface."""
-    known = [(flaw, _geometry(flaw)) for flaw in before]
-    return [flaw for flaw in found if not any(_is_same(flaw, _geometry(flaw), *other) for other in known)]
+    known = [(flaw, _get_shared_geometry(flaw)) for flaw in before]
+    return [
+        flaw for flaw in found if not any(_is_same_flaw(flaw, _get_shared_geometry(flaw), *other) for other in known)
+    ]
 
 
-def _is_same(flaw: Flaw, geometry: object, other: Flaw, other_geometry: object) -> bool:
+def _is_same_flaw(flaw: Flaw, geometry: object, other: Flaw, other_geometry: object) -> bool:
     """Whether a complaint repeats another."""
     if flaw.status != other.status or flaw.shape.ShapeType() != other.shape.ShapeType():
         return False
     return bool(flaw.shape.IsSame(other.shape)) or (geometry is not None and geometry is other_geometry)
 
 
-def _geometry(flaw: Flaw) -> object:
+def _get_shared_geometry(flaw: Flaw) -> object:
     """Return what a sub-shape shares with trimmed copies of itself: edges their curve, faces and wires the surface."""
     bearer = flaw.context if flaw.shape.ShapeType() == TopAbs_WIRE else flaw.shape
     if bearer.ShapeType() == TopAbs_FACE:
         return BRep_Tool.Surface_s(TopoDS.Face_s(bearer), TopLoc_Location())
-    return _curve(TopoDS.Edge_s(bearer)) if bearer.ShapeType() == TopAbs_EDGE else None
+    return _get_curve(TopoDS.Edge_s(bearer)) if bearer.ShapeType() == TopAbs_EDGE else None
 
 
-def _describe(shape: TopoDS_Shape, found: list[Flaw], *, exact: bool = True) -> list[str]:
+def _describe_flaws(shape: TopoDS_Shape, found: list[Flaw], *, exact: bool = True) -> list[str]:
     """Name every flaw once."""
     lines, state = [], "exactly valid" if exact else "valid"
     for flaw in found:
         kind = flaw.shape.ShapeType()
-        name = f"{kind.name.removeprefix('TopAbs_').lower()} {_index(shape, kind).FindIndex(flaw.shape)}"
+        name = f"{kind.name.removeprefix('TopAbs_').lower()} {_index_subshapes(shape, kind).FindIndex(flaw.shape)}"
         lines.append(f"{name} is not {state}: {flaw.status.name.removeprefix('BRepCheck_')}")
     return list(dict.fromkeys(lines))
 
 
-def _shell_problems(shape: TopoDS_Shape) -> list[str]:
+def _find_shell_problems(shape: TopoDS_Shape) -> list[str]:
     """Name shells that are open, or whose faces disagree about the outside."""
     lines = []
-    for i, shell in enumerate(subshapes(shape, TopAbs_SHELL), 1):
+    for i, shell in enumerate(list_subshapes(shape, TopAbs_SHELL), 1):
         check = BRepCheck_Shell(shell)
         if check.Closed(False) != BRepCheck_NoError:
             lines.append(f"shell {i} is not closed")
@@ -478,10 +488,10 @@ def _shell_problems(shape: TopoDS_Shape) -> list[str]:
     return lines
 
 
-def _inside_out(shape: TopoDS_Shape) -> list[str]:
+def _find_inverted_solids(shape: TopoDS_Shape) -> list[str]:
     """Name solids that reach to infinity."""
     lines = []
-    for i, solid in enumerate(subshapes(shape, TopAbs_SOLID), 1):
+    for i, solid in enumerate(list_subshapes(shape, TopAbs_SOLID), 1):
         classifier = BRepClass3d_SolidClassifier(solid)
         classifier.PerformInfinitePoint(1e-7)
         if classifier.State() == TopAbs_IN:
@@ -489,37 +499,41 @@ def _inside_out(shape: TopoDS_Shape) -> list[str]:
     return lines
 
 
-def _loose(old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape, tolerance: float) -> list[str]:
+def _find_loose_edges(
+    old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape, tolerance: float
+) -> list[str]:
     """Name new edges whose tolerance is above the limit; a piece of an old edge is as far off its faces as that was."""
-    inherited = {_curve(edge) for edge in subshapes(_compound(old), TopAbs_EDGE)}
+    inherited = {_get_curve(edge) for edge in list_subshapes(_make_compound(old), TopAbs_EDGE)}
     loose = [
         edge
-        for edge in subshapes(_compound(new), TopAbs_EDGE)
-        if BRep_Tool.Tolerance_s(edge) > tolerance and _curve(edge) not in inherited
+        for edge in list_subshapes(_make_compound(new), TopAbs_EDGE)
+        if BRep_Tool.Tolerance_s(edge) > tolerance and _get_curve(edge) not in inherited
     ]
-    index = _index(after, TopAbs_EDGE)
+    index = _index_subshapes(after, TopAbs_EDGE)
     return [
         f"edge {index.FindIndex(edge)} has tolerance {BRep_Tool.Tolerance_s(edge):.2g} mm, above {tolerance:.2g}"
         for edge in loose
     ]
 
 
-def _collisions(face: TopoDS_Face, solid: TopoDS_Shape) -> list[str]:
+def _find_collisions(face: TopoDS_Face, solid: TopoDS_Shape) -> list[str]:
     """Say which faces of the solid, of those that share no vertex with a face, it touches or cuts through."""
-    own, box = _index(face, TopAbs_VERTEX), _box(face)
-    index = _index(solid, TopAbs_FACE)
+    own, box = _index_subshapes(face, TopAbs_VERTEX), _make_bounding_box(face)
+    index = _index_subshapes(solid, TopAbs_FACE)
     lines = []
     for number in range(1, index.Extent() + 1):
         other = index.FindKey(number)
-        vertices = _index(other, TopAbs_VERTEX)
-        if any(own.Contains(vertices.FindKey(i)) for i in range(1, vertices.Extent() + 1)) or box.IsOut(_box(other)):
+        vertices = _index_subshapes(other, TopAbs_VERTEX)
+        if any(own.Contains(vertices.FindKey(i)) for i in range(1, vertices.Extent() + 1)) or box.IsOut(
+            _make_bounding_box(other)
+        ):
             continue
         if BRepExtrema_DistShapeShape(face, other).Value() <= _CONFUSION:
             lines.append(f"a new face cuts through face {number}")
     return lines
 
 
-def _box(shape: TopoDS_Shape) -> Bnd_Box:
+def _make_bounding_box(shape: TopoDS_Shape) -> Bnd_Box:
     """Return a bounding box that is quick rather than tight."""
     box = Bnd_Box()
     BRepBndLib.AddClose_s(shape, box)
@@ -527,7 +541,7 @@ def _box(shape: TopoDS_Shape) -> Bnd_Box:
     return box
 
 
-def _beyond(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool) -> bool:
+def _is_on_wanted_side(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool) -> bool:
     """Whether the middle lines of the new faces clearly lie outside the old solid, if it was to grow, or inside it."""
     wanted = TopAbs_OUT if grows else TopAbs_IN
     classifier = BRepClass3d_SolidClassifier(before)
@@ -542,17 +556,17 @@ def _beyond(before: TopoDS_Shape, new_faces: Sequence[TopoDS_Face], grows: bool)
     return bool(new_faces)
 
 
-def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) -> list[str]:
+def _check_volume_change(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) -> list[str]:
     """Say so if replacing faces changed the volume in the wrong direction, by more than integration may err.
 
     The new faces and the old ones, reversed, enclose what changed, but for gaps along edges that lie on their faces to
     a tolerance only.
     """
-    between = _compound([*new, *(face.Reversed() for face in old)])
-    low, high = _bounds(between)
-    gaps = float(np.linalg.norm(high - low)) * sum(map(_gap_area, subshapes(between, TopAbs_EDGE)))
+    between = _make_compound([*new, *(face.Reversed() for face in old)])
+    low, high = _compute_bounds(between)
+    gaps = float(np.linalg.norm(high - low)) * sum(map(_estimate_gap_area, list_subshapes(between, TopAbs_EDGE)))
     for accuracy in _CHANGE_ACCURACIES:
-        change, error = volume_of(between, accuracy=accuracy)
+        change, error = measure_volume(between, accuracy=accuracy)
         if abs(change) > gaps + 3 * error + 10 * accuracy * float((high - low).prod()):
             break
     else:
@@ -563,7 +577,7 @@ def _wrong_way(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows: bool) ->
     return [f"the volume {verb} by {abs(change):.3g} mm^3, but the blend was to {kind} material"]
 
 
-def _gap_area(edge: TopoDS_Shape) -> float:
+def _estimate_gap_area(edge: TopoDS_Shape) -> float:
     """Return the area, mm^2, by which faces may miss each other along an edge of more than OCCT's own tolerance."""
     tolerance = BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge))
     if tolerance <= 2 * _CONFUSION:
@@ -573,20 +587,22 @@ def _gap_area(edge: TopoDS_Shape) -> float:
     return float(tolerance * properties.Mass())
 
 
-def _folds(face: TopoDS_Face) -> list[str]:
+def _find_folds(face: TopoDS_Face) -> list[str]:
     """Say so if a face folds over itself: its normal flips between neighbours of a grid, and not by turning fast."""
-    lines = knot_lines(GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *BRepTools.UVBounds_s(face)), GeomAbs_C3)
-    uv = np.stack(np.meshgrid(*(_between(ends) for ends in lines), indexing="ij"), axis=-1)
-    _, normals = face_normals(face, uv.reshape(-1, 2))
+    lines = find_knot_lines(GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *BRepTools.UVBounds_s(face)), GeomAbs_C3)
+    uv = np.stack(np.meshgrid(*(_sample_intervals(ends) for ends in lines), indexing="ij"), axis=-1)
+    _, normals = evaluate_face_normals(face, uv.reshape(-1, 2))
     normals = normals.reshape(*uv.shape[:2], 3)
-    pairs = np.concatenate([_opposed(uv, normals), _opposed(uv.swapaxes(0, 1), normals.swapaxes(0, 1))])
+    pairs = np.concatenate(
+        [_find_opposed_normals(uv, normals), _find_opposed_normals(uv.swapaxes(0, 1), normals.swapaxes(0, 1))]
+    )
     if not len(pairs):
         return []
     boundary = BRepTopAdaptor_FClass2d(face, 1e-9)
     within = [all(boundary.Perform(gp_Pnt2d(*end)) != TopAbs_OUT for end in pair) for pair in pairs.tolist()]
     first, last = pairs[within][:, :1], pairs[within][:, 1:]
     path = first + np.linspace(0.0, 1.0, 9)[:, None] * (last - first)
-    points, normals = (array.reshape(*path.shape[:2], 3) for array in face_normals(face, path.reshape(-1, 2)))
+    points, normals = (array.reshape(*path.shape[:2], 3) for array in evaluate_face_normals(face, path.reshape(-1, 2)))
     flips = np.argwhere(np.einsum("ijk,ijk->ij", normals[:, 1:], normals[:, :-1]) < 0.0)
     if not len(flips):
         return []
@@ -594,13 +610,13 @@ def _folds(face: TopoDS_Face) -> list[str]:
     return [f"a face folds over near ({x:.4g}, {y:.4g}, {z:.4g}): its normal flips"]
 
 
-def _opposed(uv: Array, normals: Array) -> Array:
+def _find_opposed_normals(uv: Array, normals: Array) -> Array:
     """Return the parameters (n, 2, 2) of neighbours along the first axis whose normals point apart."""
     apart = np.einsum("ijk,ijk->ij", normals[1:], normals[:-1]) < 0.0
     return np.stack((uv[:-1][apart], uv[1:][apart]), axis=1)
 
 
-def _between(ends: Array) -> Array:
+def _sample_intervals(ends: Array) -> Array:
     """Parameters inside intervals, equally many in each, about 25 to 129 in all, none on an end or in the middle."""
     count = ends.size - 1
     each = max(1, min(math.ceil(25 / count), 129 // count))
@@ -615,17 +631,17 @@ def _check_edges(
     shape: TopoDS_Shape, faces: list[TopoDS_Face], *, everything: bool, angular_tolerance: float
 ) -> tuple[list[EdgeCheck], list[str]]:
     """Measure the smooth edges of faces, or every one they share with another face; return what is wrong with them."""
-    index = _index(shape, TopAbs_EDGE)
-    faces_of = _faces_of(shape)
+    index = _index_subshapes(shape, TopAbs_EDGE)
+    faces_of = _map_edge_faces(shape)
     checks, lines = [], []
-    for edge in subshapes(_compound(faces), TopAbs_EDGE):
-        sides = _sides(edge, faces_of)
+    for edge in list_subshapes(_make_compound(faces), TopAbs_EDGE):
+        sides = _get_edge_sides(edge, faces_of)
         if sides is None:
             continue
         smooth = BRep_Tool.Continuity_s(edge, sides[0][0], sides[1][0]) != GeomAbs_C0
         if not smooth and (not everything or sides[0][0].IsSame(sides[1][0])):
             continue
-        gap, angle, folded = _analyse(sides)
+        gap, angle, folded = _analyse_continuity(sides)
         check = EdgeCheck(index.FindIndex(edge), smooth, gap, angle)
         checks.append(check)
         tolerance = BRep_Tool.Tolerance_s(edge)
@@ -638,31 +654,35 @@ def _check_edges(
     return checks, lines
 
 
-def _analyse(sides: tuple[Side, Side]) -> tuple[float, float, bool]:
+def _analyse_continuity(sides: tuple[EdgeSide, EdgeSide]) -> tuple[float, float, bool]:
     """Return OCCT's largest gap and angle along an edge, and whether the outward normals ever oppose each other."""
-    ts = sample_parameters(sides, _SAMPLES)
-    one, two = (edge_samples(use, face, ts) for face, use in sides)
+    ts = choose_sample_parameters(sides, _EDGE_SAMPLES)
+    one, two = (sample_edge_side(use, face, ts) for face, use in sides)
     surfaces = [BRep_Tool.Surface_s(face) for face, _ in sides]
     gap = angle = 0.0
     for (u1, v1), (u2, v2) in zip(one.parameters.tolist(), two.parameters.tolist(), strict=True):
-        local = LocalAnalysis_SurfaceContinuity(surfaces[0], u1, v1, surfaces[1], u2, v2, GeomAbs_G1, *_EPSILONS)
+        local = LocalAnalysis_SurfaceContinuity(
+            surfaces[0], u1, v1, surfaces[1], u2, v2, GeomAbs_G1, *_ANALYSIS_EPSILONS
+        )
         if local.IsDone():
             gap, angle = max(gap, local.C0Value()), max(angle, local.G1Angle())
     return gap, angle, bool((np.einsum("ni,ni->n", one.normals, two.normals) < 0.0).any())
 
 
-def _faces_of(shape: TopoDS_Shape) -> TopTools_IndexedDataMapOfShapeListOfShape:
+def _map_edge_faces(shape: TopoDS_Shape) -> TopTools_IndexedDataMapOfShapeListOfShape:
     """Map edges to their faces."""
     faces = TopTools_IndexedDataMapOfShapeListOfShape()
     TopExp.MapShapesAndUniqueAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, faces)
     return faces
 
 
-def _sides(edge: TopoDS_Edge, faces_of: TopTools_IndexedDataMapOfShapeListOfShape) -> tuple[Side, Side] | None:
+def _get_edge_sides(
+    edge: TopoDS_Edge, faces_of: TopTools_IndexedDataMapOfShapeListOfShape
+) -> tuple[EdgeSide, EdgeSide] | None:
     """Return the two sides of an edge; None if it is degenerate or has not two."""
     if BRep_Tool.Degenerated_s(edge):
         return None
-    sides = [use for face in faces_of.FindFromKey(edge) for use in uses_of(TopoDS.Face_s(face), edge)]
+    sides = [use for face in faces_of.FindFromKey(edge) for use in find_sides_on_face(TopoDS.Face_s(face), edge)]
     return (sides[0], sides[1]) if len(sides) == 2 else None
 
 
@@ -673,7 +693,7 @@ def _check_box(
     shape: TopoDS_Shape, faces: list[TopoDS_Face], plane: gp_Pln, volume: float, error: float
 ) -> tuple[BoxCheck | None, list[str]]:
     """Cut the solid in two with a box, one side of which runs through the middle of a face."""
-    box = _box_through(shape, faces)
+    box = _make_splitting_box(shape, faces)
     try:
         parts = [operation(shape, box) for operation in (BRepAlgoAPI_Cut, BRepAlgoAPI_Common)]
         if not all(part.IsDone() for part in parts):
@@ -681,11 +701,13 @@ def _check_box(
     except Standard_Failure as failure:
         return None, [f"OCCT cannot cut the solid with a box: {failure}"]
     valid = all(is_valid(part.Shape()) for part in parts)
-    (cut, cut_error), (common, common_error) = (volume_of(part.Shape(), plane) for part in parts)
+    (cut, cut_error), (common, common_error) = (measure_volume(part.Shape(), plane) for part in parts)
     off = abs(cut + common - volume)
     slack = error + cut_error + common_error
     if off > VOLUME_ACCURACY * abs(volume) + slack:
-        slack += sum(_doubt(part.Shape(), found) for part, found in zip(parts, (cut, common), strict=True))
+        slack += sum(
+            _estimate_volume_error(part.Shape(), found) for part, found in zip(parts, (cut, common), strict=True)
+        )
     check = BoxCheck(valid, cut, common, off / abs(volume) if volume else math.inf)
     lines = [] if valid else ["cut or common with a box is not valid"]
     if min(cut, common) <= 0.0 or off > VOLUME_ACCURACY * abs(volume) + slack:
@@ -693,9 +715,9 @@ def _check_box(
     return check, lines
 
 
-def _box_through(shape: TopoDS_Shape, faces: list[TopoDS_Face]) -> TopoDS_Shape:
+def _make_splitting_box(shape: TopoDS_Shape, faces: list[TopoDS_Face]) -> TopoDS_Shape:
     """Make a large box with one side through the middle of the middlemost face, askew to it and to everything else."""
-    middles = [_middle(face) for face in faces]
+    middles = [_evaluate_face_middle(face) for face in faces]
     points = np.array([point for point, _ in middles])
     nearest = int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmin())
     point, normal = middles[nearest]
@@ -703,7 +725,7 @@ def _box_through(shape: TopoDS_Shape, faces: list[TopoDS_Face]) -> TopoDS_Shape:
     x, y = (np.array(axis.Coord()) for axis in (frame.XDirection(), frame.YDirection()))
     out = math.cos(0.6) * x + math.sin(0.6) * y + 0.2 * normal
     along = y * math.cos(0.6) - x * math.sin(0.6)
-    low, high = _bounds(shape)
+    low, high = _compute_bounds(shape)
     size = 4.0 * float(np.linalg.norm(high - low))
     out /= np.linalg.norm(out)
     corner = point - 0.5 * size * (along + np.cross(out, along))
@@ -711,10 +733,10 @@ def _box_through(shape: TopoDS_Shape, faces: list[TopoDS_Face]) -> TopoDS_Shape:
     return BRepPrimAPI_MakeBox(placed, size, size, size).Shape()
 
 
-def _middle(face: TopoDS_Face) -> tuple[Array, Array]:
+def _evaluate_face_middle(face: TopoDS_Face) -> tuple[Array, Array]:
     """Return the point in the middle of a face's parameters, and a normal there."""
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
-    points, normals = face_normals(face, np.array([[(u0 + u1) / 2, (v0 + v1) / 2]]))
+    points, normals = evaluate_face_normals(face, np.array([[(u0 + u1) / 2, (v0 + v1) / 2]]))
     return points[0], normals[0] if np.isfinite(normals).all() else np.array([0.36, 0.48, 0.8])
 
 
@@ -729,10 +751,10 @@ def _check_step(
             again = read_step(path)
     except CqblendError as failure:
         return None, [f"the shape does not survive STEP: {failure}"]
-    volume_again, error_again = volume_of(_compound(subshapes(again, TopAbs_SOLID)), plane)
-    counts = [len(subshapes(one, TopAbs_FACE)) for one in (shape, again)]
+    volume_again, error_again = measure_volume(_make_compound(list_subshapes(again, TopAbs_SOLID)), plane)
+    counts = [len(list_subshapes(one, TopAbs_FACE)) for one in (shape, again)]
     off = abs(volume_again - volume)
-    gap, angle, lines = _measure_again(shape, again, [edge for edge in edges if edge.smooth])
+    gap, angle, lines = _remeasure_edges(shape, again, [edge for edge in edges if edge.smooth])
     valid = is_valid(again)
     if not valid:
         lines.append("the shape read back from STEP is not valid")
@@ -743,23 +765,29 @@ def _check_step(
     return StepCheck(valid, counts[1], volume_again, off / abs(volume) if volume else math.inf, gap, angle), lines
 
 
-def _measure_again(shape: TopoDS_Shape, again: TopoDS_Shape, smooth: list[EdgeCheck]) -> tuple[float, float, list[str]]:
+def _remeasure_edges(
+    shape: TopoDS_Shape, again: TopoDS_Shape, smooth: list[EdgeCheck]
+) -> tuple[float, float, list[str]]:
     """Find the smooth edges, by their middles, in a shape read back, and measure them there: largest gap and angle."""
-    before = subshapes(shape, TopAbs_EDGE)
-    after = [edge for edge in subshapes(again, TopAbs_EDGE) if not BRep_Tool.Degenerated_s(edge)]
-    middles = np.array([_middle_of_edge(edge) for edge in after]).reshape(-1, 3)
-    faces_of = _faces_of(again)
+    before = list_subshapes(shape, TopAbs_EDGE)
+    after = [edge for edge in list_subshapes(again, TopAbs_EDGE) if not BRep_Tool.Degenerated_s(edge)]
+    middles = np.array([_evaluate_edge_middle(edge) for edge in after]).reshape(-1, 3)
+    faces_of = _map_edge_faces(again)
     gap = angle = 0.0
     lines = []
     for check in smooth:
         edge = before[check.index - 1]
-        away = np.linalg.norm(middles - _middle_of_edge(edge), axis=1)
+        away = np.linalg.norm(middles - _evaluate_edge_middle(edge), axis=1)
         near = int(away.argmin()) if away.size else -1
-        sides = _sides(after[near], faces_of) if near >= 0 and away[near] <= 10 * BRep_Tool.Tolerance_s(edge) else None
+        sides = (
+            _get_edge_sides(after[near], faces_of)
+            if near >= 0 and away[near] <= 10 * BRep_Tool.Tolerance_s(edge)
+            else None
+        )
         if sides is None:
             lines.append(f"edge {check.index} is not read back from STEP with two faces")
             continue
-        gap_again, angle_again, _ = _analyse(sides)
+        gap_again, angle_again, _ = _analyse_continuity(sides)
         if gap_again > 1.1 * check.gap + _STEP_SLACK or angle_again > 1.1 * check.angle + _STEP_SLACK:
             lines.append(
                 f"edge {check.index} comes back from STEP with gap {gap_again:.2g} mm and angle {angle_again:.2g} rad "
@@ -769,7 +797,7 @@ def _measure_again(shape: TopoDS_Shape, again: TopoDS_Shape, smooth: list[EdgeCh
     return gap, angle, lines
 
 
-def _middle_of_edge(edge: TopoDS_Edge) -> tuple[float, float, float]:
+def _evaluate_edge_middle(edge: TopoDS_Edge) -> tuple[float, float, float]:
     """Return the point in the middle of an edge's parameters."""
     curve = BRepAdaptor_Curve(edge)
     x, y, z = curve.Value((curve.FirstParameter() + curve.LastParameter()) / 2).Coord()
@@ -779,9 +807,9 @@ def _middle_of_edge(edge: TopoDS_Edge) -> tuple[float, float, float]:
 # --------------------------------------------------------------------------------------------------------------- shapes
 
 
-def _chosen(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:
+def _locate_faces(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:
     """Return the faces in question, oriented as in the shape."""
-    index = _index(shape, TopAbs_FACE)
+    index = _index_subshapes(shape, TopAbs_FACE)
     if isinstance(faces, TopoDS_Shape) or not isinstance(faces, Iterable):
         raise InputError(f"faces is of type {type(faces).__name__}: an iterable of faces is needed")
     numbers = [index.FindIndex(require_shape(face, f"faces[{i}]", TopAbs_FACE)) for i, face in enumerate(faces)]
@@ -792,19 +820,19 @@ def _chosen(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Fa
     return [TopoDS.Face_s(index.FindKey(number)) for number in numbers]
 
 
-def _index(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> TopTools_IndexedMapOfShape:
+def _index_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> TopTools_IndexedMapOfShape:
     """Return the map that numbers the distinct sub-shapes of a kind from 1."""
     index = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, index)
     return index
 
 
-def _curve(edge: TopoDS_Edge) -> object:
+def _get_curve(edge: TopoDS_Edge) -> object:
     """Return the 3D curve, shared with trimmed copies of the edge; None if it has none."""
     return BRep_Tool.Curve_s(edge, TopLoc_Location(), 0.0, 0.0)
 
 
-def _compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+def _make_compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
     """Put shapes together."""
     compound, builder = TopoDS_Compound(), BRep_Builder()
     builder.MakeCompound(compound)
@@ -813,7 +841,7 @@ def _compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
     return compound
 
 
-def _bounds(shape: TopoDS_Shape) -> tuple[Array, Array]:
+def _compute_bounds(shape: TopoDS_Shape) -> tuple[Array, Array]:
     """Return the corners of a shape's bounding box."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
@@ -822,11 +850,11 @@ def _bounds(shape: TopoDS_Shape) -> tuple[Array, Array]:
     return np.array(box.CornerMin().Coord()), np.array(box.CornerMax().Coord())
 
 
-def _few(lines: list[str]) -> list[str]:
+def _abbreviate_lines(lines: list[str]) -> list[str]:
     """Keep a handful of lines, and say how many more there are."""
     return lines if len(lines) <= 6 else [*lines[:5], f"{len(lines) - 5} more like this"]
 
 
-def _yes(value: bool) -> str:
+def _format_bool(value: bool) -> str:
     """Return a truth value for a table."""
     return "yes" if value else "NO"

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import Integral
+from cqblend.splines.integral import Antiderivative
 
 _EPS = float(np.finfo(float).eps)
 
@@ -48,7 +48,7 @@ class ArcLength:
         self.curve = curve
         # the speed is no better than the rounding of the points: on a pole it is nothing else
         ends = np.abs(curve(curve.breaks)).max()
-        self._integral = Integral(self.speed, curve.breaks, scale=10 * float(ends))
+        self._integral = Antiderivative(self.speed, curve.breaks, scale=10 * float(ends))
 
     @property
     def length(self) -> float:
@@ -63,7 +63,7 @@ class ArcLength:
         """Return s(t), of the shape of t; beyond the domain it stays what it is at the end."""
         return np.clip(self._integral(np.clip(t, *self.curve.domain)), 0.0, self.length)
 
-    def inverse(self, s: ArrayLike) -> Array:
+    def find_parameters(self, s: ArrayLike) -> Array:
         """Return the parameters at given lengths, of the shape of s; lengths beyond the ends give the ends.
 
         Raises

@@ -30,17 +30,24 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.patterns.flatten.arc_length import ArcLength
-from cqblend.patterns.strips.developability import Kind, Rails, apex, plane_normal, ruling_direction, together
+from cqblend.patterns.strips.developability import (
+    RailPair,
+    StripKind,
+    find_apex,
+    find_plane_normal,
+    find_ruling_direction,
+    stack_rail_and_ruling,
+)
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import Integral, gauss
+from cqblend.splines.integral import Antiderivative, gauss_rule
 
-Development: TypeAlias = Callable[[Array], tuple[Array, Array]]
+RailDevelopment: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """Where the two rails are in the plane, (m,) complex each, at parameters (m,). The first ruling points up, and the map
 from (t, w) to the plane has a positive Jacobian."""
 
 
-class Motion:
+class RulingMotion:
     """How the rulings between two rails move: what both laying them flat and areas are made of.
 
     Attributes
@@ -53,8 +60,8 @@ class Motion:
 
     __slots__ = ("both", "checked")
 
-    def __init__(self, rails: Rails, *, checked: bool = True) -> None:
-        self.both, self.checked = together(rails), checked
+    def __init__(self, rails: RailPair, *, checked: bool = True) -> None:
+        self.both, self.checked = stack_rail_and_ruling(rails), checked
 
     def __call__(self, t: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return l (m,), e (m, 3), v_1 and v_2 (m, 3), and p_1 (m,).
@@ -81,16 +88,16 @@ class Motion:
             )
         return length, e, v1, v2, along
 
-    def area_rates(self, t: Array) -> tuple[Array, Array]:
+    def compute_area_rates(self, t: Array) -> tuple[Array, Array]:
         """Return by what the areas grow with t, flat and in space, (m,) each."""
         length, _, v1, v2, _ = self(t)
         flat = length * (np.linalg.norm(v1, axis=1) + np.linalg.norm(v2, axis=1)) / 2
-        w, weights = gauss(6)
+        w, weights = gauss_rule(6)
         across = np.linalg.norm(v1[:, None] + w[:, None] * (v2 - v1)[:, None], axis=2)
         return flat, length * (across @ weights)
 
 
-def max_strain(turn: float) -> float:
+def strain_from_turn(turn: float) -> float:
     r"""Return by how much lengths inside a strip are too long in the plane at most, relative to those in space.
 
     .. math:: \frac{1}{\cos(\varphi / 2)} - 1
@@ -108,7 +115,7 @@ def max_strain(turn: float) -> float:
     return float(2 * np.sin(turn / 4) ** 2 / np.cos(turn / 2)) if np.isfinite(turn) else np.inf
 
 
-def develop(rails: Rails, kind: Kind) -> Development:
+def develop_rails(rails: RailPair, kind: StripKind) -> RailDevelopment:
     """Return the map of a strip of a known kind.
 
     Raises
@@ -122,16 +129,22 @@ def develop(rails: Rails, kind: Kind) -> Development:
     ----------
     Elber (1995), section 2, where the strip is approximated by triangles.
     """
-    maps = {"plane": _plane, "cylinder": _cylinder, "cone": _cone, "tangent": _general, "twisted": _general}
+    maps = {
+        "plane": _develop_plane,
+        "cylinder": _develop_cylinder,
+        "cone": _develop_cone,
+        "tangent": _develop_general,
+        "twisted": _develop_general,
+    }
     return maps[kind](rails)
 
 
-def _plane(rails: Rails) -> Development:
-    normal = plane_normal(rails)
+def _develop_plane(rails: RailPair) -> RailDevelopment:
+    normal = find_plane_normal(rails)
     if normal is None:
         raise InputError("the strip was said to be planar, and is not")
-    both = together(rails)
-    t = (both.breaks[:-1] + gauss(4)[0][:, None] * np.diff(both.breaks)).ravel()
+    both = stack_rail_and_ruling(rails)
+    t = (both.breaks[:-1] + gauss_rule(4)[0][:, None] * np.diff(both.breaks)).ravel()
     value, rate = both.jet(t, 1)
     if np.cross(2 * rate[:, :3] + rate[:, 3:], value[:, 3:]).sum(axis=0) @ normal < 0:
         normal = -normal
@@ -141,32 +154,32 @@ def _plane(rails: Rails) -> Development:
     frame = np.cross(up, normal) + 1j * up
     origin = value[0, :3]
 
-    def ends(t: Array) -> tuple[Array, Array]:
+    def map_rails(t: Array) -> tuple[Array, Array]:
         value = both(t)
         first = (value[:, :3] - origin) @ frame
         return first, first + value[:, 3:] @ frame
 
-    return ends
+    return map_rails
 
 
-def _cylinder(rails: Rails) -> Development:
-    direction = ruling_direction(rails)
+def _develop_cylinder(rails: RailPair) -> RailDevelopment:
+    direction = find_ruling_direction(rails)
     if direction is None:
         raise InputError("the strip was said to be a cylinder, and is not")
-    both = together(rails)
+    both = stack_rail_and_ruling(rails)
     across = np.linalg.svd(direction[None])[2][1:]
-    section = ArcLength(_projected(both, across))
+    section = ArcLength(_project_rail(both, across))
     origin = both(both.domain[0])[:3] @ direction
 
-    def ends(t: Array) -> tuple[Array, Array]:
+    def map_rails(t: Array) -> tuple[Array, Array]:
         value = both(t)
         first = section(t) + 1j * (value[:, :3] @ direction - origin)
         return first, first + 1j * (value[:, 3:] @ direction)
 
-    return ends
+    return map_rails
 
 
-def _projected(both: Curve, frame: Array) -> Curve:
+def _project_rail(both: Curve, frame: Array) -> Curve:
     """First rail in a frame (k, 3)."""
     coefs = np.einsum("kc,pcn->pkn", frame, both.coefs[:, :3])
     if both.rational:
@@ -174,13 +187,13 @@ def _projected(both: Curve, frame: Array) -> Curve:
     return Curve(both.breaks, coefs, rational=both.rational, continuity=both.continuity)
 
 
-def _cone(rails: Rails) -> Development:
-    point = apex(rails)
+def _develop_cone(rails: RailPair) -> RailDevelopment:
+    point = find_apex(rails)
     if point is None:
         raise InputError("the strip was said to be a cone, and is not")
-    both = together(rails)
+    both = stack_rail_and_ruling(rails)
 
-    def radii(value: Array) -> tuple[Array, Array]:
+    def apex_distances(value: Array) -> tuple[Array, Array]:
         """Distances of the rails from the apex, negative beyond it."""
         first = value[:, :3] - point
         middle = first + value[:, 3:] / 2
@@ -188,14 +201,14 @@ def _cone(rails: Rails) -> Development:
         inner = (first * direction).sum(axis=1)
         return inner, inner + (value[:, 3:] * direction).sum(axis=1)
 
-    def turning(t: Array) -> Array:
+    def turning_rate(t: Array) -> Array:
         value, rate = both.jet(t, 1)
         middle, change = value[:, :3] - point + value[:, 3:] / 2, rate[:, :3] + rate[:, 3:] / 2
         return np.asarray(np.linalg.norm(np.cross(middle, change), axis=1) / (middle * middle).sum(axis=1))
 
-    angle = Integral(turning, both.breaks, 1.0)
+    angle = Antiderivative(turning_rate, both.breaks, 1.0)
     t = np.linspace(*both.domain, 64)
-    first, second = radii(both(t))
+    first, second = apex_distances(both(t))
     reach = np.maximum(np.abs(first), np.abs(second)).max()
     bad = np.minimum(first, second) < -1e-9 * reach
     if bad.any():
@@ -204,38 +217,38 @@ def _cone(rails: Rails) -> Development:
             "rails; divide it there"
         )
     outward = 1.0 if (second - first).sum() > 0 else -1.0
-    origin = 1j * outward * radii(both(both.breaks[:1]))[0]  # the strip may be far from its apex
+    origin = 1j * outward * apex_distances(both(both.breaks[:1]))[0]  # the strip may be far from its apex
 
-    def ends(t: Array) -> tuple[Array, Array]:
-        first, second = radii(both(t))
+    def map_rails(t: Array) -> tuple[Array, Array]:
+        first, second = apex_distances(both(t))
         direction = 1j * outward * np.exp(-1j * outward * angle(t))
         return first * direction - origin, second * direction - origin
 
-    return ends
+    return map_rails
 
 
-def _general(rails: Rails) -> Development:
-    motion = Motion(rails)
+def _develop_general(rails: RailPair) -> RailDevelopment:
+    motion = RulingMotion(rails)
     breaks = motion.both.breaks
 
-    def turning(t: Array) -> Array:
+    def turning_rate(t: Array) -> Array:
         length, _, v1, v2, _ = motion(t)
         speeds = np.linalg.norm(v1, axis=1) + np.linalg.norm(v2, axis=1)
         # |v1| - |v2| without its cancellation
         difference = ((v1 - v2) * (v1 + v2)).sum(axis=1)
         return np.divide(difference, speeds * length, out=np.zeros(len(t)), where=speeds * length > 0)
 
-    angle = Integral(turning, breaks, 1.0)
+    angle = Antiderivative(turning_rate, breaks, 1.0)
 
-    def velocity(t: Array) -> Array:
+    def rail_velocity(t: Array) -> Array:
         _, _, v1, _, along = motion(t)
         return np.asarray(1j * np.exp(1j * angle(t)) * (along - 1j * np.linalg.norm(v1, axis=1)))
 
-    first = Integral(velocity, breaks, float(np.linalg.norm(motion.both(breaks)[:, 3:], axis=1).max()))
+    first = Antiderivative(rail_velocity, breaks, float(np.linalg.norm(motion.both(breaks)[:, 3:], axis=1).max()))
 
-    def ends(t: Array) -> tuple[Array, Array]:
+    def map_rails(t: Array) -> tuple[Array, Array]:
         start = first(t)
         length = np.linalg.norm(motion.both(t)[:, 3:], axis=1)
         return start, start + 1j * length * np.exp(1j * angle(t))
 
-    return ends
+    return map_rails

@@ -18,41 +18,48 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.patterns.flatten.arc_length import ArcLength
-from cqblend.patterns.flatten.development import Development, Motion, develop, max_strain
+from cqblend.patterns.flatten.development import RailDevelopment, RulingMotion, develop_rails, strain_from_turn
 from cqblend.patterns.outline import plane_path
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.strips.developability import Kind, Rails, check_rails, classify, together, turn_between
+from cqblend.patterns.strips.developability import (
+    RailPair,
+    StripKind,
+    bound_normal_turn,
+    check_rails,
+    classify_strip,
+    stack_rail_and_ruling,
+)
 from cqblend.splines import Curve
-from cqblend.splines.bernstein import Array, elevate
-from cqblend.splines.evaluation import locate
-from cqblend.splines.integral import Integral
+from cqblend.splines.bernstein import Array, elevate_degree
+from cqblend.splines.evaluation import locate_pieces
+from cqblend.splines.integral import Antiderivative
 
 Layout = Literal["smooth", "triangles"]
 """How a strip is laid flat: rails and rulings with their lengths, or the paper's triangles."""
 
-MOST = 20_000
+MAX_SEGMENTS = 20_000
 """Segments along a rail at most."""
 
-_CANDIDATES = 3
-_GOLDEN = (np.sqrt(5) - 1) / 2
-_BLOCK = 512
+_CANDIDATE_COUNT = 3
+_GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
+_BLOCK_SIZE = 512
 
 
-class Chart(Protocol):
+class StripChart(Protocol):
     """The maps between a strip's parameters, the plane, and space."""
 
-    def flat(self, t: Array, w: Array) -> Array:
+    def to_plane(self, t: Array, w: Array) -> Array:
         """Return the points (m,) in the plane, complex, at (t, w)."""
 
-    def space(self, points: Array) -> Array:
+    def to_space(self, points: Array) -> Array:
         """Return where points (m,) of the plane, complex, are in space, (m, 3)."""
 
-    def locate(self, points: Array) -> tuple[Array, Array]:
+    def to_parameters(self, points: Array) -> tuple[Array, Array]:
         """Return the (t, w) that are nearest to points (m,) of the plane, complex."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Flat:
+class FlatStrip:
     r"""A strip laid flat.
 
     Attributes
@@ -86,7 +93,7 @@ class Flat:
         The maps.
     """
 
-    kind: Kind
+    kind: StripKind
     layout: Layout
     nodes: Array
     first: Array
@@ -98,12 +105,12 @@ class Flat:
     strain: float
     area_space: float
     area_flat: float
-    chart: Chart
+    chart: StripChart
 
     def __call__(self, t: ArrayLike, w: ArrayLike) -> Array:
         """Return the points in the plane at parameters t along the rails and fractions w of the rulings, (.., 2)."""
         t, w = np.broadcast_arrays(np.asarray(t, dtype=np.float64), np.asarray(w, dtype=np.float64))
-        return _pairs(self.chart.flat(t.ravel(), w.ravel())).reshape(*t.shape, 2)
+        return _to_coordinates(self.chart.to_plane(t.ravel(), w.ravel())).reshape(*t.shape, 2)
 
     def fold(self, points: ArrayLike) -> Array:
         """Roll points (.., 2) of the flat strip back into space, (.., 3).
@@ -112,32 +119,32 @@ class Flat:
         """
         points = np.asarray(points, dtype=np.float64)
         flat = points.reshape(-1, 2)
-        return self.chart.space(flat[:, 0] + 1j * flat[:, 1]).reshape(*points.shape[:-1], 3)
+        return self.chart.to_space(flat[:, 0] + 1j * flat[:, 1]).reshape(*points.shape[:-1], 3)
 
-    def locate(self, points: ArrayLike) -> tuple[Array, Array]:
+    def to_parameters(self, points: ArrayLike) -> tuple[Array, Array]:
         """Return the parameters t and the fractions w, within the strip, of points (n, 2) of the plane: (n,) each."""
         x, y = np.asarray(points, dtype=np.float64).T
-        t, w = self.chart.locate(x + 1j * y)
+        t, w = self.chart.to_parameters(x + 1j * y)
         return np.clip(t, self.nodes[0], self.nodes[-1]), np.clip(w, 0.0, 1.0)
 
-    def rail(self, side: int) -> Path:
+    def make_rail_path(self, side: int) -> Path:
         """Return the first (0) or second (1) rail through its nodes: arcs of the rail's lengths, or straight chords."""
         points = self.second if side else self.first
         if self.layout == "triangles":
-            return Path.straight(points)
+            return Path.from_points(points)
         middle = self((self.nodes[:-1] + self.nodes[1:]) / 2, float(side))
-        return Path(points, _bulges(points, middle, self.lengths[side]))
+        return Path(points, _find_bulges(points, middle, self.lengths[side]))
 
 
-def flatten(
-    rails: Rails,
+def flatten_rails(
+    rails: RailPair,
     tolerance: float,
     *,
     nodes: ArrayLike = (),
-    kind: Kind | None = None,
+    kind: StripKind | None = None,
     flip: bool = False,
     layout: Layout = "smooth",
-) -> Flat:
+) -> FlatStrip:
     r"""Lay the ruled strip between two rails flat.
 
     Parameters
@@ -180,46 +187,46 @@ def flatten(
         raise InputError(f"tolerance {shown(tolerance)}: it must be a positive number")
     if layout not in ("smooth", "triangles"):
         raise InputError(f"layout {shown(layout)}: choose 'smooth' or 'triangles'")
-    both = together(rails)
+    both = stack_rail_and_ruling(rails)
     start, end = both.domain
     wanted = np.asarray(nodes, dtype=np.float64).ravel()
     slack = 1e-12 * (end - start)
     if not np.isfinite(wanted).all() or (wanted < start - slack).any() or (wanted > end + slack).any():
         raise InputError(f"nodes must lie in the rails' domain [{start:.9g}, {end:.9g}], not {shown(wanted)}")
-    initial = _distinct(both.breaks, wanted, slack)
-    known = classify(rails) if kind is None else kind
-    turn = turn_between(rails) if known == "twisted" else 0.0
-    motion = Motion(rails, checked=layout == "smooth")
-    areas = Integral(lambda t: np.dot([1.0, 1j], motion.area_rates(t)), both.breaks)  # flat, and in space
+    initial = _merge_nodes(both.breaks, wanted, slack)
+    known = classify_strip(rails) if kind is None else kind
+    turn = bound_normal_turn(rails) if known == "twisted" else 0.0
+    motion = RulingMotion(rails, checked=layout == "smooth")
+    areas = Antiderivative(lambda t: np.dot([1.0, 1j], motion.compute_area_rates(t)), both.breaks)  # flat, and in space
     space, plane = float(areas.values[-1].imag), float(areas.values[-1].real)
     mirror = -1.0 if flip else 1.0
     if layout == "triangles":
-        return _triangulated(both, initial, tolerance, known, mirror, space, turn)
-    smooth = _Smooth(both, develop(rails, known), mirror)
+        return _flatten_as_triangles(both, initial, tolerance, known, mirror, space, turn)
+    smooth = _RulingChart(both, develop_rails(rails, known), mirror)
     lengths = ArcLength(rails[0]), ArcLength(rails[1])
-    at, error = _sampled(smooth, lengths, initial, tolerance)
+    at, error = _refine_nodes(smooth, lengths, initial, tolerance)
     if known == "twisted":
-        error = max(error, _triangle_error(both, at, tolerance))
-    first, second = smooth.ends(at)
+        error = max(error, _bound_triangle_error(both, at, tolerance))
+    first, second = smooth.map_rails(at)
     rulings = np.linalg.norm(both(at)[:, 3:], axis=1)
-    return Flat(
+    return FlatStrip(
         kind=known,
         layout=layout,
         nodes=at,
-        first=_pairs(first),
-        second=_pairs(second),
-        lengths=np.stack([_steps(length, at) for length in lengths]),
+        first=_to_coordinates(first),
+        second=_to_coordinates(second),
+        lengths=np.stack([_measure_steps(length, at) for length in lengths]),
         error=error,
-        ruling=_relative(np.abs(second - first), rulings),
+        ruling=_max_relative_error(np.abs(second - first), rulings),
         turn=turn,
-        strain=max_strain(turn),
+        strain=strain_from_turn(turn),
         area_space=space,
         area_flat=plane if known == "twisted" else space,
         chart=smooth,
     )
 
 
-def _distinct(breaks: Array, wanted: Array, slack: float) -> Array:
+def _merge_nodes(breaks: Array, wanted: Array, slack: float) -> Array:
     """Merge breaks and nodes; nodes give way to breaks, and to earlier nodes, that they equal to rounding."""
     new = np.unique(wanted)
     new = new[np.abs(new[:, None] - breaks).min(axis=1) > slack]
@@ -227,100 +234,102 @@ def _distinct(breaks: Array, wanted: Array, slack: float) -> Array:
     return np.sort(np.concatenate([breaks, new]))
 
 
-def _steps(length: ArcLength, nodes: Array) -> Array:
+def _measure_steps(length: ArcLength, nodes: Array) -> Array:
     """Return arc lengths between nodes; where a rail stands still but for rounding, zero."""
     steps = np.diff(length(nodes))
     return np.where(steps > 1e-14 * length.length, steps, 0.0)
 
 
-def _relative(found: Array, wanted: Array) -> float:
+def _max_relative_error(found: Array, wanted: Array) -> float:
     """Largest relative error; of lengths that are zero to rounding, none."""
     real = wanted > 1e-12 * wanted.max()
     return float((np.abs(found - wanted)[real] / wanted[real]).max())
 
 
-def _pairs(points: Array) -> Array:
+def _to_coordinates(points: Array) -> Array:
     return np.stack([points.real, points.imag], axis=-1)
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross_complex(a: Array, b: Array) -> Array:
     return np.asarray(a.real * b.imag - a.imag * b.real)
 
 
-def _bulges(points: Array, middle: Array, lengths: Array) -> Array:
+def _find_bulges(points: Array, middle: Array, lengths: Array) -> Array:
     """Bulges of arcs of given lengths through points (n, 2), on the side of (n - 1, 2) points between."""
     chord, to_middle = np.diff(points, axis=0), middle - points[:-1]
     left = chord[:, 0] * to_middle[:, 1] - chord[:, 1] * to_middle[:, 0]
-    return np.where(lengths > 0, -np.sign(left) * plane_path.bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
+    return np.where(lengths > 0, -np.sign(left) * plane_path.solve_bulges(np.linalg.norm(chord, axis=1), lengths), 0.0)
 
 
 # -- lengths kept
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Smooth:
+class _RulingChart:
     """Chart of rulings that stay straight, given where their ends are."""
 
     both: Curve
-    development: Development
+    development: RailDevelopment
     mirror: float
 
-    def ends(self, t: Array) -> tuple[Array, Array]:
+    def map_rails(self, t: Array) -> tuple[Array, Array]:
         first, second = self.development(t)
         return (first, second) if self.mirror > 0 else (-first.conj(), -second.conj())
 
-    def flat(self, t: Array, w: Array) -> Array:
-        first, second = self.ends(t)
+    def to_plane(self, t: Array, w: Array) -> Array:
+        first, second = self.map_rails(t)
         return first + w * (second - first)
 
-    def space(self, points: Array) -> Array:
-        t, w = self.locate(points)
+    def to_space(self, points: Array) -> Array:
+        t, w = self.to_parameters(points)
         value = self.both(t)
         return np.asarray(value[:, :3] + w[:, None] * value[:, 3:])
 
-    def locate(self, points: Array) -> tuple[Array, Array]:
+    def to_parameters(self, points: Array) -> tuple[Array, Array]:
         """Return (t, w) of points: the ruling through each, found between two of many, by regula falsi (Illinois).
 
         Where several come near a point, as next to an edge of regression, that on which it lies is taken.
         """
         breaks = self.both.breaks
         t = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(64) / 64).ravel(), breaks[-1])
-        first, second = self.ends(t)
-        blocks = [points[i : i + _BLOCK] for i in range(0, len(points), _BLOCK)]
-        index = np.concatenate([_nearest(block, first, second) for block in blocks]).T
+        first, second = self.map_rails(t)
+        blocks = [points[i : i + _BLOCK_SIZE] for i in range(0, len(points), _BLOCK_SIZE)]
+        index = np.concatenate([_find_nearest_intervals(block, first, second) for block in blocks]).T
         size = float(np.abs(np.concatenate([first, second])).max())
-        found = self._solved(t[index].ravel(), t[index + 1].ravel(), np.tile(points, len(index)), size)
+        found = self._solve_rulings(t[index].ravel(), t[index + 1].ravel(), np.tile(points, len(index)), size)
         along, w, off = (f.reshape(index.shape) for f in found)
         best = off.argmin(axis=0), np.arange(len(points))
         along, w, off = along[best], w[best], off[best]
         lost = off > 1e-9 * size
         if lost.any():
             near = index[0, lost]
-            found = self._solved(*self._parted(t[near], t[near + 1], points[lost]), points[lost], size)
+            found = self._solve_rulings(
+                *self._separate_double_roots(t[near], t[near + 1], points[lost]), points[lost], size
+            )
             better = found[2] < off[lost]
             along[lost], w[lost] = np.where(better, found[:2], (along[lost], w[lost]))
         return along, w
 
-    def _parted(self, low: Array, high: Array, points: Array) -> tuple[Array, Array]:
+    def _separate_double_roots(self, low: Array, high: Array, points: Array) -> tuple[Array, Array]:
         """Part intervals with two roots, where rulings on both sides of an edge of regression pass through a point.
 
         The root at which the miss changes as it does within strips is on one side of its extremum, which golden section
         finds. Where that is no root either, the interval becomes the extremum, which touches zero at the edge.
         """
-        sign = np.sign(self._miss(low, points))
+        sign = np.sign(self._signed_miss(low, points))
         a, b = low, high
         for _ in range(45):
-            c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-            left = sign * self._miss(c, points) < sign * self._miss(d, points)
+            c, d = b - _GOLDEN_RATIO * (b - a), a + _GOLDEN_RATIO * (b - a)
+            left = sign * self._signed_miss(c, points) < sign * self._signed_miss(d, points)
             a, b = np.where(left, a, c), np.where(left, d, b)
         middle = (a + b) / 2
-        crossed = sign * self._miss(middle, points) < 0
+        crossed = sign * self._signed_miss(middle, points) < 0
         rising = sign * self.mirror > 0
         return np.where(crossed & ~rising, low, middle), np.where(crossed & rising, high, middle)
 
-    def _solved(self, low: Array, high: Array, points: Array, size: float) -> tuple[Array, Array, Array]:
+    def _solve_rulings(self, low: Array, high: Array, points: Array, size: float) -> tuple[Array, Array, Array]:
         """Return t, w, and by how much points are off the strip there."""
-        miss_low, miss_high = self._miss(low, points), self._miss(high, points)
+        miss_low, miss_high = self._signed_miss(low, points), self._signed_miss(high, points)
         t, done = high, np.zeros(len(high), dtype=bool)
         for _ in range(60):
             rise = miss_high - miss_low
@@ -328,30 +337,30 @@ class _Smooth:
                 rise == 0, (low + high) / 2, high - miss_high * (high - low) / np.where(rise == 0, 1.0, rise)
             )
             t = np.where(done, t, np.clip(new, np.minimum(low, high), np.maximum(low, high)))
-            miss = self._miss(t, points)
+            miss = self._signed_miss(t, points)
             stays = miss * miss_high > 0  # then the root is between low and new
             low, miss_low = np.where(stays, low, high), np.where(stays, miss_low / 2, miss_high)
             high, miss_high = t, miss
             done |= np.abs(miss) <= 1e-15 * size**2
             if done.all():
                 break
-        first, second = self.ends(t)
+        first, second = self.map_rails(t)
         ruling = second - first
         square = np.abs(ruling) ** 2
         along = ((points - first) * ruling.conj()).real
         w = np.divide(along, square, out=np.zeros(len(t)), where=square > 0)
         return t, w, np.abs(points - first - np.clip(w, 0.0, 1.0) * ruling)
 
-    def _miss(self, t: Array, points: Array) -> Array:
-        first, second = self.ends(t)
-        return _cross(second - first, points - first)
+    def _signed_miss(self, t: Array, points: Array) -> Array:
+        first, second = self.map_rails(t)
+        return _cross_complex(second - first, points - first)
 
 
-def _nearest(points: Array, first: Array, second: Array) -> Array:
+def _find_nearest_intervals(points: Array, first: Array, second: Array) -> Array:
     """Find the intervals between rulings that each point lies in, or is nearest to, best first: (m, 3)."""
     ruling = second - first
     to = points[:, None] - first
-    miss = _cross(ruling, to)
+    miss = _cross_complex(ruling, to)
     before, after = miss[:, :-1], miss[:, 1:]
     part = np.divide(before, before - after, out=np.zeros_like(before), where=before != after)
     part = np.clip(part, 0.0, 1.0)
@@ -360,41 +369,42 @@ def _nearest(points: Array, first: Array, second: Array) -> Array:
     square = np.abs(there) ** 2
     w = np.divide(((points[:, None] - foot) * there.conj()).real, square, out=np.zeros_like(part), where=square > 0)
     off = np.abs(points[:, None] - foot - np.clip(w, 0.0, 1.0) * there)
-    return np.asarray(np.argsort(off, axis=1)[:, :_CANDIDATES])
+    return np.asarray(np.argsort(off, axis=1)[:, :_CANDIDATE_COUNT])
 
 
-def _sampled(
-    smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float
+def _refine_nodes(
+    smooth: _RulingChart, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float
 ) -> tuple[Array, float]:
     """Add nodes until arcs between them are close enough to the flat rails."""
     while True:
-        off = _off_arcs(smooth, lengths, nodes, tolerance)
+        off = _measure_arc_error(smooth, lengths, nodes, tolerance)
         if off.max() <= tolerance:
             return nodes, float(off.max())
-        nodes = _split(nodes, np.where(off <= tolerance, 1, 2), tolerance)
+        nodes = _split_intervals(nodes, np.where(off <= tolerance, 1, 2), tolerance)
 
 
-def _triangle_error(both: Curve, nodes: Array, tolerance: float) -> float:
+def _bound_triangle_error(both: Curve, nodes: Array, tolerance: float) -> float:
     """Bound the distance of a ruled surface from triangles, of which there are as many as it takes, within limits."""
     while True:
-        chord, quad = _chord_deviations(both, nodes), _twists(both, nodes)
+        chord, quad = _bound_chord_deviations(both, nodes), _bound_quad_twists(both, nodes)
         worst = float((chord + quad).max())
-        parts = _parts(chord, quad, tolerance)
-        if worst <= tolerance or parts.sum() > MOST:
+        parts = _count_parts(chord, quad, tolerance)
+        if worst <= tolerance or parts.sum() > MAX_SEGMENTS:
             return worst
-        nodes = _split(nodes, parts, tolerance)
+        nodes = _split_intervals(nodes, parts, tolerance)
 
 
-def _parts(chord: Array, quad: Array, tolerance: float) -> Array:
+def _count_parts(chord: Array, quad: Array, tolerance: float) -> Array:
     """How many parts an interval needs: chord deviations fall with the square of the length, twists with the length."""
     need = np.maximum(np.sqrt(2 * chord / tolerance), 2 * quad / tolerance)
     return np.where(chord + quad > tolerance, np.clip(np.ceil(need), 2, 64), 1).astype(int)
 
 
-def _split(nodes: Array, parts: Array, tolerance: float) -> Array:
-    if parts.sum() > MOST:
+def _split_intervals(nodes: Array, parts: Array, tolerance: float) -> Array:
+    if parts.sum() > MAX_SEGMENTS:
         raise GeometryError(
-            f"more than {MOST} segments along the strip would be needed for a tolerance of {tolerance:.3g}: raise it, "
+            f"more than {MAX_SEGMENTS} segments along the strip would be needed for a tolerance of {tolerance:.3g}: "
+            "raise it, "
             "or divide the strip into narrower ones"
         )
     which = np.repeat(np.arange(len(parts)), parts)
@@ -402,18 +412,20 @@ def _split(nodes: Array, parts: Array, tolerance: float) -> Array:
     return np.append(nodes[which] + part * np.diff(nodes)[which], nodes[-1])
 
 
-def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float) -> Array:
+def _measure_arc_error(
+    smooth: _RulingChart, lengths: tuple[ArcLength, ArcLength], nodes: Array, tolerance: float
+) -> Array:
     """Distances of the flat rails from arcs of their lengths, (n - 1,); infinite where a long arc is no good."""
-    count = plane_path.PARTS
+    count = plane_path.ARC_SAMPLES
     t = nodes[:-1, None] + np.diff(nodes)[:, None] * np.arange(count) / count
     t = np.append(t.ravel(), nodes[-1])
     worst = np.zeros(len(nodes) - 1)
-    for length, points in zip(lengths, smooth.ends(t), strict=True):
-        whole = _steps(length, t[::count])
-        flat = _pairs(points)
+    for length, points in zip(lengths, smooth.map_rails(t), strict=True):
+        whole = _measure_steps(length, t[::count])
+        flat = _to_coordinates(points)
         corners = flat[::count]
-        path = Path(corners, _bulges(corners, flat[count // 2 :: count], whole))
-        off = plane_path.off_arcs(path, flat[:-1].reshape(-1, count, 2)[:, 1:])
+        path = Path(corners, _find_bulges(corners, flat[count // 2 :: count], whole))
+        off = plane_path.measure_arc_deviations(path, flat[:-1].reshape(-1, count, 2)[:, 1:])
         worst = np.maximum(worst, np.where((path.chords < 0.9 * whole) & (whole > tolerance), np.inf, off))
     return worst
 
@@ -421,7 +433,7 @@ def _off_arcs(smooth: _Smooth, lengths: tuple[ArcLength, ArcLength], nodes: Arra
 # -- triangles
 
 
-def _chord_deviations(both: Curve, nodes: Array) -> Array:
+def _bound_chord_deviations(both: Curve, nodes: Array) -> Array:
     r"""Bound equation (4), \|C_i - chord\| at equal parameters, between nodes: (n - 1,), from coefficients."""
     cut = both.cut(nodes)
     coefs = cut.coefs
@@ -429,7 +441,7 @@ def _chord_deviations(both: Curve, nodes: Array) -> Array:
     worst = np.zeros(coefs.shape[2])
     for rail in (coefs[:, :3], coefs[:, :3] + coefs[:, 3:6]):
         if not both.rational:
-            off = rail - elevate(rail[[0, -1]], len(rail) - 2) if len(rail) > 2 else np.zeros_like(rail)
+            off = rail - elevate_degree(rail[[0, -1]], len(rail) - 2) if len(rail) > 2 else np.zeros_like(rail)
         else:
             start, end = rail[0] / weight[0], rail[-1] / weight[-1]
             degree = len(weight) - 1
@@ -437,12 +449,12 @@ def _chord_deviations(both: Curve, nodes: Array) -> Array:
             i = np.arange(degree + 2)[:, None, None] / (degree + 1)
             shift = np.zeros((1, *weight.shape[1:]))
             line = (1 - i) * np.concatenate([weight, shift]) * start + i * np.concatenate([shift, weight]) * end
-            off = (elevate(rail, 1) - line) / elevate(weight, 1)
+            off = (elevate_degree(rail, 1) - line) / elevate_degree(weight, 1)
         worst = np.maximum(worst, np.linalg.norm(off, axis=1).max(axis=0))
     return worst
 
 
-def _twists(both: Curve, nodes: Array) -> Array:
+def _bound_quad_twists(both: Curve, nodes: Array) -> Array:
     """Bound the distance of each bilinear quadrilateral from two triangles along its diagonal, (n - 1,).
 
     A quarter of the distance of the fourth corner from the plane of the smaller triangle, if the quadrilateral
@@ -470,35 +482,35 @@ def _twists(both: Curve, nodes: Array) -> Array:
     return np.where((area == 0) | (convex & (height / 4 < bound)), height / 4, bound)
 
 
-def _triangulated(
-    both: Curve, nodes: Array, tolerance: float, kind: Kind, mirror: float, area_space: float, turn: float
-) -> Flat:
+def _flatten_as_triangles(
+    both: Curve, nodes: Array, tolerance: float, kind: StripKind, mirror: float, area_space: float, turn: float
+) -> FlatStrip:
     """Refine uniformly until the triangles are close enough, and lay them out (figure 4)."""
     initial = nodes
     count = 1
     while True:
-        error = _chord_deviations(both, nodes) + _twists(both, nodes)
+        error = _bound_chord_deviations(both, nodes) + _bound_quad_twists(both, nodes)
         if error.max() <= tolerance:
             break
         count *= 2
-        nodes = _split(initial, np.full(len(initial) - 1, count), tolerance)
+        nodes = _split_intervals(initial, np.full(len(initial) - 1, count), tolerance)
     value = both(nodes)
     corners = np.stack([value[:, :3], value[:, :3] + value[:, 3:]])
-    flat = _laid_out(corners[0], corners[1])
+    flat = _lay_out_triangles(corners[0], corners[1])
     if mirror < 0:
         flat = -flat.conj()
-    triangles = _Triangles(nodes, flat, corners)
+    triangles = _TriangleChart(nodes, flat, corners)
     rulings = np.linalg.norm(value[:, 3:], axis=1)
-    quads = _cross(flat[0, 1:] - flat[1, :-1], flat[1, 1:] - flat[0, :-1])
-    return Flat(
+    quads = _cross_complex(flat[0, 1:] - flat[1, :-1], flat[1, 1:] - flat[0, :-1])
+    return FlatStrip(
         kind=kind,
         layout="triangles",
         nodes=nodes,
-        first=_pairs(flat[0]),
-        second=_pairs(flat[1]),
+        first=_to_coordinates(flat[0]),
+        second=_to_coordinates(flat[1]),
         lengths=np.linalg.norm(np.diff(corners, axis=1), axis=2),
         error=float(error.max()),
-        ruling=_relative(np.abs(flat[1] - flat[0]), rulings),
+        ruling=_max_relative_error(np.abs(flat[1] - flat[0]), rulings),
         turn=turn,
         strain=np.nan,
         area_space=area_space,
@@ -507,53 +519,53 @@ def _triangulated(
     )
 
 
-def _laid_out(first: Array, second: Array) -> Array:
+def _lay_out_triangles(first: Array, second: Array) -> Array:
     """Lay out the triangles between two polygons (n, 3) along the diagonals first[i], second[i + 1]: (2, n) complex."""
     p00, p10, p01, p11 = first[:-1], first[1:], second[:-1], second[1:]
-    up, out = _angle(p01 - p00, p11 - p00), _angle(p11 - p00, p10 - p00)
-    turn = _angle(p00 - p11, p10 - p11) - up
+    up, out = _angles_between(p01 - p00, p11 - p00), _angles_between(p11 - p00, p10 - p00)
+    turn = _angles_between(p00 - p11, p10 - p11) - up
     ruling = np.pi / 2 + np.concatenate([[0.0], np.cumsum(turn)])
     steps = np.linalg.norm(p10 - p00, axis=1) * np.exp(1j * (ruling[:-1] - up - out))
     start = np.concatenate([[0.0], np.cumsum(steps)])
     return np.stack([start, start + np.linalg.norm(second - first, axis=1) * np.exp(1j * ruling)])
 
 
-def _angle(a: Array, b: Array) -> Array:
+def _angles_between(a: Array, b: Array) -> Array:
     """Angles between vectors (n, 3); zero if one of them is."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Triangles:
+class _TriangleChart:
     """Chart of triangles, affine on each: nodes (n,), corners in the plane (2, n), complex, and in space (2, n, 3)."""
 
     nodes: Array
     corners: Array
     in_space: Array
 
-    def flat(self, t: Array, w: Array) -> Array:
-        cell, _, x, _ = locate(self.nodes, t)
+    def to_plane(self, t: Array, w: Array) -> Array:
+        cell, _, x, _ = locate_pieces(self.nodes, t)
         (p00, p01), (p10, p11) = self.corners[:, cell], self.corners[:, cell + 1]
         return np.where(x >= w, p00 + x * (p10 - p00) + w * (p11 - p10), p00 + w * (p01 - p00) + x * (p11 - p01))
 
-    def space(self, points: Array) -> Array:
-        return self._interpolated(points, _triangles(self.in_space))
+    def to_space(self, points: Array) -> Array:
+        return self._interpolate_values(points, _triangle_corners(self.in_space))
 
-    def locate(self, points: Array) -> tuple[Array, Array]:
+    def to_parameters(self, points: Array) -> tuple[Array, Array]:
         along = np.tile(self.nodes, (2, 1))
         parameters = np.stack([along, np.broadcast_to([[0.0], [1.0]], along.shape)], axis=-1)
-        t, w = self._interpolated(points, _triangles(parameters)).T
+        t, w = self._interpolate_values(points, _triangle_corners(parameters)).T
         return t, w
 
-    def _interpolated(self, points: Array, values: tuple[Array, Array, Array]) -> Array:
+    def _interpolate_values(self, points: Array, values: tuple[Array, Array, Array]) -> Array:
         """Return values (m, k), linear on each triangle, at points of the plane, given those at the corners."""
-        a, b, c = _triangles(self.corners)
+        a, b, c = _triangle_corners(self.corners)
         out = np.empty((len(points), values[0].shape[1]))
         with np.errstate(divide="ignore", invalid="ignore"):
             for start in range(0, len(points), 512):
                 to = points[start : start + 512, None] - a
-                area = _cross(b - a, c - a)
-                x, y = _cross(to, c - a) / area, _cross(b - a, to) / area
+                area = _cross_complex(b - a, c - a)
+                x, y = _cross_complex(to, c - a) / area, _cross_complex(b - a, to) / area
                 inside = np.nan_to_num(np.minimum(np.minimum(x, y), 1 - x - y), nan=-np.inf, neginf=-np.inf)
                 best = inside.argmax(axis=1)
                 x, y = (np.take_along_axis(f, best[:, None], axis=1) for f in (x, y))
@@ -562,7 +574,7 @@ class _Triangles:
         return out
 
 
-def _triangles(corners: Array) -> tuple[Array, Array, Array]:
+def _triangle_corners(corners: Array) -> tuple[Array, Array, Array]:
     """Corners of the triangles below the diagonals, then of those above."""
     first, second = corners
     return (

@@ -8,17 +8,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.parallel_path import Track, between
-from cqblend.patterns.outline.plane_path import Path, bulges
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.parallel_path import PathByLength, signed_angles
+from cqblend.patterns.outline.plane_path import Path, solve_bulges
 from cqblend.splines.bernstein import Array
 
-CORNER = 0.2
+CORNER_ANGLE = 0.2
 """Vertices at which a path turns by more than this (rad) are kept."""
-PARTS = 4  # samples per segment, see `_longest`
+SAMPLES_PER_SEGMENT = 4  # samples per segment, see `_longest`
 
 
-def fitted(path: Path, tolerance: float) -> Path:
+def fit_arcs(path: Path, tolerance: float) -> Path:
     r"""Return a path of few arcs and segments that is nowhere further from a path than a tolerance.
 
     The ends and the corners stay. In between, each arc is as long as it can be: an arc over the chord from (-c, 0) to
@@ -53,58 +53,64 @@ def fitted(path: Path, tolerance: float) -> Path:
     >>> len(few.bulges), few.bulges.round(2)
     (1, array([1.]))
     """
-    tolerance = millimetres("the tolerance of fitted arcs", tolerance, zero=True)
+    tolerance = check_millimetres("the tolerance of fitted arcs", tolerance, zero=True)
     if tolerance == 0 or len(path.bulges) == 1:
         return path
-    track = Track.of(path)
+    track = PathByLength.from_path(path)
     path, count = track.path, len(track.path.bulges)
-    which, part = np.divmod(np.arange(PARTS * count), PARTS)
-    samples = np.concatenate([path.at(which, part / PARTS), path.points[-1:]])
+    which, part = np.divmod(np.arange(SAMPLES_PER_SEGMENT * count), SAMPLES_PER_SEGMENT)
+    samples = np.concatenate([path.at(which, part / SAMPLES_PER_SEGMENT), path.points[-1:]])
     vertices, found = [0], []
-    for begin, end in pairwise([0, *_corners(track), count]):
+    for begin, end in pairwise([0, *_find_corners(track), count]):
         start = begin
         while start < end:
-            stop, bulge = _longest(track, samples, start, end, tolerance)
+            stop, bulge = _extend_longest_arc(track, samples, start, end, tolerance)
             vertices.append(stop)
             found.append(bulge)
             start = stop
     return Path(path.points[vertices], np.array(found))
 
 
-def _corners(track: Track) -> Array:
+def _find_corners(track: PathByLength) -> Array:
     """Return the inner vertices at which the direction changes by more than `CORNER`."""
     ahead, behind = track.directions
-    return 1 + np.flatnonzero(np.abs(between(behind[:-1], ahead[1:])) > CORNER)
+    return 1 + np.flatnonzero(np.abs(signed_angles(behind[:-1], ahead[1:])) > CORNER_ANGLE)
 
 
-def _longest(track: Track, samples: Array, start: int, end: int, tolerance: float) -> tuple[int, float]:
+def _extend_longest_arc(
+    track: PathByLength, samples: Array, start: int, end: int, tolerance: float
+) -> tuple[int, float]:
     """Return where the longest arc from a vertex ends, by doubling and bisection, and its bulge.
 
     Samples are held to 8/9 of the tolerance. Between two of them, a quarter of a segment apart, the distance changes as
     that of two arcs does, by 1/16 of what their sagittae differ by over the whole segment, which is at most twice 8/9.
     """
 
-    def passes(stop: int) -> bool:
-        least, greatest = _halves(samples[PARTS * start : PARTS * stop + 1], 8 / 9 * tolerance)
+    def has_arc_to(stop: int) -> bool:
+        least, greatest = _bound_half_angles(
+            samples[SAMPLES_PER_SEGMENT * start : SAMPLES_PER_SEGMENT * stop + 1], 8 / 9 * tolerance
+        )
         return least <= greatest
 
     best = start + 1
-    if end > best and passes(end):
+    if end > best and has_arc_to(end):
         best = end
     failed, step = end, 1
     while best < failed - 1:
         stop = min(best + step, failed - 1) if step else (best + failed) // 2
-        if passes(stop):
+        if has_arc_to(stop):
             best, step = stop, 2 * step
         else:
             failed, step = stop, 0
     if best == start + 1:
         return best, float(track.path.bulges[start])
     length = float(track.stations[best] - track.stations[start])
-    return best, _bulge(samples[PARTS * start : PARTS * best + 1], length, 8 / 9 * tolerance)
+    return best, _choose_bulge(
+        samples[SAMPLES_PER_SEGMENT * start : SAMPLES_PER_SEGMENT * best + 1], length, 8 / 9 * tolerance
+    )
 
 
-def _halves(points: Array, tolerance: float) -> tuple[float, float]:
+def _bound_half_angles(points: Array, tolerance: float) -> tuple[float, float]:
     """Return least and greatest half angle of the arcs from the first to the last point that pass all others.
 
     The least exceeds the greatest if there are none.
@@ -122,13 +128,13 @@ def _halves(points: Array, tolerance: float) -> tuple[float, float]:
     return max(float((psi - slack).max()), -np.pi / 2), min(float((psi + slack).min()), np.pi / 2)
 
 
-def _bulge(points: Array, length: float, tolerance: float) -> float:
+def _choose_bulge(points: Array, length: float, tolerance: float) -> float:
     """Return the bulge of the arc that passes all points, as nearly as it may be of a length."""
-    least, greatest = _halves(points, tolerance)
+    least, greatest = _bound_half_angles(points, tolerance)
     along = points[-1] - points[0]
     chord = float(np.hypot(*along))
     left = np.sign(((points - points[0]) @ np.array([-along[1], along[0]])).sum())
-    same = -left * 2 * np.arctan(bulges(np.array([chord]), np.array([length]))[0])
+    same = -left * 2 * np.arctan(solve_bulges(np.array([chord]), np.array([length]))[0])
     bulge = float(np.tan(np.clip(same, least, greatest) / 2))
     if least <= 0 <= greatest and chord / 2 * abs(bulge) < 1e-3 * tolerance:
         return 0.0

@@ -11,24 +11,24 @@ import shapely
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines.bernstein import Array
 
-STEPS = 180
+TRIED_DIRECTIONS = 180
 """Directions that are tried besides those of the hull's edges."""
 
 
-def hull(paths: Sequence[Path], tolerance: float) -> Array:
+def find_convex_hull(paths: Sequence[Path], tolerance: float) -> Array:
     """Return the convex hull (m, 2) of paths, their arcs replaced by polygons within a tolerance."""
     points = np.concatenate([path.sampled(tolerance) for path in paths])
     return np.unique(shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points))), axis=0)
 
 
-def extents(points: Array, turns: Array) -> Array:
+def measure_rotated_extents(points: Array, turns: Array) -> Array:
     """Return width and height (k, 2) of points (m, 2) that are turned by angles (k,)."""
     cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
     x, y = points.T
     return np.stack([np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)], axis=1)
 
 
-def least_turn(points: Array) -> float:
+def find_flattest_angle(points: Array) -> float:
     """Return the angle by which points are turned so that their box is least high: an edge of the hull lies flat.
 
     Examples
@@ -36,19 +36,21 @@ def least_turn(points: Array) -> float:
     >>> round(least_turn(np.array([[0.0, 0.0], [0.0, 3.0], [1.0, 3.0], [1.0, 0.0]])) / np.pi, 6)
     -0.5
     """
-    turns = _flat_edges(points)
-    return float(turns[extents(points, turns)[:, 1].argmin()])
+    turns = _list_edge_angles(points)
+    return float(turns[measure_rotated_extents(points, turns)[:, 1].argmin()])
 
 
-def fitting_turn(points: Array, size: tuple[float, float]) -> float | None:
+def find_fitting_angle(points: Array, size: tuple[float, float]) -> float | None:
     """Return an angle by which points are turned to fit a size, the least high box first; None if none is found."""
-    least = least_turn(points)
-    turns = np.concatenate([[least, least + np.pi / 2], _flat_edges(points), np.arange(STEPS) * np.pi / STEPS])
-    fits = (extents(points, turns) <= np.asarray(size) * (1 + 1e-12)).all(axis=1)
+    least = find_flattest_angle(points)
+    turns = np.concatenate(
+        [[least, least + np.pi / 2], _list_edge_angles(points), np.arange(TRIED_DIRECTIONS) * np.pi / TRIED_DIRECTIONS]
+    )
+    fits = (measure_rotated_extents(points, turns) <= np.asarray(size) * (1 + 1e-12)).all(axis=1)
     return float(turns[fits.argmax()]) if fits.any() else None
 
 
-def _flat_edges(points: Array) -> Array:
+def _list_edge_angles(points: Array) -> Array:
     """Return the angles that lay an edge of the convex hull along the x axis; 0 if it has none."""
     border = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(points)))
     edges = np.diff(border, axis=0)

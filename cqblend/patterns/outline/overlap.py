@@ -17,10 +17,10 @@ from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines.bernstein import Array
 
-FINENESS = 1e-6
+FINE_CHORDS = 1e-6
 """Arcs are replaced by chords this close to them, relative to the size."""
 
-COARSENESS = 1e-3
+COARSE_CHORDS = 1e-3
 """The same for a first look."""
 
 SLIVER = 1e-9
@@ -49,7 +49,7 @@ class Overlap:
         return self.area > 0
 
 
-def overlap(piece: Piece) -> Overlap:
+def find_overlap(piece: Piece) -> Overlap:
     """Return where a piece covers itself; its tabs are not looked at.
 
     Raises
@@ -67,18 +67,18 @@ def overlap(piece: Piece) -> Overlap:
     """
     if not all(np.isfinite(run.path.points).all() and np.isfinite(run.path.bulges).all() for *_, run in piece.runs()):
         raise GeometryError(f"piece {piece.name} has coordinates that are not finite")
-    return covered_wrongly(piece.outlines)
+    return find_winding_errors(piece.outlines)
 
 
-def covers(piece: Piece) -> bool:
+def has_overlap(piece: Piece) -> bool:
     """Return whether a piece covers itself anywhere: soon where it does so for the most part, as coils do."""
     paths = piece.outlines
     size = float(np.linalg.norm(np.ptp(np.concatenate([path.points for path in paths]), axis=0)))
-    blurred = 2 * COARSENESS * size * sum(path.length for path in paths)
-    return covered_wrongly(paths, COARSENESS).area > blurred or bool(overlap(piece))
+    blurred = 2 * COARSE_CHORDS * size * sum(path.length for path in paths)
+    return find_winding_errors(paths, COARSE_CHORDS).area > blurred or bool(find_overlap(piece))
 
 
-def covered_wrongly(paths: Sequence[Path], fineness: float = FINENESS) -> Overlap:
+def find_winding_errors(paths: Sequence[Path], fineness: float = FINE_CHORDS) -> Overlap:
     """Return where closed paths do not wind once or not at all.
 
     Arcs are replaced by chords that are as close as the fineness says, relative to the size. With outlines
@@ -89,15 +89,15 @@ def covered_wrongly(paths: Sequence[Path], fineness: float = FINENESS) -> Overla
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
     if size == 0:
         return Overlap()
-    loops = [_closed(path.sampled(fineness * size)) for path in paths]
-    if _sound(loops):
+    loops = [_close_exactly(path.sampled(fineness * size)) for path in paths]
+    if _is_valid_polygon(loops):
         return Overlap()
     lines = shapely.linestrings(np.concatenate(loops), indices=np.repeat(np.arange(len(loops)), [*map(len, loops)]))
     cells = shapely.get_parts(shapely.polygonize([shapely.unary_union(lines)]))
     areas, perimeters = shapely.area(cells), shapely.length(cells)
     cells = cells[areas > SLIVER * size * perimeters]
     inside = shapely.point_on_surface(cells)
-    turns = _windings(np.column_stack([shapely.get_x(inside), shapely.get_y(inside)]), loops)
+    turns = _count_windings(np.column_stack([shapely.get_x(inside), shapely.get_y(inside)]), loops)
     excess = np.maximum(turns - 1, -turns)
     wrong = np.flatnonzero(excess > 0)
     if not len(wrong):
@@ -112,20 +112,20 @@ def covered_wrongly(paths: Sequence[Path], fineness: float = FINENESS) -> Overla
     )
 
 
-def region(paths: Sequence[Path], tolerance: float) -> Any:
+def to_polygon(paths: Sequence[Path], tolerance: float) -> Any:
     """Return the shapely polygon that closed paths bound, the first of them outside, to a tolerance."""
-    shell, *holes = (_closed(path.sampled(tolerance)) for path in paths)
+    shell, *holes = (_close_exactly(path.sampled(tolerance)) for path in paths)
     return shapely.make_valid(shapely.Polygon(shell, holes))
 
 
-def _closed(points: Array) -> Array:
+def _close_exactly(points: Array) -> Array:
     """Return points of a loop, its end made its beginning exactly."""
     points = points.copy()
     points[-1] = points[0]
     return points
 
 
-def _sound(loops: list[Array]) -> bool:
+def _is_valid_polygon(loops: list[Array]) -> bool:
     """Return whether loops are the border of a polygon as it should be: the common case, told fast."""
     if min(map(len, loops)) < 4:
         return False
@@ -136,7 +136,7 @@ def _sound(loops: list[Array]) -> bool:
     )
 
 
-def _windings(points: Array, loops: list[Array]) -> Array:
+def _count_windings(points: Array, loops: list[Array]) -> Array:
     """Return how often loops wind round points (m,): the crossings of a ray to the right, upwards minus downwards."""
     start = np.concatenate([loop[:-1] for loop in loops])
     stop = np.concatenate([loop[1:] for loop in loops])

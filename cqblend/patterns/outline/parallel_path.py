@@ -13,12 +13,12 @@ from cqblend.errors import GeometryError
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines.bernstein import Array
 
-SHARPEST = 0.25
+LEAST_MITRE_COSINE = 0.25
 """Normals at kinks are lengthened so that the parallel keeps its distance, at most by the inverse of this."""
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class PathByLength:
     """A path and the distances along it, mm from its beginning.
 
     Attributes
@@ -40,7 +40,7 @@ class Track:
     path: Path
 
     @classmethod
-    def of(cls, path: Path) -> Self:
+    def from_path(cls, path: Path) -> Self:
         """Return the track of a path, without those of its segments that are points."""
         keep = path.chords > 0
         if keep.all():
@@ -67,86 +67,86 @@ class Track:
         chord = np.diff(self.path.points, axis=0)
         chord = chord / np.linalg.norm(chord, axis=1)[:, None]
         half = 2 * np.arctan(self.path.bulges)
-        return np.stack([turned(chord, -half), turned(chord, half)])
+        return np.stack([rotate_vectors(chord, -half), rotate_vectors(chord, half)])
 
     @cached_property
-    def kinks(self) -> Array:
+    def kink_angles(self) -> Array:
         """Angles by which the tangent turns at the inner vertices, (n - 1,)."""
-        return between(self.directions[1, :-1], self.directions[0, 1:])
+        return signed_angles(self.directions[1, :-1], self.directions[0, 1:])
 
     @cached_property
-    def turns(self) -> Array:
+    def turning_angles(self) -> Array:
         """Angle by which the tangent turns along each segment and, but for the last, at the vertex behind it, (n,)."""
-        return 4 * np.arctan(self.path.bulges) + np.append(self.kinks, 0.0)
+        return 4 * np.arctan(self.path.bulges) + np.append(self.kink_angles, 0.0)
 
     @cached_property
-    def _headings(self) -> Array:
+    def _heading_angles(self) -> Array:
         """Angles by which the tangent has turned at the beginning of each segment, and of an end, (n + 1,)."""
-        return np.concatenate([[0.0], np.cumsum(self.turns)])
+        return np.concatenate([[0.0], np.cumsum(self.turning_angles)])
 
-    def bend(self, start: Array | float, stop: Array | float) -> Array:
+    def mean_curvature(self, start: Array | float, stop: Array | float) -> Array:
         """Return the mean curvature between pairs of stations, 1/mm, positive to the left; kinks within count."""
         start, stop = np.broadcast_arrays(np.asarray(start, dtype=np.float64), np.asarray(stop, dtype=np.float64))
         heading = []
         near = 1e-9 * self.length
         for station in (start + near, stop - near):
-            which, part = self.segment(station)
-            heading.append(self._headings[which] + part * 4 * np.arctan(self.path.bulges[which]))
+            which, part = self.locate_segments(station)
+            heading.append(self._heading_angles[which] + part * 4 * np.arctan(self.path.bulges[which]))
         return np.divide(
             heading[1] - heading[0], stop - start, out=np.zeros(start.shape), where=stop - start > 4 * near
         )
 
-    def tangent(self, station: Array | float) -> Array:
+    def tangents_at(self, station: Array | float) -> Array:
         """Return the unit tangents at stations, (..., 2); at a kink, that behind it."""
-        which, part = self.segment(np.asarray(station))
-        return turned(self.directions[0, which], part * 4 * np.arctan(self.path.bulges[which]))
+        which, part = self.locate_segments(np.asarray(station))
+        return rotate_vectors(self.directions[0, which], part * 4 * np.arctan(self.path.bulges[which]))
 
-    def segment(self, station: Array) -> tuple[Array, Array]:
+    def locate_segments(self, station: Array) -> tuple[Array, Array]:
         """Return the segments that hold stations, and the parts (0 to 1) along them."""
         station = np.asarray(station, dtype=np.float64)
         which = np.clip(np.searchsorted(self.stations, station, side="right") - 1, 0, len(self.path.bulges) - 1)
         span = self.stations[which + 1] - self.stations[which]
         return which, np.clip((station - self.stations[which]) / span, 0.0, 1.0)
 
-    def at(self, station: Array | float) -> Array:
+    def points_at(self, station: Array | float) -> Array:
         """Return the points at stations, (..., 2)."""
         station = np.asarray(station, dtype=np.float64)
-        return self.path.at(*self.segment(station.ravel())).reshape(*station.shape, 2)
+        return self.path.at(*self.locate_segments(station.ravel())).reshape(*station.shape, 2)
 
-    def stretch(self, start: float, stop: float) -> Path:
+    def clip_between(self, start: float, stop: float) -> Path:
         """Return the path between two stations; vertices within rounding of them are kept as they are."""
         near = 1e-9 * self.length
         inner = np.flatnonzero((self.stations > start + near) & (self.stations < stop - near))
         ends = np.array([start, stop])
         snapped = np.abs(self.stations - ends[:, None]).argmin(axis=1)
         exact = np.abs(self.stations[snapped] - ends) <= near
-        first, last = np.where(exact[:, None], self.path.points[snapped], self.at(ends))
+        first, last = np.where(exact[:, None], self.path.points[snapped], self.points_at(ends))
         knots = np.concatenate([[start], self.stations[inner], [stop]])
-        which = self.segment((knots[:-1] + knots[1:]) / 2)[0]
+        which = self.locate_segments((knots[:-1] + knots[1:]) / 2)[0]
         part = np.diff(knots) / (self.stations[which + 1] - self.stations[which])
         bulges = np.tan(np.minimum(part, 1.0) * np.arctan(self.path.bulges[which]))
         return Path(np.concatenate([first[None], self.path.points[inner], last[None]]), bulges)
 
-    def parallel(self, start: float, stop: float, distance: float) -> Path:
+    def offset_curve(self, start: float, stop: float, distance: float) -> Path:
         """Return the curve at a distance to the right of the stretch between two stations.
 
         Arcs stay arcs about their centres. At a kink the offset vertex lies on the bisector, so that the parallels of
         straight segments keep their distance.
         """
-        stretch = self.stretch(start, stop)
-        return Path(stretch.points + distance * Track(stretch)._outwards, stretch.bulges)
+        stretch = self.clip_between(start, stop)
+        return Path(stretch.points + distance * PathByLength(stretch)._offset_directions, stretch.bulges)
 
     @cached_property
-    def _outwards(self) -> Array:
+    def _offset_directions(self) -> Array:
         """By what the vertices of a parallel at the distance 1 lie beside those of the path, (n + 1, 2)."""
         ahead, behind = self.directions
         before, after = np.concatenate([ahead[:1], behind]), np.concatenate([ahead, behind[-1:]])
         middle = before + after
         middle = middle / np.maximum(np.linalg.norm(middle, axis=1), 1e-12)[:, None]
-        reach = 1 / np.maximum((middle * after).sum(axis=1), SHARPEST)
+        reach = 1 / np.maximum((middle * after).sum(axis=1), LEAST_MITRE_COSINE)
         return reach[:, None] * np.stack([middle[:, 1], -middle[:, 0]], axis=1)
 
-    def marks(self, tolerance: float, distance: float) -> tuple[Array, Array, Array]:
+    def sample_for_offsets(self, tolerance: float, distance: float) -> tuple[Array, Array, Array]:
         """Return stations (m,) so close that parallels at most at a distance are sampled within a tolerance.
 
         With their points (m, 2), and by what the parallel at the distance 1 lies beside them (m, 2). The vertices are
@@ -159,19 +159,21 @@ class Track:
         part = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
         stations = np.append(self.stations[which] + part * np.diff(self.stations)[which], self.stations[-1])
         points = np.concatenate([self.path.at(which, part), self.path.points[-1:]])
-        ahead = turned(self.directions[0, which], part * bend[which])
-        right = np.where((part == 0)[:, None], self._outwards[which], np.stack([ahead[:, 1], -ahead[:, 0]], axis=1))
-        return stations, points, np.concatenate([right, self._outwards[-1:]])
+        ahead = rotate_vectors(self.directions[0, which], part * bend[which])
+        right = np.where(
+            (part == 0)[:, None], self._offset_directions[which], np.stack([ahead[:, 1], -ahead[:, 0]], axis=1)
+        )
+        return stations, points, np.concatenate([right, self._offset_directions[-1:]])
 
 
-def turned(vectors: Array, angle: Array | float) -> Array:
+def rotate_vectors(vectors: Array, angle: Array | float) -> Array:
     """Return vectors (..., 2) turned to the left by angles (...)."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
-def between(first: Array, second: Array) -> Array:
+def signed_angles(first: Array, second: Array) -> Array:
     """Return the angles from vectors (..., 2) to others, in -pi to pi, positive to the left."""
     cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
     return np.arctan2(cross, (first * second).sum(axis=-1))

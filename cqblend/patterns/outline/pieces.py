@@ -21,7 +21,7 @@ RunKind = Literal["rail", "end", "trim", "cut"]
 Fold = Literal["mountain", "valley"]
 """Seen from the outer side: a mountain is convex."""
 
-SMOOTH = np.radians(1.0)
+SMOOTH_ANGLE = np.radians(1.0)
 """A seam across which the surface turns by less is no fold: what lies flat beneath both pieces stays flat."""
 
 
@@ -79,7 +79,7 @@ class Piece:
     @property
     def outlines(self) -> tuple[Path, ...]:
         """The loops as closed paths, without tabs."""
-        return tuple(closed(loop) for loop in self.loops)
+        return tuple(close_loop(loop) for loop in self.loops)
 
     @property
     def cuts(self) -> tuple[Path, ...]:
@@ -107,9 +107,9 @@ class Piece:
         )
 
 
-def closed(loop: tuple[Run, ...]) -> Path:
+def close_loop(loop: tuple[Run, ...]) -> Path:
     """Return the closed path of a loop of runs; its end is made its beginning exactly."""
-    path = Path.joined([run.path for run in loop])
+    path = Path.from_paths([run.path for run in loop])
     points = path.points.copy()
     points[-1] = points[0]
     return Path(points, path.bulges)
@@ -149,7 +149,7 @@ class Seam:
     @property
     def fold(self) -> Fold | None:
         """How what connects both pieces is folded: None across a smooth seam; a mountain where that is not known."""
-        if abs(self.angle) < SMOOTH:
+        if abs(self.angle) < SMOOTH_ANGLE:
             return None
         return "valley" if self.angle < 0 else "mountain"
 

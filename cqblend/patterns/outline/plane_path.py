@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 
-PARTS = 12
+ARC_SAMPLES = 12
 """Into how many parts of its parameter a curve is divided to see how far it is from its arc; an even number."""
 
 
@@ -23,7 +23,7 @@ def sinc(x: Array) -> Array:
     return np.sinc(np.asarray(x) / np.pi)
 
 
-def bulges(chords: Array, lengths: Array) -> Array:
+def solve_bulges(chords: Array, lengths: Array) -> Array:
     """Return the bulges, none negative, of arcs with given chords and lengths.
 
     Half the angle of the arc, h, solves chord / length = sin(h) / h. A length that is not above its chord gives a
@@ -54,7 +54,7 @@ def bulges(chords: Array, lengths: Array) -> Array:
     return np.tan(half / 2)
 
 
-def off_arcs(path: "Path", points: Array) -> Array:
+def measure_arc_deviations(path: "Path", points: Array) -> Array:
     """Return how far curves that arcs stand for are from them, (n,): a quarter more than what is found at a few points.
 
     That covers what is between these points, and that a strip, rolled, may stretch what is beside it.
@@ -106,12 +106,12 @@ class Path:
             raise InputError(f"{len(self.points)} points of a path need one bulge less, not {self.bulges.shape}")
 
     @classmethod
-    def straight(cls, points: Array) -> Self:
+    def from_points(cls, points: Array) -> Self:
         """Return the polygon through points (n + 1, 2)."""
         return cls(np.asarray(points, dtype=np.float64), np.zeros(len(points) - 1))
 
     @classmethod
-    def joined(cls, paths: Sequence["Path"]) -> Self:
+    def from_paths(cls, paths: Sequence["Path"]) -> Self:
         """Return paths one after another; each starts where the one before ends."""
         points = [path.points[:-1] for path in paths] + [paths[-1].points[-1:]]
         return cls(np.concatenate(points), np.concatenate([path.bulges for path in paths]))

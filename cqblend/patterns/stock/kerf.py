@@ -11,25 +11,25 @@ import numpy as np
 import shapely
 
 from cqblend.errors import SizeError
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.arc_fit import fitted
-from cqblend.patterns.outline.overlap import region
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.arc_fit import fit_arcs
+from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.plane_path import Path
 
-LEAST = 1e-4
+DEFAULT_ARC_TOLERANCE = 1e-4
 """Tolerance of offset arcs if none is given, mm."""
 
-UNCUT = 0.25
+UNCUT_PER_KERF = 0.25
 """How far a beam may stay away from the outline, in kerfs.
 
 A beam of width k stays (1 / sin(a / 2) - 1) k / 2 away from the tip of a notch with the angle a: 0.21 k if it is right.
 """
 
-LIMITS = 0.5, 1.5
+UNCUT_LIMITS = 0.5, 1.5
 """How far it may stay away in any case, and at most, mm."""
 
 
-def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
+def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
     """Return the lines along which a beam as wide as the kerf cuts what lies within outlines.
 
     Parameters
@@ -39,7 +39,7 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
     kerf
         Width of the beam, mm.
     tolerance
-        Of the arcs of the result, mm; 0 takes :data:`LEAST`.
+        Of the arcs of the result, mm; 0 takes :data:`DEFAULT_ARC_TOLERANCE`.
     name
         Of the piece, for messages.
 
@@ -54,7 +54,7 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
         If the kerf or the tolerance is negative or not a number.
     SizeError
         If a hole, a slit or a notch is narrower than the kerf, so that the beam cannot go round it: it would vanish, or
-        too much of its depth would not be cut (:data:`UNCUT`, :data:`LIMITS`).
+        too much of its depth would not be cut (:data:`UNCUT_PER_KERF`, :data:`UNCUT_LIMITS`).
 
     Examples
     --------
@@ -63,19 +63,19 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
     >>> round(line.area, 2), round(100 + 4 * 10 * 0.1 + np.pi * 0.1**2, 2)
     (104.03, 104.03)
     """
-    kerf = millimetres("the kerf", kerf, zero=True)
-    tolerance = millimetres("the tolerance of fitted arcs", tolerance, zero=True) or LEAST
+    kerf = check_millimetres("the kerf", kerf, zero=True)
+    tolerance = check_millimetres("the tolerance of fitted arcs", tolerance, zero=True) or DEFAULT_ARC_TOLERANCE
     if kerf == 0:
-        return tuple(fitted(path, tolerance) for path in outlines)
-    polygon = region(outlines, tolerance / 4)
+        return tuple(fit_arcs(path, tolerance) for path in outlines)
+    polygon = to_polygon(outlines, tolerance / 4)
     # a quarter of a circle of radius kerf / 2 in so many parts that their sagitta is a quarter of the tolerance
     parts = int(np.ceil(np.pi / 4 / np.arccos(max(1 - tolerance / (2 * kerf), 0.0))))
     outside = shapely.buffer(polygon, kerf / 2, quad_segs=parts)
-    allowed = float(np.clip(UNCUT * kerf, *LIMITS))
+    allowed = float(np.clip(UNCUT_PER_KERF * kerf, *UNCUT_LIMITS))
     if (
         outside.geom_type != "Polygon"
         or len(outside.interiors) != len(outlines) - 1
-        or _uncut(outlines, shapely.buffer(outside, -kerf / 2, quad_segs=parts), tolerance) > allowed
+        or _measure_uncut(outlines, shapely.buffer(outside, -kerf / 2, quad_segs=parts), tolerance) > allowed
     ):
         raise SizeError(
             f"piece {name} has a hole or a slit that is narrower than the kerf of {kerf:g} mm: "
@@ -88,10 +88,10 @@ def compensated(outlines: Sequence[Path], kerf: float, tolerance: float, *, name
     for path in outlines[1:]:
         inner = shapely.Polygon(path.sampled(tolerance / 4))
         order.append(1 + next(k for k, hole in enumerate(holes) if inner.contains(hole.representative_point())))
-    return tuple(fitted(Path.straight(shapely.get_coordinates(rings[k])), tolerance / 2) for k in order)
+    return tuple(fit_arcs(Path.from_points(shapely.get_coordinates(rings[k])), tolerance / 2) for k in order)
 
 
-def _uncut(outlines: Sequence[Path], left: Any, tolerance: float) -> float:
+def _measure_uncut(outlines: Sequence[Path], left: Any, tolerance: float) -> float:
     """Return how far outlines are from the border of what is left when they have been cut, at most."""
     points = np.concatenate([path.sampled(tolerance / 4) for path in outlines])
     border = shapely.boundary(left)

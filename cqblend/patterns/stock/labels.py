@@ -15,17 +15,17 @@ import numpy as np
 import shapely
 
 from cqblend.errors import InputError
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.overlap import region
-from cqblend.patterns.outline.parallel_path import Track, turned
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.overlap import to_polygon
+from cqblend.patterns.outline.parallel_path import PathByLength, rotate_vectors
 from cqblend.patterns.outline.pieces import Piece, Seam
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines.bernstein import Array
 
-CAP = 6
+CAPITAL_UNITS = 6
 """Height of the capitals in the grid of the glyphs."""
 
-GAP = 2
+GLYPH_GAP = 2
 """Space between two glyphs in their grid."""
 
 GLYPHS = {
@@ -78,25 +78,25 @@ GLYPHS = {
 }
 """Strokes of each character: digits x, y in turn on a grid 4 wide and 6 high, a blank lifts the pen."""
 
-FRACTIONS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
+TRIED_FRACTIONS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
 """Where along its run a label is tried, the middle first."""
 
-LIFTS = (0.5, 1.2, 2.5)
+TRIED_LIFTS = (0.5, 1.2, 2.5)
 """How far above its run a label is tried, in heights."""
 
-MARGIN = 0.25
+LABEL_MARGIN = 0.25
 """Space kept free around a label, in heights."""
 
-SHRINK = 0.8
+HEIGHT_RATIO = 0.8
 """Ratio of the heights that are tried one after another."""
 
 UPSIDE_DOWN = str.maketrans("69", "96")
 """What digits read as when they are turned by half a turn; 0, 1 and 8 read as themselves."""
 
-UNDERLINE = 1
+UNDERLINE_DROP = 1
 """How far below its foot line a text is underlined, in the grid of the glyphs."""
 
-NAME = 1.5
+NAME_HEIGHT_RATIO = 1.5
 """Height of a piece's name beside that of the seams' labels, where there is room."""
 
 
@@ -128,7 +128,7 @@ class Label:
     seam: int | None = None
 
     @property
-    def engraved(self) -> bool:
+    def is_engraved(self) -> bool:
         """Whether there was room; if not, it belongs in the legend."""
         return self.height > 0
 
@@ -136,13 +136,13 @@ class Label:
         """Return the label turned about the origin by an angle (rad), then shifted."""
         return replace(
             self,
-            place=turned(self.place, turn) + shift,
+            place=rotate_vectors(self.place, turn) + shift,
             angle=self.angle + turn,
             strokes=tuple(path.moved(turn, shift) for path in self.strokes),
         )
 
 
-def text_width(text: str, height: float) -> float:
+def measure_text_width(text: str, height: float) -> float:
     """Return the width of a text whose capitals have a height, mm.
 
     Examples
@@ -150,11 +150,11 @@ def text_width(text: str, height: float) -> float:
     >>> text_width("10", 6.0)  # two units, a gap of two, four units
     8.0
     """
-    widths = [max(map(int, glyph.replace(" ", "")[::2]), default=2) for glyph in _glyphs(text)]
-    return (sum(widths) + GAP * max(len(widths) - 1, 0)) * height / CAP
+    widths = [max(map(int, glyph.replace(" ", "")[::2]), default=2) for glyph in _find_glyphs(text)]
+    return (sum(widths) + GLYPH_GAP * max(len(widths) - 1, 0)) * height / CAPITAL_UNITS
 
 
-def text_strokes(text: str, height: float) -> tuple[Path, ...]:
+def make_text_strokes(text: str, height: float) -> tuple[Path, ...]:
     """Return open polylines that write a text along the x axis, its capitals from y = 0 to a height.
 
     Small letters are written as capitals.
@@ -170,24 +170,24 @@ def text_strokes(text: str, height: float) -> tuple[Path, ...]:
     [[[0.0, 6.0], [4.0, 6.0]], [[2.0, 6.0], [2.0, 0.0]]]
     """
     strokes, x = [], 0
-    for glyph in _glyphs(text):
+    for glyph in _find_glyphs(text):
         for stroke in glyph.split():
             points = np.array([[int(c) for c in stroke[0::2]], [int(c) for c in stroke[1::2]]], dtype=np.float64).T
-            strokes.append(Path.straight((points + np.array([x, 0])) * (height / CAP)))
-        x += max(map(int, glyph.replace(" ", "")[::2]), default=2) + GAP
+            strokes.append(Path.from_points((points + np.array([x, 0])) * (height / CAPITAL_UNITS)))
+        x += max(map(int, glyph.replace(" ", "")[::2]), default=2) + GLYPH_GAP
     return tuple(strokes)
 
 
-def label_strokes(text: str, height: float) -> tuple[Path, ...]:
+def make_label_strokes(text: str, height: float) -> tuple[Path, ...]:
     """Return the strokes of a text, and the line under it if it would read as another one upside down."""
-    strokes = text_strokes(text, height)
-    if not underlined(text):
+    strokes = make_text_strokes(text, height)
+    if not is_underlined(text):
         return strokes
-    ends = np.array([[0.0, -UNDERLINE], [text_width(text, CAP), -UNDERLINE]])
-    return *strokes, Path.straight(ends * (height / CAP))
+    ends = np.array([[0.0, -UNDERLINE_DROP], [measure_text_width(text, CAPITAL_UNITS), -UNDERLINE_DROP]])
+    return *strokes, Path.from_points(ends * (height / CAPITAL_UNITS))
 
 
-def underlined(text: str) -> bool:
+def is_underlined(text: str) -> bool:
     """Return whether a text is underlined, because it would read as another one upside down.
 
     Examples
@@ -199,7 +199,7 @@ def underlined(text: str) -> bool:
     return set(text) <= set("01689.") and not set(text).isdisjoint("69") and turned_over != text
 
 
-def _glyphs(text: str) -> list[str]:
+def _find_glyphs(text: str) -> list[str]:
     try:
         return [GLYPHS[letter] for letter in text.upper()]
     except KeyError as error:
@@ -208,15 +208,15 @@ def _glyphs(text: str) -> list[str]:
         ) from None
 
 
-def labels(
+def place_labels(
     piece: Piece, seams: Sequence[Seam], *, height: float = 4.0, least: float | None = None
 ) -> tuple[Label, ...]:
     """Return a piece's name and the labels of its seams, inside its outline and clear of each other.
 
-    The name is written where most room is, level or else along the nearest border, up to :data:`NAME` times as high, or
-    lower if seams' labels find no room beside it.
-    A seam's label stands on its run, near the run's middle; if there is no room it is moved along the run, then away
-    from it, then made smaller, down to the least height. What does not fit then is returned without strokes.
+    The name is written where most room is, level or else along the nearest border, up to :data:`NAME_HEIGHT_RATIO`
+    times as high, or lower if seams' labels find no room beside it. A seam's label stands on its run, near the run's
+    middle; if there is no room it is moved along the run, then away from it, then made smaller, down to the least
+    height. What does not fit then is returned without strokes.
 
     Parameters
     ----------
@@ -251,29 +251,29 @@ def labels(
     >>> [(label.text, label.height, label.angle) for label in labels(Piece("3.1", (runs,)), [seam])]
     [('3.1', 6.0, 0.0), ('12', 4.0, 0.0)]
     """
-    height = millimetres("the height of labels", height)
-    least = height / 4 if least is None else millimetres("the least height of labels", least)
+    height = check_millimetres("the height of labels", height)
+    least = height / 4 if least is None else check_millimetres("the least height of labels", least)
     if least > height:
         raise InputError(f"the least height of labels, {least:g} mm, exceeds the height, {height:g} mm")
-    polygon = region(piece.outlines, height / 50)
+    polygon = to_polygon(piece.outlines, height / 50)
     tried: list[tuple[Label, ...]] = []
-    for largest in (NAME * height, height, least):  # a lower name may leave room for seams
-        room = _Room(polygon)
+    for largest in (NAME_HEIGHT_RATIO * height, height, least):  # a lower name may leave room for seams
+        room = _FreeSpace(polygon)
         found = (
-            _name(piece.name, room, largest, least),
+            _place_name_label(piece.name, room, largest, least),
             *(
-                _beside(run.path, seams[run.seam].label, run.seam, room, height, least)
+                _place_seam_label(run.path, seams[run.seam].label, run.seam, room, height, least)
                 for *_, run in piece.runs()
                 if run.seam is not None
             ),
         )
-        if all(label.engraved for label in found):
+        if all(label.is_engraved for label in found):
             return found
         tried.append(found)
-    return max(tried, key=lambda found: sum(label.engraved for label in found))
+    return max(tried, key=lambda found: sum(label.is_engraved for label in found))
 
 
-class _Room:
+class _FreeSpace:
     """The inside of a piece, and the boxes of labels that take it up."""
 
     def __init__(self, polygon: Any) -> None:
@@ -281,7 +281,7 @@ class _Room:
         shapely.prepare(polygon)
         self.taken: list[Any] = []
 
-    def take(self, boxes: Array) -> int | None:
+    def claim_free_box(self, boxes: Array) -> int | None:
         """Return the first of boxes (m, 4, 2) that is free, and take it; None if there is none."""
         candidates = shapely.polygons(boxes)
         free = shapely.contains(self.polygon, candidates)
@@ -292,66 +292,71 @@ class _Room:
         return None
 
 
-def _sizes(largest: float, least: float) -> Array:
+def _list_heights(largest: float, least: float) -> Array:
     """Return the heights to be tried."""
-    count = int(np.floor(np.log(least / largest) / np.log(SHRINK) * (1 + 1e-12)))
-    return np.unique([*(largest * SHRINK ** np.arange(count + 1)), least])[::-1]
+    count = int(np.floor(np.log(least / largest) / np.log(HEIGHT_RATIO) * (1 + 1e-12)))
+    return np.unique([*(largest * HEIGHT_RATIO ** np.arange(count + 1)), least])[::-1]
 
 
-def _boxes(text: str, places: Array, ahead: Array, heights: Array) -> Array:
+def _make_text_boxes(text: str, places: Array, ahead: Array, heights: Array) -> Array:
     """Return the corners (m, 4, 2) of a text that begins at places and reads along unit vectors, with its margins."""
-    widths, drop = text_width(text, 1.0) * heights, UNDERLINE / CAP if underlined(text) else 0.0
+    widths, drop = (
+        measure_text_width(text, 1.0) * heights,
+        UNDERLINE_DROP / CAPITAL_UNITS if is_underlined(text) else 0.0,
+    )
     up = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    margin = MARGIN * heights
+    margin = LABEL_MARGIN * heights
     x = np.stack([-margin, widths + margin, widths + margin, -margin], axis=1)
     y = np.stack([-margin - drop * heights, -margin - drop * heights, heights + margin, heights + margin], axis=1)
     return places[:, None] + x[:, :, None] * ahead[:, None] + y[:, :, None] * up[:, None]
 
 
-def _written(text: str, place: Array, ahead: Array, height: float, seam: int | None) -> Label:
+def _write_label(text: str, place: Array, ahead: Array, height: float, seam: int | None) -> Label:
     angle = float(np.arctan2(ahead[1], ahead[0]))
-    strokes = tuple(path.moved(angle, place) for path in label_strokes(text, height))
+    strokes = tuple(path.moved(angle, place) for path in make_label_strokes(text, height))
     return Label(text, place, angle, float(height), strokes, seam)
 
 
-def _beside(path: Path, text: str, seam: int, room: _Room, height: float, least: float) -> Label:
+def _place_seam_label(path: Path, text: str, seam: int, room: _FreeSpace, height: float, least: float) -> Label:
     """Return a seam's label, standing on its run."""
     if path.length == 0:
         return Label(text, path.points[0], 0.0, 0.0, (), seam)
-    track = Track.of(path)
-    width = text_width(text, 1.0)
-    for size in _sizes(height, least):
-        station = np.array(FRACTIONS) * track.length
+    track = PathByLength.from_path(path)
+    width = measure_text_width(text, 1.0)
+    for size in _list_heights(height, least):
+        station = np.array(TRIED_FRACTIONS) * track.length
         half = min(width * size, track.length / 4) / 2
-        ahead = track.at(np.minimum(station + half, track.length)) - track.at(np.maximum(station - half, 0.0))
+        ahead = track.points_at(np.minimum(station + half, track.length)) - track.points_at(
+            np.maximum(station - half, 0.0)
+        )
         ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1), np.finfo(np.float64).tiny)[:, None]
         up = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        foot = track.at(station) - ahead * (width * size / 2)
-        places = np.concatenate([foot + lift * size * up for lift in LIFTS])
-        aheads = np.tile(ahead, (len(LIFTS), 1))
+        foot = track.points_at(station) - ahead * (width * size / 2)
+        places = np.concatenate([foot + lift * size * up for lift in TRIED_LIFTS])
+        aheads = np.tile(ahead, (len(TRIED_LIFTS), 1))
         sizes = np.full(len(places), size)
-        chosen = room.take(_boxes(text, places, aheads, sizes))
+        chosen = room.claim_free_box(_make_text_boxes(text, places, aheads, sizes))
         if chosen is not None:
-            return _written(text, places[chosen], aheads[chosen], size, seam)
-    middle = track.at(track.length / 2)
+            return _write_label(text, places[chosen], aheads[chosen], size, seam)
+    middle = track.points_at(track.length / 2)
     return Label(text, middle, 0.0, 0.0, (), seam)
 
 
-def _name(text: str, room: _Room, largest: float, least: float) -> Label:
+def _place_name_label(text: str, room: _FreeSpace, largest: float, least: float) -> Label:
     """Return the name of a piece, in the midst of it."""
     if not room.polygon.area > 0:
         return Label(text, np.array(room.polygon.centroid.coords[0]), 0.0, 0.0, ())
-    arrow = shapely.maximum_inscribed_circle(room.polygon, tolerance=largest / (10 * NAME))
+    arrow = shapely.maximum_inscribed_circle(room.polygon, tolerance=largest / (10 * NAME_HEIGHT_RATIO))
     centre, border = shapely.get_coordinates(arrow)
     out = (border - centre) / max(float(np.linalg.norm(border - centre)), np.finfo(np.float64).tiny)
     aheads = np.array([[1.0, 0.0], [-out[1], out[0]], [0.0, 1.0]])
     aheads[1] *= 1.0 if aheads[1, 0] > 0 or (aheads[1, 0] == 0 and aheads[1, 1] > 0) else -1.0
     ups = np.stack([-aheads[:, 1], aheads[:, 0]], axis=1)
-    width = text_width(text, 1.0)
-    for size in _sizes(largest, least):
+    width = measure_text_width(text, 1.0)
+    for size in _list_heights(largest, least):
         places = centre - aheads * (width * size / 2) - ups * (size / 2)
         sizes = np.full(len(places), size)
-        chosen = room.take(_boxes(text, places, aheads, sizes))
+        chosen = room.claim_free_box(_make_text_boxes(text, places, aheads, sizes))
         if chosen is not None:
-            return _written(text, places[chosen], aheads[chosen], size, None)
+            return _write_label(text, places[chosen], aheads[chosen], size, None)
     return Label(text, centre, 0.0, 0.0, ())

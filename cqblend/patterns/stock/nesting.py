@@ -18,16 +18,16 @@ import shapely
 from cqblend.errors import GeometryError, InputError, InstallationError, shown
 from cqblend.splines.bernstein import Array
 
-EXTRA = 30.0
+GRACE_SECONDS = 30.0
 """How much longer than asked for the process may take to start and to end, s."""
 
-COARSE = 0.02
+OUTLINE_TOLERANCE = 0.02
 """Outlines are simplified to this tolerance and blown up by as much, mm."""
 
 WORKER = File(__file__).with_name("nesting_worker.py")
 
 
-def packed(
+def pack_with_spyrrow(
     polygons: Sequence[Any], turns: Sequence[float], inner: tuple[float, float] | None, gap: float, seconds: float
 ) -> list[tuple[int, float, Array]]:
     """Return sheet, turn and shift of polygons, packed as closely as spyrrow can in the time for each sheet.
@@ -65,8 +65,10 @@ def packed(
         raise InputError(f"the time for packing is a positive number of seconds, not {shown(seconds)}")
     if find_spec("spyrrow") is None:
         raise InstallationError('packing by spyrrow needs it: pip install "cqblend[nesting]", or packer="grid"')
-    around = gap / 2 + COARSE
-    blown = [_blown(_turned(polygon, turn), around) for polygon, turn in zip(polygons, turns, strict=True)]
+    around = gap / 2 + OUTLINE_TOLERANCE
+    blown = [
+        _inflate_polygon(_rotate_polygon(polygon, turn), around) for polygon, turn in zip(polygons, turns, strict=True)
+    ]
     low, high = np.reshape([shape.bounds for shape in blown], (-1, 2, 2)).swapaxes(0, 1)
     extents = high - low
     if inner is None:
@@ -83,11 +85,11 @@ def packed(
     placed: list[tuple[int, float, Array]] = [(0, 0.0, np.zeros(2))] * len(blown)
     number, left = 0, list(range(len(blown)))
     while left:
-        found = _solved([items[k] for k in left], float(size[1]), seconds)
+        found = _run_worker([items[k] for k in left], float(size[1]), seconds)
         staying = set()
         for k, (degrees, *shift) in zip(left, found, strict=True):
             turn = np.deg2rad(degrees)
-            if _turned(blown[k], turn).bounds[2] + shift[0] <= size[0] + COARSE / 2:
+            if _rotate_polygon(blown[k], turn).bounds[2] + shift[0] <= size[0] + OUTLINE_TOLERANCE / 2:
                 placed[k] = number, turns[k] + turn, np.array(shift) - around
                 staying.add(k)
         if not staying:
@@ -96,18 +98,18 @@ def packed(
     return placed
 
 
-def _turned(polygon: Any, turn: float) -> Any:
+def _rotate_polygon(polygon: Any, turn: float) -> Any:
     cos, sin = np.cos(turn), np.sin(turn)
     return shapely.transform(polygon, lambda points: points @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _blown(polygon: Any, around: float) -> Any:
+def _inflate_polygon(polygon: Any, around: float) -> Any:
     """Return what a polygon keeps free, without its holes, as one polygon."""
-    wide = shapely.buffer(shapely.simplify(polygon, COARSE), around, join_style="mitre", mitre_limit=2.0)
+    wide = shapely.buffer(shapely.simplify(polygon, OUTLINE_TOLERANCE), around, join_style="mitre", mitre_limit=2.0)
     return shapely.Polygon(wide.exterior) if wide.geom_type == "Polygon" else shapely.convex_hull(wide)
 
 
-def _solved(items: list[dict[str, Any]], height: float, seconds: float) -> list[list[float]]:
+def _run_worker(items: list[dict[str, Any]], height: float, seconds: float) -> list[list[float]]:
     """Return degrees and shift of each item, from the other process."""
     task = json.dumps({"height": height, "seconds": max(round(seconds), 1), "items": items})
     try:
@@ -116,11 +118,13 @@ def _solved(items: list[dict[str, Any]], height: float, seconds: float) -> list[
             input=task,
             capture_output=True,
             text=True,
-            timeout=seconds + EXTRA,
+            timeout=seconds + GRACE_SECONDS,
             check=True,
         )
     except subprocess.TimeoutExpired:
-        raise GeometryError(f'spyrrow did not end {EXTRA:g} s after its time was up: take packer="grid"') from None
+        raise GeometryError(
+            f'spyrrow did not end {GRACE_SECONDS:g} s after its time was up: take packer="grid"'
+        ) from None
     except subprocess.CalledProcessError as error:
         last = (error.stderr.strip().splitlines() or ["no message"])[-1]
         raise GeometryError(f'spyrrow failed ({last}): take packer="grid"') from None

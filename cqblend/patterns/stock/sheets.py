@@ -15,27 +15,32 @@ import numpy as np
 import shapely
 
 from cqblend.errors import InputError, SizeError, VerificationError, shown
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.bounding_boxes import extents, fitting_turn, hull, least_turn
-from cqblend.patterns.outline.overlap import region
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.bounding_boxes import (
+    find_convex_hull,
+    find_fitting_angle,
+    find_flattest_angle,
+    measure_rotated_extents,
+)
+from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.pieces import Piece, Pieces
 from cqblend.patterns.stock import nesting
 from cqblend.splines.bernstein import Array
 
 Packer = Literal["grid", "spyrrow"]
 
-Size = tuple[float, float]
+SheetSize = tuple[float, float]
 
-CELLS = 500
+CELLS_PER_SIDE = 500
 """How many cells the longer side of a sheet has."""
 
-FINE = 1e-3
+POLYGON_TOLERANCE = 1e-3
 """Arcs are replaced by polygons within this tolerance to see whether pieces overlap, mm."""
 
-WIDTHS = (0.7, 0.85, 1.05, 1.25)
+TRIED_WIDTHS = (0.7, 0.85, 1.05, 1.25)
 """Widths that are tried of a sheet without given size, relative to the square of the area of all boxes."""
 
-MANY = 60
+MANY_PIECES = 60
 """Of more pieces than these only one width is tried, and two of their four quarter turns."""
 
 
@@ -55,7 +60,7 @@ class Sheets:
         Kept free along the borders of the sheets and between pieces, mm.
     """
 
-    size: Size
+    size: SheetSize
     pieces: Pieces
     numbers: tuple[int, ...]
     margin: float
@@ -66,20 +71,20 @@ class Sheets:
         """Number of sheets."""
         return max(self.numbers, default=-1) + 1
 
-    def on(self, number: int) -> tuple[Piece, ...]:
+    def pieces_on(self, number: int) -> tuple[Piece, ...]:
         """Return the pieces on a sheet."""
         return tuple(p for p, where in zip(self.pieces.pieces, self.numbers, strict=True) if where == number)
 
     @property
-    def used(self) -> float:
+    def used_fraction(self) -> float:
         """Part of the stock that ends up in pieces, tabs included."""
         cut = sum(path.area for piece in self.pieces.pieces for path in piece.cuts)
         return cut / max(self.count * self.size[0] * self.size[1], np.finfo(float).tiny)
 
 
-def arrange(
+def arrange_pieces(
     pieces: Pieces,
-    sheet: Size | None = None,
+    sheet: SheetSize | None = None,
     *,
     margin: float = 5.0,
     gap: float = 3.0,
@@ -118,34 +123,34 @@ def arrange(
     VerificationError
         If pieces were placed too near to each other.
     """
-    margin = millimetres("the margin of a sheet", margin, zero=True)
-    gap = millimetres("the gap between pieces", gap, zero=True)
+    margin = check_millimetres("the margin of a sheet", margin, zero=True)
+    gap = check_millimetres("the gap between pieces", gap, zero=True)
     if packer not in ("grid", "spyrrow"):
         raise InputError(f'pieces are packed by "grid" or "spyrrow", not {shown(packer)}')
     if not pieces.pieces:
         raise InputError("there are no pieces to be placed")
-    shapes = [_Shape(piece) for piece in pieces.pieces]
+    shapes = [_PieceShape(piece) for piece in pieces.pieces]
     if sheet is not None:
-        sheet = checked_size(sheet)
-    inner = None if sheet is None else usable(sheet, margin)
-    turns = [_turn(shape, inner) for shape in shapes]
+        sheet = check_sheet_size(sheet)
+    inner = None if sheet is None else subtract_margins(sheet, margin)
+    turns = [_choose_turn(shape, inner) for shape in shapes]
     if packer == "spyrrow":
-        placed = nesting.packed([shape.polygon for shape in shapes], turns, inner, gap, seconds)
+        placed = nesting.pack_with_spyrrow([shape.polygon for shape in shapes], turns, inner, gap, seconds)
     else:
-        placed = _packed(shapes, turns, inner, gap) if inner else _packed_freely(shapes, turns, gap)
+        placed = _pack_sheets(shapes, turns, inner, gap) if inner else _pack_one_sheet(shapes, turns, gap)
     lower = np.full(2, margin)
     moved = [piece.moved(turn, shift + lower) for piece, (_, turn, shift) in zip(pieces.pieces, placed, strict=True)]
     numbers = tuple(number for number, _, _ in placed)
     if sheet is None:
-        corners = [region(piece.cuts, FINE).bounds[2:] for piece in moved]
+        corners = [to_polygon(piece.cuts, POLYGON_TOLERANCE).bounds[2:] for piece in moved]
         width, height = np.max([*corners, (0.0, 0.0)], axis=0) + margin
         sheet = float(width), float(height)
     result = Sheets(sheet, Pieces(tuple(moved), pieces.seams), numbers, margin, gap)
-    verify(result)
+    verify_spacing(result)
     return result
 
 
-def checked_size(size: object) -> Size:
+def check_sheet_size(size: object) -> SheetSize:
     """Return width and height of a sheet, mm.
 
     Raises
@@ -155,10 +160,10 @@ def checked_size(size: object) -> Size:
     """
     if not isinstance(size, Sequence) or isinstance(size, str) or len(size) != 2:
         raise InputError(f"a sheet has a width and a height, (600, 400) for example, not {shown(size)}")
-    return millimetres("the width of a sheet", size[0]), millimetres("the height of a sheet", size[1])
+    return check_millimetres("the width of a sheet", size[0]), check_millimetres("the height of a sheet", size[1])
 
 
-def usable(sheet: Size, margin: float) -> Size:
+def subtract_margins(sheet: SheetSize, margin: float) -> SheetSize:
     """Return what the margins leave of a sheet.
 
     Raises
@@ -172,7 +177,7 @@ def usable(sheet: Size, margin: float) -> Size:
     return width, height
 
 
-def verify(sheets: Sheets) -> None:
+def verify_spacing(sheets: Sheets) -> None:
     """Check that pieces keep their gap and their margin.
 
     Raises
@@ -180,10 +185,10 @@ def verify(sheets: Sheets) -> None:
     VerificationError
         If they do not; the message names the pieces.
     """
-    slack = 2 * FINE
+    slack = 2 * POLYGON_TOLERANCE
     for number in range(sheets.count):
-        pieces = sheets.on(number)
-        polygons = np.array([region(piece.cuts, FINE) for piece in pieces])
+        pieces = sheets.pieces_on(number)
+        polygons = np.array([to_polygon(piece.cuts, POLYGON_TOLERANCE) for piece in pieces])
         near = max(sheets.gap - slack, 0.0)
         first, second = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=near)
         for i, k in zip(first, second, strict=True):
@@ -197,27 +202,27 @@ def verify(sheets: Sheets) -> None:
             raise VerificationError(f"piece {pieces[over.argmax()].name} leaves sheet {number + 1}")
 
 
-class _Shape:
+class _PieceShape:
     """What a piece covers."""
 
     def __init__(self, piece: Piece) -> None:
         self.name = piece.name
-        self.polygon = region(piece.cuts, FINE)
-        self.hull = hull(piece.cuts, FINE)
+        self.polygon = to_polygon(piece.cuts, POLYGON_TOLERANCE)
+        self.hull = find_convex_hull(piece.cuts, POLYGON_TOLERANCE)
 
     @cached_property
-    def size(self) -> float:
+    def diameter(self) -> float:
         """Largest distance between two of its points, or nearly."""
         return float(np.linalg.norm(np.ptp(self.hull, axis=0)))
 
 
-def _turn(shape: _Shape, inner: Size | None) -> float:
+def _choose_turn(shape: _PieceShape, inner: SheetSize | None) -> float:
     """Return by which angle a piece is turned to lie as flat as it can, and on the sheet."""
     if inner is None:
-        return least_turn(shape.hull)
-    turn = fitting_turn(shape.hull, inner)
+        return find_flattest_angle(shape.hull)
+    turn = find_fitting_angle(shape.hull, inner)
     if turn is None:
-        width, height = extents(shape.hull, np.array([least_turn(shape.hull)]))[0]
+        width, height = measure_rotated_extents(shape.hull, np.array([find_flattest_angle(shape.hull)]))[0]
         raise SizeError(
             f"piece {shape.name} is {width:.1f} x {height:.1f} mm and does not fit the {inner[0]:g} x {inner[1]:g} mm "
             f"within the margins of a sheet: cut it, or take larger sheets"
@@ -225,16 +230,18 @@ def _turn(shape: _Shape, inner: Size | None) -> float:
     return turn
 
 
-_Spots = list[tuple[int, float, Array]]
+_Placements = list[tuple[int, float, Array]]
 """Sheet, turn (rad) and shift of each shape; shifts are from the lower left corner within the margins."""
 
 
-def _packed_freely(shapes: Sequence[_Shape], turns: Sequence[float], gap: float) -> _Spots:
+def _pack_one_sheet(shapes: Sequence[_PieceShape], turns: Sequence[float], gap: float) -> _Placements:
     """Return shapes packed on one sheet, of the width among some that gives the least area, and not far from square."""
-    flat = np.array([extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)])
+    flat = np.array(
+        [measure_rotated_extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)]
+    )
     square = float(np.sqrt((flat + gap).prod(axis=1).sum()))
 
-    def cost(spots: _Spots) -> float:
+    def compute_cost(spots: _Placements) -> float:
         corners = [
             shape.hull @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) + shift
             for shape, (_, turn, shift) in zip(shapes, spots, strict=True)
@@ -242,30 +249,32 @@ def _packed_freely(shapes: Sequence[_Shape], turns: Sequence[float], gap: float)
         width, height = np.concatenate(corners).max(axis=0)
         return float(width * height + (width - height) ** 2 / 10)
 
-    tried = WIDTHS if len(shapes) <= MANY else (1.05,)
+    tried = TRIED_WIDTHS if len(shapes) <= MANY_PIECES else (1.05,)
     widths = {max(float(flat.max()), square * width) for width in tried}
-    return min((_packed(shapes, turns, (width, np.inf), gap) for width in sorted(widths)), key=cost)
+    return min((_pack_sheets(shapes, turns, (width, np.inf), gap) for width in sorted(widths)), key=compute_cost)
 
 
-def _packed(shapes: Sequence[_Shape], turns: Sequence[float], inner: Size, gap: float) -> _Spots:
+def _pack_sheets(shapes: Sequence[_PieceShape], turns: Sequence[float], inner: SheetSize, gap: float) -> _Placements:
     """Return shapes packed on sheets, the largest first; a sheet may be open upwards."""
-    flat = np.array([extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)])
-    cell = max(side for side in inner if np.isfinite(side)) / CELLS
+    flat = np.array(
+        [measure_rotated_extents(shape.hull, np.array([turn]))[0] for shape, turn in zip(shapes, turns, strict=True)]
+    )
+    cell = max(side for side in inner if np.isfinite(side)) / CELLS_PER_SIDE
     # a cell that touches a piece has its centre within half a diagonal of it; 1.01 makes up for the polygons of buffers
     around = 1.01 * (gap / 2 + cell / np.sqrt(2))
-    grids: list[_Grid] = []
-    placed: _Spots = [(0, 0.0, np.zeros(2))] * len(shapes)
-    for k in sorted(range(len(shapes)), key=lambda k: (-shapes[k].size, k)):
+    grids: list[_SheetGrid] = []
+    placed: _Placements = [(0, 0.0, np.zeros(2))] * len(shapes)
+    for k in sorted(range(len(shapes)), key=lambda k: (-shapes[k].diameter, k)):
         shape, turn = shapes[k], turns[k]
         masks = []
-        for quarter in range(4 if len(shapes) <= MANY else 2):
+        for quarter in range(4 if len(shapes) <= MANY_PIECES else 2):
             extent = flat[k][:: -1 if quarter % 2 else 1]
             if (extent <= np.asarray(inner) * (1 + 1e-12)).all():
-                masks.append(_Mask(shape.polygon, turn + quarter * np.pi / 2, around, cell))
+                masks.append(_CellMask(shape.polygon, turn + quarter * np.pi / 2, around, cell))
         for number in count():
             if number == len(grids):
-                grids.append(_Grid(inner, around, cell))
-            found = grids[number].take(masks)
+                grids.append(_SheetGrid(inner, around, cell))
+            found = grids[number].place_lowest(masks)
             if found is not None:
                 mask, place = found
                 placed[k] = number, mask.turn, place * cell - mask.corner - around
@@ -273,7 +282,7 @@ def _packed(shapes: Sequence[_Shape], turns: Sequence[float], inner: Size, gap: 
     return placed
 
 
-class _Mask:
+class _CellMask:
     """The cells that a piece takes, turned by an angle.
 
     Attributes
@@ -292,10 +301,10 @@ class _Mask:
         self.corner = low - around
         self.extent = high - low + 2 * around
         blown = shapely.buffer(shapely.simplify(turned, 0.01 * cell), around + 0.01 * cell)
-        self.runs = _runs(blown, self.corner, cell, int(max(np.ceil(self.extent[1] / cell - 1e-9), 1)))
+        self.runs = _rasterise_polygon(blown, self.corner, cell, int(max(np.ceil(self.extent[1] / cell - 1e-9), 1)))
 
 
-def _runs(polygon: Any, corner: Array, cell: float, rows: int) -> list[list[tuple[int, int]]]:
+def _rasterise_polygon(polygon: Any, corner: Array, cell: float, rows: int) -> list[list[tuple[int, int]]]:
     """Return the runs, first cell and number, of cells in each row whose centres are in a polygon."""
     points, ring = shapely.get_coordinates(shapely.get_rings(polygon), return_index=True)
     places = (points - corner) / cell - 0.5  # centres of cells are whole numbers
@@ -315,20 +324,20 @@ def _runs(polygon: Any, corner: Array, cell: float, rows: int) -> list[list[tupl
     return found
 
 
-class _Grid:
+class _SheetGrid:
     """The cells of a sheet that are taken; one integer per row, from below."""
 
-    def __init__(self, inner: Size, around: float, cell: float) -> None:
+    def __init__(self, inner: SheetSize, around: float, cell: float) -> None:
         self.cell = cell
         self.extent = np.array(inner) + 2 * around
         self.rows: list[int] = []
 
-    def take(self, masks: Sequence[_Mask]) -> tuple[_Mask, Array] | None:
+    def place_lowest(self, masks: Sequence[_CellMask]) -> tuple[_CellMask, Array] | None:
         """Put the mask whose upper border comes lowest where it is lowest, then leftmost; None if none has room."""
         best: tuple[int, int, int] | None = None
         for k, mask in enumerate(masks):
             tallest = None if best is None else best[0]
-            place = self._place(mask, tallest)
+            place = self._find_lowest_place(mask, tallest)
             if place is not None and (best is None or (place[1] + len(mask.runs), place[0]) < best[:2]):
                 best = place[1] + len(mask.runs), place[0], k
         if best is None:
@@ -341,7 +350,7 @@ class _Grid:
                 self.rows[row + r] |= ((1 << length) - 1) << (column + start)
         return mask, np.array([column, row])
 
-    def _place(self, mask: _Mask, top: int | None) -> tuple[int, int] | None:
+    def _find_lowest_place(self, mask: _CellMask, top: int | None) -> tuple[int, int] | None:
         """Return column and row of the lowest, then leftmost free place of a mask whose upper border is below a row."""
         columns, rows = np.floor((self.extent - mask.extent) / self.cell + 1e-9)
         last = int(min(rows, len(self.rows), np.inf if top is None else top - len(mask.runs)))
@@ -351,7 +360,7 @@ class _Grid:
             for taken, runs in zip(self.rows[row:], mask.runs, strict=False):
                 if taken:
                     for start, length in runs:
-                        blocked |= _smeared(taken >> start, length)
+                        blocked |= _smear_bits(taken >> start, length)
                     if blocked & everywhere == everywhere:
                         break
             free = everywhere & ~blocked
@@ -360,7 +369,7 @@ class _Grid:
         return None
 
 
-def _smeared(bits: int, length: int) -> int:
+def _smear_bits(bits: int, length: int) -> int:
     """Return the places at which a run of so many cells meets a taken one.
 
     Examples

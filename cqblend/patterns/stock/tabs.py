@@ -16,43 +16,43 @@ from typing import Literal, get_args
 import numpy as np
 
 from cqblend.errors import InputError, shown
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.overlap import covered_wrongly
-from cqblend.patterns.outline.parallel_path import Track
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.overlap import find_winding_errors
+from cqblend.patterns.outline.parallel_path import PathByLength
 from cqblend.patterns.outline.pieces import Fold, Piece, Pieces, Place, Run, Score, Seam
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.flaps import Flap, Site, Zone, crest, settled
+from cqblend.patterns.stock.flaps import Flap, FlapFitter, FlapZone, fit_flaps, make_flap_top
 from cqblend.splines.bernstein import Array
 
-Style = Literal["one", "alternating", "both", "strips", "allowance"]
+TabStyle = Literal["one", "alternating", "both", "strips", "allowance"]
 """Tabs on one side of each seam, teeth on either side in turn, flanges on both sides, separate connecting strips from
 below, or a plain seam allowance on both sides."""
 
-STEEPEST = np.radians(75.0)
+STEEPEST_LEG = np.radians(75.0)
 """Legs between teeth are at most this steep, so that two of them do not share a cut."""
 
-SHALLOWEST = np.radians(3.0)
+SHALLOWEST_LEG = np.radians(3.0)
 """Legs in pointed corners are at least this steep."""
 
-BEND = np.pi / 6
+MOST_TOOTH_BEND = np.pi / 6
 """Angle by which a tooth may bend along its base."""
 
-SHARE = 0.45
+CORNER_SHARE = 0.45
 """Part of the angle outside a corner that the tab on either of its sides may take."""
 
-MITRE = 2.0
+MITRE_LIMIT = 2.0
 """A seam allowance is mitred at corners up to this multiple of its width, along the edge."""
 
-KINK = np.radians(20.0)
+TAB_CORNER_ANGLE = np.radians(20.0)
 """Where a run turns by more than this at once it has a corner, at which a tab ends and another begins."""
 
-LEAST = 2.0
+LEAST_TAB_HEIGHT = 2.0
 """Tabs lower than this are dropped, mm, or lower than a quarter of their width if that is less."""
 
-MOST = 20_000
+MOST_TEETH = 20_000
 """No more teeth than this are made: they take a second for each few thousand."""
 
-ALIKE = 0.02
+SAME_CURVE = 0.02
 """Curves closer than this to each other, relative to the width of tabs, count as the same, or as straight."""
 
 
@@ -89,23 +89,23 @@ class Tabs:
         return tuple(self.pieces.seams[k].label for k in np.flatnonzero(short))
 
 
-def with_tabs(
+def add_tabs(
     pieces: Pieces,
     *,
-    style: Style = "one",
+    style: TabStyle = "one",
     width: float,
     taper: float = np.pi / 4,
     pitch: float | None = None,
     least: float | None = None,
 ) -> Pieces:
-    """Return pieces with tabs; see :func:`fitted_tabs`, which also tells what did not fit."""
-    return fitted_tabs(pieces, style=style, width=width, taper=taper, pitch=pitch, least=least).pieces
+    """Return pieces with tabs; see :func:`fit_tabs`, which also tells what did not fit."""
+    return fit_tabs(pieces, style=style, width=width, taper=taper, pitch=pitch, least=least).pieces
 
 
-def fitted_tabs(
+def fit_tabs(
     pieces: Pieces,
     *,
-    style: Style = "one",
+    style: TabStyle = "one",
     width: float,
     taper: float = np.pi / 4,
     pitch: float | None = None,
@@ -144,13 +144,14 @@ def fitted_tabs(
     pitch
         Length of teeth along the base, mm; three widths if not given.
     least
-        Least height, mm: lower tabs are dropped. A quarter of the width, but at most :data:`LEAST`, if not given.
+        Least height, mm: lower tabs are dropped. A quarter of the width, but at most :data:`LEAST_TAB_HEIGHT`, if not
+        given.
 
     Raises
     ------
     InputError
         If a length or the taper is out of range, the style unknown, a piece has tabs already, or there would be more
-        than :data:`MOST` teeth.
+        than :data:`MOST_TEETH` teeth.
 
     Examples
     --------
@@ -163,11 +164,11 @@ def fitted_tabs(
     >>> tabs.pieces.pieces[0].cuts[0].points.round(9).tolist()
     [[0.0, 0.0], [40.0, 0.0], [45.0, 5.0], [45.0, 35.0], [40.0, 40.0], [0.0, 40.0], [0.0, 0.0]]
     """
-    if not isinstance(style, str) or style not in get_args(Style):
-        raise InputError(f"the style of tabs is one of {', '.join(get_args(Style))}, not {shown(style)}")
-    width = millimetres("the width of tabs", width)
-    pitch = 3 * width if pitch is None else millimetres("the pitch of tabs", pitch)
-    least = min(width / 4, LEAST) if least is None else millimetres("the least height of tabs", least)
+    if not isinstance(style, str) or style not in get_args(TabStyle):
+        raise InputError(f"the style of tabs is one of {', '.join(get_args(TabStyle))}, not {shown(style)}")
+    width = check_millimetres("the width of tabs", width)
+    pitch = 3 * width if pitch is None else check_millimetres("the pitch of tabs", pitch)
+    least = min(width / 4, LEAST_TAB_HEIGHT) if least is None else check_millimetres("the least height of tabs", least)
     if least > width:
         raise InputError(f"the least height of tabs, {least:g} mm, exceeds their width, {width:g} mm")
     if isinstance(taper, bool) or not isinstance(taper, int | float) or not 0 < taper <= np.pi / 2 + 1e-12:
@@ -175,87 +176,91 @@ def fitted_tabs(
     for piece in pieces.pieces:
         if piece.tabs is not None:
             raise InputError(f"piece {piece.name} has tabs already")
-    slope = 1 / np.tan(min(taper, STEEPEST))
-    site = Site(pieces, width, least, pitch, float(slope), float(1 / np.tan(STEEPEST)))
+    slope = 1 / np.tan(min(taper, STEEPEST_LEG))
+    site = FlapFitter(pieces, width, least, pitch, float(slope), float(1 / np.tan(STEEPEST_LEG)))
     longest = max((pieces.run(seam.sides[0]).path.length for seam in pieces.seams), default=0.0)
-    if longest > MOST * min(pitch, 3 * width):
-        raise _too_many(site, longest / min(pitch, 3 * width))
-    flaps = _chosen(site, float(taper)) if style == "one" else settled(site, _wanted(site, style, float(taper)))
+    if longest > MOST_TEETH * min(pitch, 3 * width):
+        raise _tooth_count_error(site, longest / min(pitch, 3 * width))
+    flaps = (
+        _choose_sides(site, float(taper))
+        if style == "one"
+        else fit_flaps(site, _propose_flaps(site, style, float(taper)))
+    )
     if style == "strips":
-        connected, kept = _with_strips(site, flaps)
-        return _measured(site, kept, 1, connected)
+        connected, kept = _add_connecting_strips(site, flaps)
+        return _measure_coverage(site, kept, 1, connected)
     by_piece: dict[int, list[Flap]] = defaultdict(list)
     for flap in flaps:
         by_piece[pieces.seams[flap.seam].sides[flap.side].piece].append(flap)
     cut, kept = list(pieces.pieces), []
     for k, own in by_piece.items():
-        outlines, scores = _tabbed(site, k, own, flat=style in ("one", "alternating"))
-        if not covered_wrongly(outlines):  # else the piece covers itself without tabs: it is left as it is
+        outlines, scores = _merge_flaps(site, k, own, flat=style in ("one", "alternating"))
+        if not find_winding_errors(outlines):  # else the piece covers itself without tabs: it is left as it is
             cut[k] = replace(cut[k], tabs=outlines, scores=cut[k].scores + scores)
             kept += own
     sides = 2 if style in ("both", "allowance") else 1
-    return _measured(site, kept, sides, Pieces(tuple(cut), pieces.seams))
+    return _measure_coverage(site, kept, sides, Pieces(tuple(cut), pieces.seams))
 
 
-def _measured(site: Site, flaps: Sequence[Flap], sides: int, pieces: Pieces) -> Tabs:
+def _measure_coverage(site: FlapFitter, flaps: Sequence[Flap], sides: int, pieces: Pieces) -> Tabs:
     """Return the record of what fitted; sides: how many sides of a seam should be full of tabs."""
     count = len(pieces.seams)
     covered, heights = np.zeros(count), np.full(count, np.inf)
     for flap in flaps:
-        length = site.track(pieces.seams[flap.seam].sides[flap.side]).length
+        length = site.path_by_length(pieces.seams[flap.seam].sides[flap.side]).length
         covered[flap.seam] += flap.length / length / sides
         heights[flap.seam] = min(heights[flap.seam], flap.height)
     return Tabs(pieces, covered, np.where(covered > 0, heights, 0.0), site.width)
 
 
-def _wanted(site: Site, style: Style, taper: float) -> list[Flap]:
+def _propose_flaps(site: FlapFitter, style: TabStyle, taper: float) -> list[Flap]:
     """Return the flaps that the seams are to have, whether they fit or not."""
     sides = (0,) if style == "strips" else (0, 1)
     flaps: list[Flap] = []
     for k, seam in enumerate(site.pieces.seams):
         if all(site.pieces.run(side).path.length > 0 for side in seam.sides):
             for side in sides:
-                flaps += _along(site, k, side, style, taper)
-            if len(flaps) > MOST * len(sides):
-                raise _too_many(site, len(flaps) / len(sides) * len(site.pieces.seams) / (k + 1))
+                flaps += _propose_side_flaps(site, k, side, style, taper)
+            if len(flaps) > MOST_TEETH * len(sides):
+                raise _tooth_count_error(site, len(flaps) / len(sides) * len(site.pieces.seams) / (k + 1))
     return flaps
 
 
-def _too_many(site: Site, teeth: float) -> InputError:
+def _tooth_count_error(site: FlapFitter, teeth: float) -> InputError:
     return InputError(
         f"tabs of {site.width:g} mm with a pitch of {site.pitch:g} mm would be about {teeth:.0f} teeth, "
-        f"more than {MOST}: take wider tabs or a longer pitch"
+        f"more than {MOST_TEETH}: take wider tabs or a longer pitch"
     )
 
 
-def _chosen(site: Site, taper: float) -> list[Flap]:
+def _choose_sides(site: FlapFitter, taper: float) -> list[Flap]:
     """Return flaps on one side of each seam: on the one where more fits, alone first, then among the others."""
     count = len(site.pieces.seams)
     fitting: tuple[list[list[Flap]], ...] = tuple([[] for _ in range(count)] for _ in range(2))
-    for flap in settled(site, _wanted(site, "one", taper), together=False):
+    for flap in fit_flaps(site, _propose_flaps(site, "one", taper), together=False):
         fitting[flap.side][flap.seam].append(flap)
     alone = np.array([[sum(flap.area for flap in flaps) for flaps in side] for side in fitting]).reshape(2, count)
     side = np.where(alone[1] > 1.01 * alone[0], 1, 0)
     seams = np.arange(count)
 
-    def together() -> tuple[list[Flap], Array]:
-        flaps = settled(site, [flap for k in seams for flap in fitting[side[k]][k]])
+    def fit_chosen_sides() -> tuple[list[Flap], Array]:
+        flaps = fit_flaps(site, [flap for k in seams for flap in fitting[side[k]][k]])
         areas = np.zeros(count)
         np.add.at(areas, [flap.seam for flap in flaps], [flap.area for flap in flaps])
         return flaps, areas
 
-    flaps, areas = together()
+    flaps, areas = fit_chosen_sides()
     crowded = areas < 0.5 * alone[1 - side, seams]
     if crowded.any():
         side = np.where(crowded, 1 - side, side)
-        others, other_areas = together()
+        others, other_areas = fit_chosen_sides()
         if other_areas.sum() > areas.sum():
             return others
     return flaps
 
 
 @dataclass(frozen=True, slots=True)
-class _Span:
+class _SeamStretch:
     """A stretch of a seam without corners: stations of the first side, the angles inside either piece at its ends."""
 
     start: float
@@ -264,16 +269,16 @@ class _Span:
     teeth: int
 
 
-def _spans(site: Site, seam: Seam) -> list[_Span]:
+def _split_at_corners(site: FlapFitter, seam: Seam) -> list[_SeamStretch]:
     """Return the stretches of a seam between the corners of either side."""
-    tracks = [site.track(side) for side in seam.sides]
+    tracks = [site.path_by_length(side) for side in seam.sides]
     length = tracks[0].length
     corners: dict[float, Array] = {}  # station of the first side: angles inside the two pieces
     for k, (track, side) in enumerate(zip(tracks, seam.sides, strict=True)):
-        sharp = np.flatnonzero(np.abs(track.kinks) > KINK)
-        ends = site.corners(side)
+        sharp = np.flatnonzero(np.abs(track.kink_angles) > TAB_CORNER_ANGLE)
+        ends = site.measure_corner_angles(side)
         stations = np.array([0.0, *track.stations[sharp + 1], track.length]) * (length / track.length)
-        angles = np.array([ends[0], *(np.pi - track.kinks[sharp]), ends[1]])
+        angles = np.array([ends[0], *(np.pi - track.kink_angles[sharp]), ends[1]])
         if k and seam.opposed:
             stations, angles = length - stations[::-1], angles[::-1]
         for station, angle in zip(stations.tolist(), angles, strict=True):
@@ -281,47 +286,47 @@ def _spans(site: Site, seam: Seam) -> list[_Span]:
             corners.setdefault(near, np.full(2, np.pi))[k] = angle
     order = sorted(corners)
     return [
-        _Span(
+        _SeamStretch(
             start,
             stop,
             (np.array([corners[start][0], corners[stop][0]]), np.array([corners[start][1], corners[stop][1]])),
-            _teeth(site, seam, start, stop),
+            _count_teeth(site, seam, start, stop),
         )
         for start, stop in pairwise(order)
     ]
 
 
-def _along(site: Site, number: int, side: int, style: Style, taper: float) -> list[Flap]:
+def _propose_side_flaps(site: FlapFitter, number: int, side: int, style: TabStyle, taper: float) -> list[Flap]:
     """Return the flaps of one side of a seam."""
     seam = site.pieces.seams[number]
     place, other = seam.sides[side], seam.sides[1 - side]
-    length = site.track(place).length
-    outside, beneath = Zone(place, True), Zone(other, False, back=seam.opposed)
+    length = site.path_by_length(place).length
+    outside, beneath = FlapZone(place, True), FlapZone(other, False, back=seam.opposed)
     if style == "allowance":
-        around = (2 * np.pi - np.array(site.corners(place))) / 2
-        mitre = np.maximum(_cot(around), np.where(_joined_corners(site, place), -MITRE, 0.0))
+        around = (2 * np.pi - np.array(site.measure_corner_angles(place))) / 2
+        mitre = np.maximum(_compute_cotangent(around), np.where(_find_seam_neighbours(site, place), -MITRE_LIMIT, 0.0))
         ends = (float(mitre[0]), float(mitre[1]))
         return [Flap(number, side, 0.0, length, ends, ends, site.width, (outside,), divisible=False)]
-    zones = {"both": (outside,), "strips": (Zone(place, False), beneath)}.get(style, (outside, beneath))
-    spans = _spans(site, seam)
-    alike = style == "strips" and len(spans) == 1 and _alike(site, seam)
+    zones = {"both": (outside,), "strips": (FlapZone(place, False), beneath)}.get(style, (outside, beneath))
+    spans = _split_at_corners(site, seam)
+    alike = style == "strips" and len(spans) == 1 and _has_same_curve(site, seam)
     flaps: list[Flap] = []
     done = 0
     for span in spans:
         own, their = span.inside[side], span.inside[1 - side]
-        around = SHARE * (2 * np.pi - own)
+        around = CORNER_SHARE * (2 * np.pi - own)
         limit = {"both": around, "strips": np.minimum(own, their) / 2}.get(style, np.minimum(around, their / 2))
-        limit = np.clip(limit, SHALLOWEST, np.pi / 2)
+        limit = np.clip(limit, SHALLOWEST_LEG, np.pi / 2)
         count = span.teeth
         if alike:
-            first, last = site.track(place).path.points[[0, -1]]
+            first, last = site.path_by_length(place).path.points[[0, -1]]
             count = 2 if np.linalg.norm(last - first) < 2 * site.width else 1  # the ends of a ring would touch
         if style == "alternating":
             count = max(count, int(np.ceil((span.stop - span.start) / site.pitch - 1e-9)), 3 - len(spans))
         cuts = np.linspace(span.start, span.stop, count + 1).tolist()
         slopes, steepest = np.full((count, 2), site.slope), np.full((count, 2), site.steepest)
-        slopes[0, 0], slopes[-1, 1] = _cot(np.minimum(taper, limit))
-        steepest[0, 0], steepest[-1, 1] = _cot(limit)
+        slopes[0, 0], slopes[-1, 1] = _compute_cotangent(np.minimum(taper, limit))
+        steepest[0, 0], steepest[-1, 1] = _compute_cotangent(limit)
         for k in range(count):
             if style != "alternating" or (done + k) % 2 == side:
                 legs = [(float(each[k, 0]), float(each[k, 1])) for each in (slopes, steepest)]
@@ -329,11 +334,11 @@ def _along(site: Site, number: int, side: int, style: Style, taper: float) -> li
         done += count
     if side == 0:
         return flaps
-    scale = length / site.track(other).length
-    return [_seen_from_other(flap, scale, length if seam.opposed else None) for flap in flaps]
+    scale = length / site.path_by_length(other).length
+    return [_map_to_other_side(flap, scale, length if seam.opposed else None) for flap in flaps]
 
 
-def _seen_from_other(flap: Flap, scale: float, length: float | None) -> Flap:
+def _map_to_other_side(flap: Flap, scale: float, length: float | None) -> Flap:
     """Return a flap with its stations on the other side of the seam: scaled, counted back from a length if given."""
     if length is None:
         return replace(flap, start=flap.start * scale, stop=flap.stop * scale)
@@ -346,55 +351,57 @@ def _seen_from_other(flap: Flap, scale: float, length: float | None) -> Flap:
     )
 
 
-def _cot(angle: Array | float) -> Array:
+def _compute_cotangent(angle: Array | float) -> Array:
     return np.asarray(1 / np.tan(angle))
 
 
-def _joined_corners(site: Site, place: Place) -> tuple[bool, bool]:
+def _find_seam_neighbours(site: FlapFitter, place: Place) -> tuple[bool, bool]:
     """Return whether the runs before and after a run have seams too."""
     loop = [run for run in site.pieces.pieces[place.piece].loops[place.loop] if run.path.length > 0]
     at = loop.index(site.pieces.run(place))
     return loop[at - 1].seam is not None, loop[(at + 1) % len(loop)].seam is not None
 
 
-def _teeth(site: Site, seam: Seam, start: float, stop: float) -> int:
+def _count_teeth(site: FlapFitter, seam: Seam, start: float, stop: float) -> int:
     """Return into how many teeth a tab is cut between two stations: one if straight in the plane and in space."""
-    turn, excess, length = 0.0, 0.0, site.track(seam.sides[0]).length
+    turn, excess, length = 0.0, 0.0, site.path_by_length(seam.sides[0]).length
     for k, side in enumerate(seam.sides):
-        run, track = site.pieces.run(side), site.track(side)
+        run, track = site.pieces.run(side), site.path_by_length(side)
         ends = np.array([start, stop]) * (track.length / length)
         if k and seam.opposed:
             ends = track.length - ends[::-1]
-        stretch = track.stretch(max(ends[0], 0.0), min(ends[1], track.length))
-        turn = max(turn, float(np.abs(Track(stretch).turns).sum()))
+        stretch = track.clip_between(max(ends[0], 0.0), min(ends[1], track.length))
+        turn = max(turn, float(np.abs(PathByLength(stretch).turning_angles).sum()))
         stations = np.append(0.0, np.cumsum(run.path.lengths))
         vertices = np.abs(stations - ends[:, None]).argmin(axis=1)
         chord = float(np.linalg.norm(np.diff(run.space[vertices], axis=0)))
         if np.abs(stations[vertices] - ends).max() < 1e-6 * length and np.isfinite(chord):
             excess = max(excess, stop - start - chord)
     # a bow of height h is longer than its chord by 8 h^2 / 3 chord
-    straight = max(turn * (stop - start) / 8, np.sqrt(0.375 * (stop - start) * max(excess, 0.0))) < ALIKE * site.width
+    straight = (
+        max(turn * (stop - start) / 8, np.sqrt(0.375 * (stop - start) * max(excess, 0.0))) < SAME_CURVE * site.width
+    )
     if straight:
         return 1
     shortest = max(1, int((stop - start) / (site.width / 2)))
-    return max(int(np.ceil((stop - start) / site.pitch - 1e-9)), min(int(np.ceil(turn / BEND)), shortest))
+    return max(int(np.ceil((stop - start) / site.pitch - 1e-9)), min(int(np.ceil(turn / MOST_TOOTH_BEND)), shortest))
 
 
-def _alike(site: Site, seam: Seam) -> bool:
+def _has_same_curve(site: FlapFitter, seam: Seam) -> bool:
     """Return whether both sides of a seam have the same curve in the plane, so that one strip can follow both."""
     if not seam.opposed:
         return False
-    first, second = (site.track(side) for side in seam.sides)
+    first, second = (site.path_by_length(side) for side in seam.sides)
     part = np.linspace(0.0, 1.0, 65)
-    one = first.at(part * first.length) @ [1, 1j]
-    other = second.at((1 - part) * second.length) @ [1, 1j]
+    one = first.points_at(part * first.length) @ [1, 1j]
+    other = second.points_at((1 - part) * second.length) @ [1, 1j]
     one, other = one - one.mean(), other - other.mean()
     turn = np.vdot(other, one)
-    return bool(np.abs(one - other * turn / max(abs(turn), 1e-300)).max() < ALIKE * site.width)
+    return bool(np.abs(one - other * turn / max(abs(turn), 1e-300)).max() < SAME_CURVE * site.width)
 
 
-def _tabbed(
-    site: Site, number: int, flaps: Sequence[Flap], *, flat: bool
+def _merge_flaps(
+    site: FlapFitter, number: int, flaps: Sequence[Flap], *, flat: bool
 ) -> tuple[tuple[Path, ...], tuple[Score, ...]]:
     """Return the outlines of a piece with its flaps, and their base lines; flat: they lie flat under the neighbour."""
     seams = site.pieces.seams
@@ -409,41 +416,41 @@ def _tabbed(
             if place not in by_run:
                 parts.append(run.path)
                 continue
-            track, done = site.track(place), 0.0
+            track, done = site.path_by_length(place), 0.0
             bases: list[list[float]] = []
             for flap in sorted(by_run[place], key=lambda flap: flap.start):
                 if flap.start > done + 1e-9 * track.length:
-                    parts.append(track.stretch(done, flap.start))
+                    parts.append(track.clip_between(done, flap.start))
                 if bases and flap.start <= done + 1e-9 * track.length:
                     bases[-1][1] = flap.stop
                 else:
                     bases.append([flap.start, flap.stop])
-                parts += _around(track, flap)
+                parts += _outline_flap(track, flap)
                 done = flap.stop
             if done < track.length * (1 - 1e-9):
-                parts.append(track.stretch(done, track.length))
+                parts.append(track.clip_between(done, track.length))
             fold = seams[by_run[place][0].seam].fold if flat else "mountain"
             if fold is not None:
-                scores += [Score(track.stretch(start, stop), fold) for start, stop in bases]
-        outline = Path.joined(parts)
+                scores += [Score(track.clip_between(start, stop), fold) for start, stop in bases]
+        outline = Path.from_paths(parts)
         points = outline.points.copy()
         points[-1] = points[0]
-        outlines.append(_without_spikes(Path(points, outline.bulges)))
+        outlines.append(_remove_spikes(Path(points, outline.bulges)))
     return tuple(outlines), tuple(scores)
 
 
-def _around(track: Track, flap: Flap) -> list[Path]:
+def _outline_flap(track: PathByLength, flap: Flap) -> list[Path]:
     """Return the way around a flap, from the beginning of its base to the end."""
-    top = crest(track, flap.start, flap.stop, flap.slopes, flap.height)
-    base = track.stretch(flap.start, flap.stop).points
+    top = make_flap_top(track, flap.start, flap.stop, flap.slopes, flap.height)
+    base = track.clip_between(flap.start, flap.stop).points
     return [
-        Path.straight(np.stack([base[0], top.points[0]])),
+        Path.from_points(np.stack([base[0], top.points[0]])),
         top,
-        Path.straight(np.stack([top.points[-1], base[-1]])),
+        Path.from_points(np.stack([top.points[-1], base[-1]])),
     ]
 
 
-def _without_spikes(path: Path) -> Path:
+def _remove_spikes(path: Path) -> Path:
     """Return a closed path without cuts that go somewhere and straight back, as two legs on one mitre do."""
     points, bulges = list(path.points[:-1]), list(path.bulges)
     size = float(np.ptp(path.points, axis=0).max())
@@ -466,7 +473,7 @@ def _without_spikes(path: Path) -> Path:
     return Path(np.array([*points, points[0]]), np.array(bulges))
 
 
-def _with_strips(site: Site, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]:
+def _add_connecting_strips(site: FlapFitter, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]:
     """Return the pieces with connecting strips behind them, named after their seams, and the flaps they are made of."""
     pieces, kept = list(site.pieces.pieces), []
     names = {piece.name for piece in pieces}
@@ -475,33 +482,33 @@ def _with_strips(site: Site, flaps: Sequence[Flap]) -> tuple[Pieces, list[Flap]]
         by_seam[flap.seam].append(flap)
     for number, parts in by_seam.items():
         seam = site.pieces.seams[number]
-        track = site.track(seam.sides[0])
-        alike = _alike(site, seam)
+        track = site.path_by_length(seam.sides[0])
+        alike = _has_same_curve(site, seam)
         for k, flap in enumerate(parts):
             name = f"S{seam.label}" + (f".{k + 1}" if len(parts) > 1 else "")
             while name in names:
                 name += "+"
-            straight = Path.straight(np.array([[0.0, 0.0], [flap.length, 0.0]]))
-            line = track.stretch(flap.start, flap.stop) if alike else straight
-            strip = _strip(name, Track(line), flap, seam.fold)
-            if not covered_wrongly(strip.outlines):  # as where the seam is a hairpin
+            straight = Path.from_points(np.array([[0.0, 0.0], [flap.length, 0.0]]))
+            line = track.clip_between(flap.start, flap.stop) if alike else straight
+            strip = _make_connecting_strip(name, PathByLength(line), flap, seam.fold)
+            if not find_winding_errors(strip.outlines):  # as where the seam is a hairpin
                 names.add(name)
                 pieces.append(strip)
                 kept.append(flap)
     return Pieces(tuple(pieces), site.pieces.seams), kept
 
 
-def _strip(name: str, line: Track, flap: Flap, fold: Fold | None) -> Piece:
+def _make_connecting_strip(name: str, line: PathByLength, flap: Flap, fold: Fold | None) -> Piece:
     """Return a connecting strip along a line, as wide on both sides; its places in space are not known."""
-    right, left = (crest(line, 0.0, line.length, flap.slopes, hand * flap.height) for hand in (1.0, -1.0))
+    right, left = (make_flap_top(line, 0.0, line.length, flap.slopes, hand * flap.height) for hand in (1.0, -1.0))
     start, stop = line.path.points[0], line.path.points[-1]
-    outline = Path.joined(
+    outline = Path.from_paths(
         [
-            Path.straight(np.stack([start, right.points[0]])),
+            Path.from_points(np.stack([start, right.points[0]])),
             right,
-            Path.straight(np.stack([right.points[-1], stop, left.points[-1]])),
+            Path.from_points(np.stack([right.points[-1], stop, left.points[-1]])),
             left.reversed(),
-            Path.straight(np.stack([left.points[0], start])),
+            Path.from_points(np.stack([left.points[0], start])),
         ]
     )
     run = Run(outline, np.full((len(outline.points), 3), np.nan), "cut")

@@ -16,20 +16,20 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, elevate, product, restrict
+from cqblend.splines.bernstein import Array, elevate_degree, multiply_polynomials, restrict_pieces
 
-Kind = Literal["plane", "cylinder", "cone", "tangent", "twisted"]
+StripKind = Literal["plane", "cylinder", "cone", "tangent", "twisted"]
 """Plane; rulings parallel; rulings through one point; any other developable; not developable."""
 
-Rails = tuple[Curve, Curve]
+RailPair = tuple[Curve, Curve]
 
-TOLERANCE = 1e-9
+DEVELOPABLE_TOLERANCE = 1e-9
 """Relative tolerance at which a strip counts as developable, planar, cylindrical or conical."""
 
 _EPS = float(np.finfo(float).eps)
 
 
-def sigma(ruled: Surface) -> Surface:
+def compute_sigma(ruled: Surface) -> Surface:
     r"""Return sigma(t, v) of a ruled surface, which is zero exactly where the surface is developable.
 
     .. math:: \sigma = \langle R_t \times R_v,\; R_{tv} \rangle
@@ -71,7 +71,7 @@ def sigma(ruled: Surface) -> Surface:
     if not ruled.rational:
         value = first.derivative().cross(second - first).dot(second.derivative()) / (v1 - v0) ** 2
         return Surface.from_rows([value.reduce()], (v0, v1))
-    p, q = (_line(row) for row in (first, second))
+    p, q = (_tangent_plucker_coordinates(row) for row in (first, second))
     meeting = p[0] * q[5] - p[1] * q[4] + p[2] * q[3] + p[3] * q[2] - p[4] * q[1] + p[5] * q[0]
     numerator = Surface.from_rows([(meeting / -((v1 - v0) ** 2)).reduce()], (v0, v1))
     weight = Surface(ruled.breaks, ruled.coefs[:, :, 3:], continuity=ruled.continuity)
@@ -87,14 +87,14 @@ def sigma(ruled: Surface) -> Surface:
     )
 
 
-def _line(point: Curve) -> list[Curve]:
+def _tangent_plucker_coordinates(point: Curve) -> list[Curve]:
     """Pluecker coordinates 01, 02, 03, 12, 13, 23 of the tangent of a homogeneous curve of dim 4."""
     rate = point.derivative()
     pairs = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
     return [point[i] * rate[j] - point[j] * rate[i] for i, j in pairs]
 
 
-def twist(ruled: Surface) -> float:
+def bound_twist(ruled: Surface) -> float:
     r"""Bound how fast the normal turns along a ruling, times the ruling's length (rad).
 
     .. math:: \frac{\|D\|\, |\sigma|}{\|N\|^2} = \|D\| \sqrt{-K}, \qquad N = R_t \times D
@@ -106,7 +106,7 @@ def twist(ruled: Surface) -> float:
     Parameters
     ----------
     ruled
-        As for :func:`sigma`.
+        As for :func:`compute_sigma`.
 
     Returns
     -------
@@ -127,35 +127,38 @@ def twist(ruled: Surface) -> float:
     """
     _check_ruled(ruled)
     v0, v1 = ruled.domain[1]
-    return twist_between((ruled.isoparametric(v=v0), ruled.isoparametric(v=v1)))
+    return bound_rail_twist((ruled.isoparametric(v=v0), ruled.isoparametric(v=v1)))
 
 
-def twist_between(rails: Rails) -> float:
-    """Bound the twist of the ruled surface between two rails, as :func:`twist`; raises InputError for no such rails."""
-    size, points, rulings, _ = _numerators(check_rails(rails))
+def bound_rail_twist(rails: RailPair) -> float:
+    """Bound the twist of the ruled surface between two rails, as :func:`bound_twist`; InputError for no such rails."""
+    size, points, rulings, _ = _extract_numerators(check_rails(rails))
     # velocities times the square of the common weight, which then cancels
     first, second = points, points + rulings
-    h1, h2 = (_velocity(row[:, :3], row[:, 3:]) for row in (first, second))
+    h1, h2 = (_velocity_numerator(row[:, :3], row[:, 3:]) for row in (first, second))
     line = rulings[:, :3]
-    normal = _cross(h1 + h2, line) / 2
-    turning = (product(_cross(h1, line), h2)).sum(axis=1, keepdims=True)
-    square = _dot(normal, normal)
-    above, below = product(_dot(line, line), product(turning, turning)), product(square, square)
+    normal = _cross_product(h1 + h2, line) / 2
+    turning = (multiply_polynomials(_cross_product(h1, line), h2)).sum(axis=1, keepdims=True)
+    square = _dot_product(normal, normal)
+    above, below = (
+        multiply_polynomials(_dot_product(line, line), multiply_polynomials(turning, turning)),
+        multiply_polynomials(square, square),
+    )
     degree = max(len(above), len(below))
-    above, below = (elevate(f, degree - len(f))[:, 0] for f in (above, below))
+    above, below = (elevate_degree(f, degree - len(f))[:, 0] for f in (above, below))
     # products of derivatives that are zero but for rounding
     reach = [float(np.abs(f).max()) for f in (h1, line, h2)]
     noise = float(64 * _EPS * size * reach[0] * reach[1] * reach[2]) ** 2
-    return float(np.sqrt(_largest_ratio(above, below, noise)))
+    return float(np.sqrt(_bound_ratio(above, below, noise)))
 
 
-def turn_between(rails: Rails) -> float:
+def bound_normal_turn(rails: RailPair) -> float:
     r"""Bound the angle between the normals at the two ends of a ruling (rad), for all rulings of a strip.
 
     .. math:: \tan \varphi = \frac{|D| \, \det(C_1', C_2', D)}{\langle C_1' \times D,\; C_2' \times D \rangle}
 
-    Unlike :func:`twist`, it is the angle itself however large that is, and where the rails differ in speed. A rail that
-    stands still has no normal, and counts as developable there.
+    Unlike :func:`bound_twist`, it is the angle itself however large that is, and where the rails differ in speed. A
+    rail that stands still has no normal, and counts as developable there.
 
     Returns
     -------
@@ -175,24 +178,27 @@ def turn_between(rails: Rails) -> float:
     >>> 0.19739 < turn_between(rails) < 0.1994  # atan(0.2) = 0.197396
     True
     """
-    size, points, rulings, _ = _numerators(check_rails(rails))
-    h1, h2 = (_velocity(row[:, :3], row[:, 3:]) for row in (points, points + rulings))
+    size, points, rulings, _ = _extract_numerators(check_rails(rails))
+    h1, h2 = (_velocity_numerator(row[:, :3], row[:, 3:]) for row in (points, points + rulings))
     line = rulings[:, :3]
     speeds = np.array([np.abs(h).max(axis=(0, 1)) for h in (h1, h2)])
     moves = speeds.min(axis=0) > 1e-9 * speeds.max()
     if not moves.any():
         return 0.0
     h1, h2, line = h1[..., moves], h2[..., moves], line[..., moves]
-    meeting = product(_cross(h1, line), h2).sum(axis=1, keepdims=True)
-    above = _dot(line, line)
-    above, below = product(above, product(meeting, meeting))[:, 0], _dot(_cross(h1, line), _cross(h2, line))[:, 0]
+    meeting = multiply_polynomials(_cross_product(h1, line), h2).sum(axis=1, keepdims=True)
+    above = _dot_product(line, line)
+    above, below = (
+        multiply_polynomials(above, multiply_polynomials(meeting, meeting))[:, 0],
+        _dot_product(_cross_product(h1, line), _cross_product(h2, line))[:, 0],
+    )
     reach = [float(np.abs(f).max()) for f in (h1, line, h2)]
     noise = float(64 * _EPS * size * reach[0] * reach[1] * reach[2]) ** 2
-    square = _largest_square(above, below, noise)
+    square = _bound_squared_ratio(above, below, noise)
     return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
 
 
-def _largest_square(above: Array, below: Array, noise: float) -> float:
+def _bound_squared_ratio(above: Array, below: Array, noise: float) -> float:
     """Bound above / below^2, (p+1, n) and (q+1, n), above not negative; infinite where below is not positive."""
     small = 64 * _EPS * np.abs(below).max(axis=0)
     for _ in range(len(below) - 1):
@@ -202,8 +208,8 @@ def _largest_square(above: Array, below: Array, noise: float) -> float:
                 continue
             if (above[end, zero] > noise).any():
                 return np.inf
-            below[:, zero] = _divided(below[:, zero], end)
-            above[:, zero] = _divided(_divided(above[:, zero], end), end)
+            below[:, zero] = _divide_out_zero(below[:, zero], end)
+            above[:, zero] = _divide_out_zero(_divide_out_zero(above[:, zero], end), end)
     above, below = above[:, small > 0], below[:, small > 0]
     bound, taken = 0.0, 1e-24
     for _ in range(30):
@@ -220,11 +226,11 @@ def _largest_square(above: Array, below: Array, noise: float) -> float:
             return bound
         count = int(open_.sum())
         ends = np.repeat([0.0, 0.5], count), np.repeat([0.5, 1.0], count)
-        above, below = (restrict(np.tile(f[:, open_], 2), *ends) for f in (above, below))
+        above, below = (restrict_pieces(np.tile(f[:, open_], 2), *ends) for f in (above, below))
     return max(bound, 1.02 * taken)
 
 
-def _largest_ratio(above: Array, below: Array, noise: float) -> float:
+def _bound_ratio(above: Array, below: Array, noise: float) -> float:
     """Bound the ratio of polynomials that are not negative, (p+1, n) each; common zeros at the ends are divided out."""
     for _ in range(len(below) - 1):
         for end in (0, -1):
@@ -233,10 +239,10 @@ def _largest_ratio(above: Array, below: Array, noise: float) -> float:
                 continue
             if (above[end, zero] > noise).any():
                 return np.inf
-            above[:, zero], below[:, zero] = (_divided(f[:, zero], end) for f in (above, below))
+            above[:, zero], below[:, zero] = (_divide_out_zero(f[:, zero], end) for f in (above, below))
     above = above[:, below.max(axis=0) > 0]
     below = below[:, below.max(axis=0) > 0]
-    bound, taken = 0.0, (TOLERANCE / 1e3) ** 2
+    bound, taken = 0.0, (DEVELOPABLE_TOLERANCE / 1e3) ** 2
     for _ in range(40):
         if not above.size:
             return bound
@@ -249,19 +255,19 @@ def _largest_ratio(above: Array, below: Array, noise: float) -> float:
         bound = max(bound, float(upper[~open_].max(initial=0.0)))
         count = int(open_.sum())
         ends = np.repeat([0.0, 0.5], count), np.repeat([0.5, 1.0], count)
-        above, below = (restrict(np.tile(f[:, open_], 2), *ends) for f in (above, below))
+        above, below = (restrict_pieces(np.tile(f[:, open_], 2), *ends) for f in (above, below))
     return np.inf
 
 
-def _divided(f: Array, end: int) -> Array:
+def _divide_out_zero(f: Array, end: int) -> Array:
     """Divide polynomials with a zero at x = 0 by x (end 0), or at x = 1 by 1 - x (end -1); the formal degree stays."""
     f = f if end == 0 else f[::-1]
     p = len(f) - 1
-    lower = elevate(f[1:] * (p / np.arange(1.0, p + 1))[:, None], 1)
+    lower = elevate_degree(f[1:] * (p / np.arange(1.0, p + 1))[:, None], 1)
     return lower if end == 0 else lower[::-1]
 
 
-def classify(rails: Rails) -> Kind:
+def classify_strip(rails: RailPair) -> StripKind:
     """Say what kind of ruled surface two rails span, to a relative tolerance of 1e-9.
 
     Parameters
@@ -282,21 +288,21 @@ def classify(rails: Rails) -> Kind:
     >>> classify((arc, arc + [0, 0, 1])), classify((arc, arc * 2 + [0, 0, 1])), classify((arc, arc * 2))
     ('cylinder', 'cone', 'plane')
     """
-    if _clearly_twisted(rails):
+    if _is_clearly_twisted(rails):
         return "twisted"
-    if plane_normal(rails) is not None:
+    if find_plane_normal(rails) is not None:
         return "plane"
-    if ruling_direction(rails) is not None:
+    if find_ruling_direction(rails) is not None:
         return "cylinder"
-    if apex(rails) is not None:
+    if find_apex(rails) is not None:
         return "cone"
-    return "tangent" if twist_between(rails) <= TOLERANCE else "twisted"
+    return "tangent" if bound_rail_twist(rails) <= DEVELOPABLE_TOLERANCE else "twisted"
 
 
-def _clearly_twisted(rails: Rails) -> bool:
+def _is_clearly_twisted(rails: RailPair) -> bool:
     """Tell most twisted strips by samples, which is cheaper than to prove that a strip is developable."""
-    _numerators(check_rails(rails))
-    both = together(rails)
+    _extract_numerators(check_rails(rails))
+    both = stack_rail_and_ruling(rails)
     t = (both.breaks[:-1] + np.array([0.2, 0.5, 0.8])[:, None] * np.diff(both.breaks)).ravel()
     value, rate = both.jet(t, 1)
     ruling = value[:, 3:]
@@ -305,30 +311,30 @@ def _clearly_twisted(rails: Rails) -> bool:
     return bool((turning > 1e-4 * (normal * normal).sum(axis=1)).any())
 
 
-def plane_normal(rails: Rails) -> Array | None:
+def find_plane_normal(rails: RailPair) -> Array | None:
     """Return a unit normal of the plane that both rails lie in, (3,), or None."""
-    size, points, rulings, _ = _numerators(check_rails(rails))
-    poles = _poles(np.concatenate([points, points + rulings], axis=2))
+    size, points, rulings, _ = _extract_numerators(check_rails(rails))
+    poles = _to_poles(np.concatenate([points, points + rulings], axis=2))
     normal = np.linalg.svd(poles - poles.mean(axis=0), full_matrices=False)[2][2]
-    return normal if np.ptp(poles @ normal) <= TOLERANCE * size else None
+    return normal if np.ptp(poles @ normal) <= DEVELOPABLE_TOLERANCE * size else None
 
 
-def ruling_direction(rails: Rails) -> Array | None:
+def find_ruling_direction(rails: RailPair) -> Array | None:
     """Return the unit vector that all rulings are parallel to, from the first rail to the second, (3,), or None."""
-    size, _, rulings, _ = _numerators(check_rails(rails))
+    size, _, rulings, _ = _extract_numerators(check_rails(rails))
     vectors = np.moveaxis(rulings[:, :3], 1, -1).reshape(-1, 3)
     longest = vectors[np.linalg.norm(vectors, axis=1).argmax()]
     length = float(np.linalg.norm(longest))
     mean = vectors.sum(axis=0) if vectors.sum(axis=0) @ longest > length**2 / 2 else longest
     direction = mean / np.linalg.norm(mean)
     miss = np.abs(np.cross(vectors, direction)).max()
-    return np.asarray(direction) if miss <= TOLERANCE * length + 16 * _EPS * size else None
+    return np.asarray(direction) if miss <= DEVELOPABLE_TOLERANCE * length + 16 * _EPS * size else None
 
 
-def apex(rails: Rails) -> Array | None:
+def find_apex(rails: RailPair) -> Array | None:
     """Return the point that all rulings pass through, (3,), or None; a far one (1e4 sizes) is none."""
-    size, points, rulings, centre = _numerators(check_rails(rails))
-    both = together(rails)
+    size, points, rulings, centre = _extract_numerators(check_rails(rails))
+    both = stack_rail_and_ruling(rails)
     t = both.breaks[:-1] + np.linspace(0.05, 0.95, 2 * len(points))[:, None] * np.diff(both.breaks)
     samples = both(t.ravel())
     p, d = samples[:, :3] - centre, samples[:, 3:] / np.abs(samples[:, 3:]).max()
@@ -341,9 +347,13 @@ def apex(rails: Rails) -> Array | None:
     if np.linalg.norm(point) > 1e4 * size:
         return None
     to_first = points[:, :3] - points[:, 3:] * point[:, None]
-    miss = np.abs(_cross(to_first, rulings[:, :3])).max()
+    miss = np.abs(_cross_product(to_first, rulings[:, :3])).max()
     scale = size * np.abs(rulings[:, :3]).max()
-    return np.asarray(point + centre) if miss <= TOLERANCE * scale + 64 * _EPS * size * np.abs(to_first).max() else None
+    return (
+        np.asarray(point + centre)
+        if miss <= DEVELOPABLE_TOLERANCE * scale + 64 * _EPS * size * np.abs(to_first).max()
+        else None
+    )
 
 
 # -- rails as bare coefficients
@@ -354,7 +364,7 @@ def _check_ruled(ruled: Surface) -> None:
         raise InputError(f"a ruled surface is a Surface of dim 3, of degree 1 and one piece in v, not {shown(ruled)}")
 
 
-def check_rails(rails: Rails) -> Rails:
+def check_rails(rails: RailPair) -> RailPair:
     """Return two rails, refusing what is none with an InputError."""
     if len(rails) != 2 or not all(isinstance(rail, Curve) for rail in rails):
         raise InputError(f"rails are two Curves, not {shown(rails)}")
@@ -369,7 +379,7 @@ def check_rails(rails: Rails) -> Rails:
 
 
 @lru_cache(maxsize=1)
-def together(rails: Rails) -> Curve:
+def stack_rail_and_ruling(rails: RailPair) -> Curve:
     """Return (C1, C2 - C1) as one curve of dim 6, with the cancellation in the coefficients."""
     both = Curve.stack(rails)
     coefs = both.coefs.copy()
@@ -380,12 +390,12 @@ def together(rails: Rails) -> Curve:
 
 
 @lru_cache(maxsize=1)
-def _numerators(rails: Rails) -> tuple[float, Array, Array, Array]:
+def _extract_numerators(rails: RailPair) -> tuple[float, Array, Array, Array]:
     """Size; homogeneous C1 and C2 - C1, (p+1, 4, n) each, about the centre of all poles; that centre.
 
     The second has the weight zero, so that C1 + (C2 - C1) has that of both. Derivatives are by local parameters.
     """
-    both = together(rails)
+    both = stack_rail_and_ruling(rails)
     coefs = both.coefs
     weight = coefs[:, 6:] if both.rational else np.ones((len(coefs), 1, coefs.shape[2]))
     ends = np.concatenate([coefs[:, :3] / weight, (coefs[:, :3] + coefs[:, 3:6]) / weight], axis=2)
@@ -401,23 +411,23 @@ def _numerators(rails: Rails) -> tuple[float, Array, Array, Array]:
     return size, points, rulings, centre
 
 
-def _poles(homogeneous: Array) -> Array:
+def _to_poles(homogeneous: Array) -> Array:
     return np.moveaxis(homogeneous[:, :3] / homogeneous[:, 3:], 1, -1).reshape(-1, 3)
 
 
-def _velocity(numerator: Array, weight: Array) -> Array:
+def _velocity_numerator(numerator: Array, weight: Array) -> Array:
     """N' W - N W', of formal degree 2 p - 1: the velocity by the local parameter, times W^2."""
     p = len(weight) - 1
     if (weight == 1).all():
         return p * np.diff(numerator, axis=0)
     rate, change = p * np.diff(numerator, axis=0), p * np.diff(weight, axis=0)
-    return product(rate, weight) - product(numerator, change)
+    return multiply_polynomials(rate, weight) - multiply_polynomials(numerator, change)
 
 
-def _cross(a: Array, b: Array) -> Array:
+def _cross_product(a: Array, b: Array) -> Array:
     i, j = [1, 2, 0], [2, 0, 1]
-    return product(a[:, i], b[:, j]) - product(a[:, j], b[:, i])
+    return multiply_polynomials(a[:, i], b[:, j]) - multiply_polynomials(a[:, j], b[:, i])
 
 
-def _dot(a: Array, b: Array) -> Array:
-    return product(a, b).sum(axis=1, keepdims=True)
+def _dot_product(a: Array, b: Array) -> Array:
+    return multiply_polynomials(a, b).sum(axis=1, keepdims=True)

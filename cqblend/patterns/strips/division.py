@@ -19,9 +19,9 @@ from typing import Literal
 import numpy as np
 
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.patterns.strips.normal_curvature import maxima
-from cqblend.patterns.strips.ruled_deviation import Samples, Spans, Windows
-from cqblend.patterns.strips.ruled_strip import Strip
+from cqblend.patterns.strips.normal_curvature import find_curvature_maxima
+from cqblend.patterns.strips.ruled_deviation import BezierPieces, IsocurveSamples, SurfaceBands
+from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 
@@ -29,20 +29,22 @@ Direction = Literal["auto", "rings", "u", "v"]
 
 Method = Literal["longest", "elber", "curvature"]
 
-KINK = 1e-3
+KINK_ANGLE = 1e-3
 """Angle (rad) between tangents in the ruled direction from which on a knot line is a kink, where strips have to end."""
 
-MOST = 10_000
+MAX_STRIPS = 10_000
 """Strips of one surface before the tolerance counts as out of reach."""
 
-_SHORTEST = 1e-11  # of the domain: no strip is shorter
-_SAMPLED = 0.998  # of the tolerance: what sampled deviations may be, so that bounds are mostly within it at once
-_FACTORS = np.geomspace(0.5, 2.8, 13)  # of a guess: candidates for a length
-_SHARES = np.linspace(0.0, 1.0, 13)  # of a bracket
+_MIN_LENGTH_SHARE = 1e-11  # of the domain: no strip is shorter
+_SAMPLED_TOLERANCE_SHARE = (
+    0.998  # of the tolerance: what sampled deviations may be, so that bounds are mostly within it at once
+)
+_LENGTH_FACTORS = np.geomspace(0.5, 2.8, 13)  # of a guess: candidates for a length
+_BRACKET_FRACTIONS = np.linspace(0.0, 1.0, 13)  # of a bracket
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Division:
+class SurfaceDivision:
     r"""A surface divided into strips.
 
     Attributes
@@ -60,7 +62,7 @@ class Division:
         the integral of max_u sqrt(\|<n, S_vv>\| / (8 tolerance)) dv.
     """
 
-    strips: tuple[Strip, ...]
+    strips: tuple[RuledStrip, ...]
     direction: Literal["u", "v"]
     method: Method
     elber: int
@@ -72,7 +74,7 @@ class Division:
         return max(strip.bound for strip in self.strips)
 
 
-def divide(
+def divide_surface(
     surface: Surface,
     tolerance: float,
     *,
@@ -80,7 +82,7 @@ def divide(
     method: Method = "longest",
     even: bool = False,
     least_width: float | None = None,
-) -> Division:
+) -> SurfaceDivision:
     r"""Divide a surface into ruled strips between isoparametric curves.
 
     Parameters
@@ -129,13 +131,13 @@ def divide(
     >>> divide(surface, 0.2).direction  # it is a cylinder: one strip
     'u'
     """
-    _check(surface, tolerance, direction, method, least_width)
+    _check_arguments(surface, tolerance, direction, method, least_width)
     _refuse_degenerate(surface)
-    found: list[Division] = []
+    found: list[SurfaceDivision] = []
     failure: GeometryError | None = None
-    for way in directions(surface, direction):
+    for way in rank_directions(surface, direction):
         try:
-            found.append(_divided(surface, tolerance, way, method, even, least_width))
+            found.append(_divide_along(surface, tolerance, way, method, even, least_width))
         except GeometryError as error:
             failure = failure or error
     if not found:
@@ -144,27 +146,31 @@ def divide(
     return min(found, key=lambda one: len(one.strips))
 
 
-def directions(surface: Surface, direction: Direction) -> list[Literal["u", "v"]]:
+def rank_directions(surface: Surface, direction: Direction) -> list[Literal["u", "v"]]:
     """Return the directions that rulings may have, the better one of equal numbers of strips first.
 
     That is the one in which rails are closed, then the one with fewer control points.
     """
     if direction in ("u", "v"):
         return [direction]
-    closed = {way: _closed(surface, 1 - axis) for axis, way in enumerate(("u", "v"))}  # whether the rails are
+    closed = {way: _is_closed(surface, 1 - axis) for axis, way in enumerate(("u", "v"))}  # whether the rails are
     if direction == "rings" and closed["u"] != closed["v"]:
         return ["u" if closed["u"] else "v"]
     ways: list[Literal["u", "v"]] = ["u", "v"]
-    return sorted(ways, key=lambda way: (not closed[way], _poles(surface, way)))
+    return sorted(ways, key=lambda way: (not closed[way], _count_poles(surface, way)))
 
 
-def single(surface: Surface, span: tuple[float, float], tolerance: float, *, transposed: bool) -> Strip | None:
+def fit_single_strip(
+    surface: Surface, span: tuple[float, float], tolerance: float, *, transposed: bool
+) -> RuledStrip | None:
     """Return the one strip over a span of v, if it keeps to a tolerance."""
-    cut = _proven(Spans.of(surface), *span, tolerance)
-    return _strip(cut, surface, transposed) if cut.bound <= tolerance else None
+    cut = _prove_band(BezierPieces.from_surface(surface), *span, tolerance)
+    return _make_strip(cut, surface, transposed) if cut.bound <= tolerance else None
 
 
-def _check(surface: Surface, tolerance: float, direction: str, method: str, least_width: float | None) -> None:
+def _check_arguments(
+    surface: Surface, tolerance: float, direction: str, method: str, least_width: float | None
+) -> None:
     if not isinstance(surface, Surface):
         raise InputError(f"only a Surface is divided into strips, not {shown(surface)}")
     if surface.dim != 3:
@@ -182,19 +188,19 @@ def _check(surface: Surface, tolerance: float, direction: str, method: str, leas
         raise InputError(f"method={shown(method)}: choose 'longest', 'elber' or 'curvature'")
 
 
-def _poles(surface: Surface, direction: str) -> int:
+def _count_poles(surface: Surface, direction: str) -> int:
     axis = "uv".index(direction)
     return surface.degree[axis] * (len(surface.breaks[axis]) - 1)
 
 
-def _closed(surface: Surface, axis: int) -> bool:
+def _is_closed(surface: Surface, axis: int) -> bool:
     """Whether a surface closes in a parameter, without the border being one point."""
     coefs = np.moveaxis(surface.coefs, (axis, 3 + axis), (0, -1))
     first, last = coefs[0, ..., 0], coefs[-1, ..., -1]  # (.., dim, ..)
     return bool(np.abs(first - last).max() <= 1e-9 * np.abs(coefs).max())
 
 
-def _ideal(surface: Surface, tolerance: float) -> float:
+def _estimate_ideal_count(surface: Surface, tolerance: float) -> float:
     """N*: the integral over v of max_u sqrt(|<n, S_vv>| / (8 tolerance)), by 8-point Gauss on every piece."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
     u, v = surface.breaks
@@ -218,96 +224,96 @@ def _refuse_degenerate(surface: Surface) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Cut:
+class _BoundedBand:
     """A window that keeps to the tolerance, its bound, and the spacing of its rows (None: feet)."""
 
-    window: Windows
+    band: SurfaceBands
     bound: float
-    spacing: Array | None
+    row_fractions: Array | None
 
     @property
     def end(self) -> float:
         """Where it ends in v."""
-        return float(self.window.ends[0])
+        return float(self.band.ends[0])
 
     @property
     def width(self) -> float:
         """Its largest width."""
-        return float(self.window.widths()[0])
+        return float(self.band.measure_widths()[0])
 
 
-def _divided(
+def _divide_along(
     surface: Surface, tolerance: float, way: Literal["u", "v"], method: Method, even: bool, least_width: float | None
-) -> Division:
+) -> SurfaceDivision:
     turned = surface.transpose() if way == "u" else surface
-    spans = Spans.of(turned)
+    spans = BezierPieces.from_surface(turned)
     if tolerance <= 4 * spans.slack:
         raise GeometryError(
             f"tolerance={tolerance:g} is within the rounding of a surface of size {spans.size:.3g}: "
             f"{8 * spans.slack:.1g} is the least"
         )
-    ideal = _ideal(turned, tolerance)
-    if ideal > MOST:
-        raise _too_many(tolerance, way)
-    halved = _halves(spans, tolerance, way)
+    ideal = _estimate_ideal_count(turned, tolerance)
+    if ideal > MAX_STRIPS:
+        raise _too_many_strips_error(tolerance, way)
+    halved = _bisect_domain(spans, tolerance, way)
     if method == "elber":
-        cuts = _halved(spans, halved)
+        cuts = _bound_bisected_bands(spans, halved)
     else:
-        places = maxima(turned) if method == "curvature" else np.empty(0)
+        places = find_curvature_maxima(turned) if method == "curvature" else np.empty(0)
         if len(places):
             turned = turned.cut(v=places)
-            spans = Spans.of(turned)
-        cuts = _fewest(spans, tolerance, way, places, halved, even)
+            spans = BezierPieces.from_surface(turned)
+        cuts = _find_fewest_bands(spans, tolerance, way, places, halved, even)
         if method == "longest" and len(halved) < len(cuts):  # across kinks
-            cuts = _halved(spans, halved)
+            cuts = _bound_bisected_bands(spans, halved)
         if least_width is not None and not even and min(cut.width for cut in cuts) < least_width:
-            cuts = _fewest(spans, tolerance, way, places, halved, True)
+            cuts = _find_fewest_bands(spans, tolerance, way, places, halved, True)
     if least_width is not None:
         narrow = min(cuts, key=lambda cut: cut.width)
         if narrow.width < least_width:
             raise GeometryError(
-                f"the strip from {way} = {narrow.window.starts[0]:.6g} to {narrow.end:.6g} is {narrow.width:.3g} wide, "
+                f"the strip from {way} = {narrow.band.starts[0]:.6g} to {narrow.end:.6g} is {narrow.width:.3g} wide, "
                 f"less than least_width={least_width:g}: choose a larger tolerance than {tolerance:g}, or the other "
                 "direction"
             )
-    return Division(tuple(_strip(cut, turned, way == "u") for cut in cuts), way, method, len(halved), ideal)
+    return SurfaceDivision(tuple(_make_strip(cut, turned, way == "u") for cut in cuts), way, method, len(halved), ideal)
 
 
-def _strip(cut: _Cut, surface: Surface, transposed: bool) -> Strip:
-    return Strip(
-        cut.window.curves(),
+def _make_strip(cut: _BoundedBand, surface: Surface, transposed: bool) -> RuledStrip:
+    return RuledStrip(
+        cut.band.make_rails(),
         surface,
-        (float(cut.window.starts[0]), cut.end),
+        (float(cut.band.starts[0]), cut.end),
         cut.bound,
         transposed,
-        None if cut.spacing is None else cut.window.timing(cut.spacing),
+        None if cut.row_fractions is None else cut.band.make_fraction_surface(cut.row_fractions),
     )
 
 
-def _fewest(
-    spans: Spans, tolerance: float, way: str, places: Array, halved: list[tuple[float, float]], even: bool
-) -> list[_Cut]:
+def _find_fewest_bands(
+    spans: BezierPieces, tolerance: float, way: str, places: Array, halved: list[tuple[float, float]], even: bool
+) -> list[_BoundedBand]:
     """Divide at kinks and given places, and what is between into as few strips as can be found."""
-    samples = Samples(spans)
+    samples = IsocurveSamples(spans)
     breaks = spans.breaks[1]
     given = [int(np.abs(breaks - v).argmin()) for v in places]
-    borders = sorted({0, len(breaks) - 1, *given, *_kinks(spans, samples)})
-    found: list[_Cut] = []
+    borders = sorted({0, len(breaks) - 1, *given, *_find_kinks(spans, samples)})
+    found: list[_BoundedBand] = []
     for first, last in pairwise(borders):
-        part = spans.part(first, last)
-        search = _Search(part, samples.part(first, last), tolerance, way)
-        rival = halved if len(borders) == 2 else _halves(part, tolerance, way)
+        part = spans.take_pieces(first, last)
+        search = _LongestFirstSearch(part, samples.take_pieces(first, last), tolerance, way)
+        rival = halved if len(borders) == 2 else _bisect_domain(part, tolerance, way)
         start, end = part.domain
-        cuts = search.strips((end - start) / len(rival))
+        cuts = search.find_bands((end - start) / len(rival))
         if not cuts or len(cuts) > len(rival):
-            cuts = _halved(part, rival)
-        found += search.evened(cuts) if even else cuts
-        if len(found) > MOST:
-            raise _too_many(tolerance, way)
+            cuts = _bound_bisected_bands(part, rival)
+        found += search.equalise_bounds(cuts) if even else cuts
+        if len(found) > MAX_STRIPS:
+            raise _too_many_strips_error(tolerance, way)
     return found
 
 
-def _kinks(spans: Spans, samples: Samples) -> list[int]:
+def _find_kinks(spans: BezierPieces, samples: IsocurveSamples) -> list[int]:
     """Return the breaks in v across which the tangents of isoparametric curves turn, or the surface is torn.
 
     A tangent is the direction from the control point at the break to the first one that differs from it: speeds do not
@@ -320,14 +326,14 @@ def _kinks(spans: Spans, samples: Samples) -> list[int]:
         if np.abs(left[0] - right[0]).max() > small:
             found.append(j)
             continue
-        one, other = _leaving(left, small), _leaving(right, small)
+        one, other = _find_end_tangents(left, small), _find_end_tangents(right, small)
         turn = np.arctan2(np.linalg.norm(np.cross(one, other, axis=0), axis=0), -(one * other).sum(axis=0))
-        if turn[(one != 0).any(axis=0) & (other != 0).any(axis=0)].max(initial=0.0) > KINK:
+        if turn[(one != 0).any(axis=0) & (other != 0).any(axis=0)].max(initial=0.0) > KINK_ANGLE:
             found.append(j)
     return found
 
 
-def _leaving(poles: Array, small: float) -> Array:
+def _find_end_tangents(poles: Array, small: float) -> Array:
     """Directions (3, n) from the first control point (q+1, 3, n) to the next that is not in the same place, else 0."""
     steps = poles[1:] - poles[0]
     away = np.linalg.norm(steps, axis=1) > small
@@ -335,110 +341,113 @@ def _leaving(poles: Array, small: float) -> Array:
     return np.where(away.any(axis=0), steps[first, :, np.arange(poles.shape[2])].T, 0.0)
 
 
-def _too_many(tolerance: float, way: str) -> GeometryError:
+def _too_many_strips_error(tolerance: float, way: str) -> GeometryError:
     return GeometryError(
-        f"tolerance={tolerance:g} takes more than {MOST} strips in {way}: choose a larger one, or the other direction"
+        f"tolerance={tolerance:g} takes more than {MAX_STRIPS} strips in {way}: choose a larger one, or the other "
+        "direction"
     )
 
 
-def _out_of_reach(tolerance: float, way: str, at: float) -> GeometryError:
+def _tolerance_unreachable_error(tolerance: float, way: str, at: float) -> GeometryError:
     return GeometryError(f"no strip from {way} = {at:.9g} on keeps to tolerance={tolerance:g}: choose a larger one")
 
 
-def _halves(spans: Spans, tolerance: float, way: str) -> list[tuple[float, float]]:
+def _bisect_domain(spans: BezierPieces, tolerance: float, way: str) -> list[tuple[float, float]]:
     """Elber's Algorithm 1, level by level."""
     start, end = spans.domain
     low, high = np.array([start]), np.array([end])
     found: list[tuple[float, float]] = []
     while len(low):
-        windows = spans.windows(low, high)
-        good = (windows.mesh_bounds(windows.spacing(single=True)) + spans.slack < tolerance) & windows.spanned()
+        windows = spans.cut_bands(low, high)
+        good = (
+            windows.bound_mesh_deviation(windows.fit_row_fractions(single=True)) + spans.slack < tolerance
+        ) & windows.is_spannable()
         found += zip(low[good].tolist(), high[good].tolist(), strict=True)
         low, high = low[~good], high[~good]
-        if len(low) and (high - low).min() < _SHORTEST * (end - start):
-            raise _out_of_reach(tolerance, way, float(low[0]))
-        if len(low) + len(found) > MOST:
-            raise _too_many(tolerance, way)
+        if len(low) and (high - low).min() < _MIN_LENGTH_SHARE * (end - start):
+            raise _tolerance_unreachable_error(tolerance, way, float(low[0]))
+        if len(low) + len(found) > MAX_STRIPS:
+            raise _too_many_strips_error(tolerance, way)
         middle = (low + high) / 2
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
     return sorted(found)
 
 
-def _halved(spans: Spans, intervals: list[tuple[float, float]]) -> list[_Cut]:
+def _bound_bisected_bands(spans: BezierPieces, intervals: list[tuple[float, float]]) -> list[_BoundedBand]:
     """Return the strips of Algorithm 1."""
     found = []
     for interval in intervals:
-        window = spans.windows(*interval)
-        spacing = window.spacing(single=True)
-        found.append(_Cut(window, float(window.mesh_bounds(spacing)[0]) + spans.slack, spacing))
+        window = spans.cut_bands(*interval)
+        spacing = window.fit_row_fractions(single=True)
+        found.append(_BoundedBand(window, float(window.bound_mesh_deviation(spacing)[0]) + spans.slack, spacing))
     return found
 
 
-def _proven(spans: Spans, start: float, end: float, tolerance: float) -> _Cut:
+def _prove_band(spans: BezierPieces, start: float, end: float, tolerance: float) -> _BoundedBand:
     """Return the strip from one parameter to another with its bound: infinite if it is none."""
-    window = spans.windows(start, end)
-    if not window.spanned()[0]:
-        return _Cut(window, np.inf, None)
-    bound = window.bound(tolerance)
+    window = spans.cut_bands(start, end)
+    if not window.is_spannable()[0]:
+        return _BoundedBand(window, np.inf, None)
+    bound = window.bound_deviation(tolerance)
     if np.isfinite(bound):
-        return _Cut(window, bound, None)
-    spacing = window.spacing()
-    return _Cut(window, window.bound(tolerance, spacing), spacing)
+        return _BoundedBand(window, bound, None)
+    spacing = window.fit_row_fractions()
+    return _BoundedBand(window, window.bound_deviation(tolerance, spacing), spacing)
 
 
-class _Search:
+class _LongestFirstSearch:
     """The longest strip first, over a part of a surface without kinks."""
 
-    def __init__(self, spans: Spans, samples: Samples, tolerance: float, way: str) -> None:
+    def __init__(self, spans: BezierPieces, samples: IsocurveSamples, tolerance: float, way: str) -> None:
         self.spans, self.samples, self.tolerance, self.way = spans, samples, tolerance, way
-        self.target = _SAMPLED * tolerance
+        self.target = _SAMPLED_TOLERANCE_SHARE * tolerance
 
-    def strips(self, guess: float, most: int = MOST) -> list[_Cut]:
+    def find_bands(self, guess: float, most: int = MAX_STRIPS) -> list[_BoundedBand]:
         """Return the strips, the first of about a guessed length; none if there would be more than `most`."""
         start, end = self.spans.domain
-        found: list[_Cut] = []
+        found: list[_BoundedBand] = []
         while start < end:
             if len(found) == most:
                 return []
-            cut = self._longest(start, end, guess)
+            cut = self._find_longest_band(start, end, guess)
             found.append(cut)
             guess = cut.end - start
             start = cut.end
         return found
 
-    def _longest(self, start: float, end: float, guess: float) -> _Cut:
-        shortest = _SHORTEST * (end - self.spans.domain[0])
-        length = self._reach(start, end, guess)
+    def _find_longest_band(self, start: float, end: float, guess: float) -> _BoundedBand:
+        shortest = _MIN_LENGTH_SHARE * (end - self.spans.domain[0])
+        length = self._estimate_length(start, end, guess)
         shrink = 1.0
         while length > shortest:
             stop = min(start + length, end) if start + length < end - shortest else end
-            cut = _proven(self.spans, start, stop, self.tolerance)
+            cut = _prove_band(self.spans, start, stop, self.tolerance)
             if cut.bound <= self.tolerance:
                 return cut
             # deviations grow with the square of the length; where they do not, go down ever faster
             shrink *= 0.998
             length = (cut.end - start) * min(max(np.sqrt(self.tolerance / cut.bound), 0.5), 1.0) * shrink
-        raise _out_of_reach(self.tolerance, self.way, start)
+        raise _tolerance_unreachable_error(self.tolerance, self.way, start)
 
-    def _reach(self, start: float, end: float, guess: float) -> float:
+    def _estimate_length(self, start: float, end: float, guess: float) -> float:
         """Length of the longest strip from `start` that keeps to the tolerance where it is sampled."""
         rest = end - start
         guess = min(guess, rest)
-        while guess > _SHORTEST * rest:
-            lengths = np.unique(np.append(np.minimum(guess * _FACTORS, rest), rest))
-            deviations = self.samples.deviations(start, np.minimum(start + lengths, end))
+        while guess > _MIN_LENGTH_SHARE * rest:
+            lengths = np.unique(np.append(np.minimum(guess * _LENGTH_FACTORS, rest), rest))
+            deviations = self.samples.sample_deviations(start, np.minimum(start + lengths, end))
             passed = np.flatnonzero(deviations <= self.target)
             if len(passed):
-                return self._refined(start, lengths, deviations, int(passed[-1]))
+                return self._refine_length(start, lengths, deviations, int(passed[-1]))
             guess /= 4
         return 0.0
 
-    def _refined(self, start: float, lengths: Array, deviations: Array, last: int) -> float:
+    def _refine_length(self, start: float, lengths: Array, deviations: Array, last: int) -> float:
         """Close in on the place between two candidates at which the deviation reaches the tolerance."""
         if last == len(lengths) - 1:
             return float(lengths[last])
-        lengths = lengths[last] + _SHARES * (lengths[last + 1] - lengths[last])
-        deviations = self.samples.deviations(start, start + lengths)
+        lengths = lengths[last] + _BRACKET_FRACTIONS * (lengths[last + 1] - lengths[last])
+        deviations = self.samples.sample_deviations(start, start + lengths)
         i = int(np.flatnonzero(deviations <= self.target)[-1])
         if i == len(lengths) - 1 or not np.isfinite(deviations[i + 1]):
             return float(lengths[i])
@@ -446,7 +455,7 @@ class _Search:
         share = (np.sqrt(self.target) - roots[0]) / (roots[1] - roots[0])
         return float(lengths[i] + min(share, 1.0) * (lengths[i + 1] - lengths[i])) * (1 - 1e-4)
 
-    def evened(self, cuts: list[_Cut]) -> list[_Cut]:
+    def equalise_bounds(self, cuts: list[_BoundedBand]) -> list[_BoundedBand]:
         """Return as many strips whose bounds are about the same."""
         start, end = self.spans.domain
         low, high = np.mean([np.sqrt(cut.bound) for cut in cuts]) ** 2, self.tolerance
@@ -454,7 +463,9 @@ class _Search:
         for _ in range(10):
             if not self.spans.slack * 4 < trial < high:
                 break
-            finer = _Search(self.spans, self.samples, trial, self.way).strips((end - start) / len(cuts), len(cuts))
+            finer = _LongestFirstSearch(self.spans, self.samples, trial, self.way).find_bands(
+                (end - start) / len(cuts), len(cuts)
+            )
             if len(finer) == len(cuts):
                 cuts, high = finer, trial
             else:

@@ -8,22 +8,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, Way, Wishes, narrowed, strain_of
-from cqblend.patterns.strips.division import Division, directions, divide, single
-from cqblend.patterns.strips.ruled_strip import Strip
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions, UnrollStrategy, bound_strain, narrow_strips
+from cqblend.patterns.strips.division import SurfaceDivision, divide_surface, fit_single_strip, rank_directions
+from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.trim.trimmed_patch import Patch
 
-FINER, FINEST = 4.0, 64.0
+REFINE_FACTOR, MAX_REFINE_FACTOR = 4.0, 64.0
 """A face is divided again with tolerances finer by this factor, and by that at most."""
 
-_CUTS = 32
+_MAX_CUTS = 32
 """A strip is cut across so often at most."""
 
-_ALIKE = 1e-6
+_EQUAL_STRAIN = 1e-6
 """Strains that differ by less are the same."""
 
 
-def divided(patch: Patch, wishes: Wishes, finer: float = 1.0) -> DividedPatch:
+def divide_patch(patch: Patch, wishes: UnrollOptions, finer: float = 1.0) -> DividedPatch:
     """Divide a patch the best way there is: with the fewest strips, of equally many with the least strain.
 
     Parameters
@@ -38,43 +38,43 @@ def divided(patch: Patch, wishes: Wishes, finer: float = 1.0) -> DividedPatch:
     """
     if patch.kind == "plane":
         return DividedPatch(patch, finer=finer)
-    first, spare = _ways(patch, wishes)
-    divisions: list[tuple[Way, _Division]] = []
-    failed: list[tuple[Way, CqblendError]] = []
+    first, spare = _list_strategies(patch, wishes)
+    divisions: list[tuple[UnrollStrategy, _StripsOfStrategy]] = []
+    failed: list[tuple[UnrollStrategy, CqblendError]] = []
     for way in first:
         try:
-            divisions.append((way, _division(patch, wishes, way, finer)))
+            divisions.append((way, _divide_to_width(patch, wishes, way, finer)))
         except GeometryError as error:
             failed.append((way, error))
     divisions.sort(key=lambda pair: len(pair[1].strips))
     found: list[DividedPatch] = []
-    others: list[Way] = []
+    others: list[UnrollStrategy] = []
     for way, division in divisions:
         if found and len(division.strips) > len(divisions[0][1].strips):
             others.append(way)
             continue
         try:
-            found.append(_along(patch, wishes, way, finer, division))
+            found.append(_divide_with_strategy(patch, wishes, way, finer, division))
         except GeometryError as error:
             failed.append((way, error))
     if not found:
-        return _next(patch, wishes, finer, spare, failed)
-    best = _least_strained(found)
+        return _divide_first_working(patch, wishes, finer, spare, failed)
+    best = _pick_least_strained(found)
     others = [*(face.way for face in found if face is not best and face.way is not None), *others]
     return replace(best, ways=(*others, *spare), failed=tuple(failed))
 
 
-def _least_strained(faces: Sequence[DividedPatch]) -> DividedPatch:
+def _pick_least_strained(faces: Sequence[DividedPatch]) -> DividedPatch:
     """Return what has the fewest strips, of equally many with the least strain, of equally strained the first."""
     least = min(len(face.strips) for face in faces)
     equal = [face for face in faces if len(face.strips) == least]
     if len(equal) == 1:
         return equal[0]
-    strains = [strain_of(face.strips) for face in equal]
-    return next(face for face, strain in zip(equal, strains, strict=True) if strain <= min(strains) + _ALIKE)
+    strains = [bound_strain(face.strips) for face in equal]
+    return next(face for face, strain in zip(equal, strains, strict=True) if strain <= min(strains) + _EQUAL_STRAIN)
 
 
-def other_way(face: DividedPatch, wishes: Wishes, error: CqblendError) -> DividedPatch:
+def divide_other_way(face: DividedPatch, wishes: UnrollOptions, error: CqblendError) -> DividedPatch:
     """Divide a patch another way than one that has failed.
 
     Raises
@@ -84,10 +84,12 @@ def other_way(face: DividedPatch, wishes: Wishes, error: CqblendError) -> Divide
     """
     if face.way is None:
         raise error
-    return _next(face.patch, wishes, 1.0, face.ways, [*face.failed, (face.way, error)])
+    return _divide_first_working(face.patch, wishes, 1.0, face.ways, [*face.failed, (face.way, error)])
 
 
-def finer(face: DividedPatch, wishes: Wishes, error: CqblendError, factor: float = FINER) -> DividedPatch:
+def divide_finer(
+    face: DividedPatch, wishes: UnrollOptions, error: CqblendError, factor: float = REFINE_FACTOR
+) -> DividedPatch:
     """Divide a patch again for the reason that an error tells: finer, at last another way.
 
     Parameters
@@ -100,41 +102,41 @@ def finer(face: DividedPatch, wishes: Wishes, error: CqblendError, factor: float
     CqblendError
         It cannot be divided finer, and there is no other way.
     """
-    if face.way is None and face.finer < FINEST:  # a plane, whose borders get more vertices
-        return replace(face, finer=min(factor, FINER) * face.finer)
-    if face.way is not None and face.finer < FINEST:
+    if face.way is None and face.finer < MAX_REFINE_FACTOR:  # a plane, whose borders get more vertices
+        return replace(face, finer=min(factor, REFINE_FACTOR) * face.finer)
+    if face.way is not None and face.finer < MAX_REFINE_FACTOR:
         try:
             return replace(
-                _along(face.patch, wishes, face.way, min(factor, FINER) * face.finer),
+                _divide_with_strategy(face.patch, wishes, face.way, min(factor, REFINE_FACTOR) * face.finer),
                 ways=face.ways,
                 failed=face.failed,
             )
         except GeometryError:
-            return other_way(face, wishes, error)
-    return other_way(face, wishes, error)
+            return divide_other_way(face, wishes, error)
+    return divide_other_way(face, wishes, error)
 
 
-def cut_across(face: DividedPatch, rows: Iterable[tuple[int, float]]) -> DividedPatch:
+def cut_strips_across(face: DividedPatch, rows: Iterable[tuple[int, float]]) -> DividedPatch:
     """Cut strips across, each at a given parameter."""
     for row, value in rows:
-        if len(face.cuts.get(row, ())) >= _CUTS:
-            raise GeometryError(f"a strip still covers itself after {_CUTS} cuts; divide it in the other direction")
-        face.cut(row, value)
+        if len(face.cuts.get(row, ())) >= _MAX_CUTS:
+            raise GeometryError(f"a strip still covers itself after {_MAX_CUTS} cuts; divide it in the other direction")
+        face.add_cut(row, value)
     return face
 
 
-def merged(face: DividedPatch, rows: Iterable[int], wishes: Wishes) -> DividedPatch | None:
+def merge_thin_strips(face: DividedPatch, rows: Iterable[int], wishes: UnrollOptions) -> DividedPatch | None:
     """Return a face some of whose strips are one with a neighbour within the tolerance; None if none can be."""
     surface = face.patch.surface.transpose() if face.transposed else face.patch.surface
-    strips: list[Strip | None] = list(face.strips)
+    strips: list[RuledStrip | None] = list(face.strips)
     taken: set[int] = set()
     for row in rows:
         for one, other in ((row - 1, row), (row, row + 1)):
             if one < 0 or other >= len(strips) or {one, other} & taken:
                 continue
             span = face.strips[one].span[0], face.strips[other].span[1]
-            union = single(surface, span, wishes.tolerance / face.finer, transposed=face.transposed)
-            if union is not None and (wishes.method == "elber" or strain_of([union]) <= wishes.strain):
+            union = fit_single_strip(surface, span, wishes.tolerance / face.finer, transposed=face.transposed)
+            if union is not None and (wishes.method == "elber" or bound_strain([union]) <= wishes.strain):
                 strips[one], strips[other] = union, None
                 taken |= {one, other}
                 break
@@ -143,12 +145,12 @@ def merged(face: DividedPatch, rows: Iterable[int], wishes: Wishes) -> DividedPa
     return replace(face, strips=tuple(strip for strip in strips if strip is not None), cuts={})
 
 
-def _ways(patch: Patch, wishes: Wishes) -> tuple[list[Way], list[Way]]:
+def _list_strategies(patch: Patch, wishes: UnrollOptions) -> tuple[list[UnrollStrategy], list[UnrollStrategy]]:
     """Return the ways that are compared, and those that are tried if none of these works."""
     ruled = patch.kind in ("cylinder", "cone", "extrusion")
     first = [
-        Way(direction, layout=wishes.layout)
-        for direction in directions(patch.surface, "v" if ruled else wishes.direction)
+        UnrollStrategy(direction, layout=wishes.layout)
+        for direction in rank_directions(patch.surface, "v" if ruled else wishes.direction)
     ]
     if wishes.direction != "auto":
         return first, []
@@ -158,14 +160,20 @@ def _ways(patch: Patch, wishes: Wishes) -> tuple[list[Way], list[Way]]:
     return first, spare
 
 
-def _next(
-    patch: Patch, wishes: Wishes, fine: float, ways: Sequence[Way], failed: list[tuple[Way, CqblendError]]
+def _divide_first_working(
+    patch: Patch,
+    wishes: UnrollOptions,
+    fine: float,
+    ways: Sequence[UnrollStrategy],
+    failed: list[tuple[UnrollStrategy, CqblendError]],
 ) -> DividedPatch:
     """Divide a patch the first way that works."""
     failed = list(failed)
     for i, way in enumerate(ways):
         try:
-            return replace(_along(patch, wishes, way, fine), ways=tuple(ways[i + 1 :]), failed=tuple(failed))
+            return replace(
+                _divide_with_strategy(patch, wishes, way, fine), ways=tuple(ways[i + 1 :]), failed=tuple(failed)
+            )
         except GeometryError as error:
             failed.append((way, error))
     cause = failed[0][1]
@@ -174,12 +182,14 @@ def _next(
     raise type(cause)(f"{cause}{rest}")
 
 
-def _along(patch: Patch, wishes: Wishes, way: Way, fine: float, division: "_Division | None" = None) -> DividedPatch:
+def _divide_with_strategy(
+    patch: Patch, wishes: UnrollOptions, way: UnrollStrategy, fine: float, division: "_StripsOfStrategy | None" = None
+) -> DividedPatch:
     """Divide a patch one way, whose division may be known."""
-    division = division or _division(patch, wishes, way, fine)
+    division = division or _divide_to_width(patch, wishes, way, fine)
     strips = division.strips
     if wishes.method != "elber" and way.layout == wishes.layout:
-        strips = narrowed(strips, wishes, fine, at_any_price=way.narrower)
+        strips = narrow_strips(strips, wishes, fine, at_any_price=way.narrower)
     return DividedPatch(
         patch,
         strips,
@@ -193,20 +203,20 @@ def _along(patch: Patch, wishes: Wishes, way: Way, fine: float, division: "_Divi
 
 
 @dataclass(frozen=True, slots=True)
-class _Division:
+class _StripsOfStrategy:
     """Strips and their figures; and why they are not as wide as asked, if they are not."""
 
-    strips: tuple[Strip, ...]
+    strips: tuple[RuledStrip, ...]
     elber: int
     ideal: float
     refusal: GeometryError | None
 
 
-def _division(patch: Patch, wishes: Wishes, way: Way, fine: float) -> _Division:
+def _divide_to_width(patch: Patch, wishes: UnrollOptions, way: UnrollStrategy, fine: float) -> _StripsOfStrategy:
     """Divide a patch into strips of the least width; if that cannot be held, into even ones."""
 
-    def attempt(least_width: float | None, even: bool) -> Division:
-        return divide(
+    def try_division(least_width: float | None, even: bool) -> SurfaceDivision:
+        return divide_surface(
             patch.surface,
             wishes.tolerance / fine,
             direction=way.direction,
@@ -217,10 +227,10 @@ def _division(patch: Patch, wishes: Wishes, way: Way, fine: float) -> _Division:
 
     refusal: GeometryError | None = None
     try:
-        found = attempt(wishes.least_width, wishes.even)
+        found = try_division(wishes.least_width, wishes.even)
     except GeometryError as error:
         if wishes.least_width is None:
             raise
         refusal = error
-        found = attempt(None, even=wishes.method != "elber")
-    return _Division(found.strips, found.elber, found.ideal, refusal)
+        found = try_division(None, even=wishes.method != "elber")
+    return _StripsOfStrategy(found.strips, found.elber, found.ideal, refusal)

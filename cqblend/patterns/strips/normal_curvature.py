@@ -20,12 +20,12 @@ import numpy as np
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
-from cqblend.splines.evaluation import Side
+from cqblend.splines.evaluation import BreakSide
 
-_NOISE = 1e-9  # of the largest value: what a maximum has to exceed its neighbours by
-_MARGIN = 1e-3  # of the domain, along borders, where a side may be a pole
-_NEAR = 1e-5  # of the domain: maxima closer than this are one
-_SIDES: tuple[Side, Side] = ("left", "right")
+_PEAK_EXCESS = 1e-9  # of the largest value: what a maximum has to exceed its neighbours by
+_BORDER_MARGIN = 1e-3  # of the domain, along borders, where a side may be a pole
+_MAXIMA_MERGE_SHARE = 1e-5  # of the domain: maxima closer than this are one
+_SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
 
 
 def squared_curvature(surface: Surface) -> Surface:
@@ -50,15 +50,15 @@ def squared_curvature(surface: Surface) -> Surface:
            [1.]])
     """
     if surface.rational:
-        return _rational(surface)
+        return _square_rational_curvature(surface)
     su, sv, svv = (surface.derivative(*order) for order in ((1, 0), (0, 1), (0, 2)))
     normal = su.cross(sv)
     bend = normal.dot(svv)
     square, speed = normal.dot(normal), sv.dot(sv)
-    return _quotient(bend * bend, square * (speed * speed))
+    return _make_quotient(bend * bend, square * (speed * speed))
 
 
-def _rational(surface: Surface) -> Surface:
+def _square_rational_curvature(surface: Surface) -> Surface:
     coefs = surface.coefs
     space = Surface(surface.breaks, coefs, continuity=surface.continuity)  # homogeneous coordinates as a map to R^4
     x, w = space[:3], space[3]
@@ -72,10 +72,10 @@ def _rational(surface: Surface) -> Surface:
     along = xv * w - x * wv
     square, speed = normal.dot(normal), along.dot(along)
     w2 = w * w
-    return _quotient(bend * bend * (w2 * w2 * w2), square * (speed * speed))
+    return _make_quotient(bend * bend * (w2 * w2 * w2), square * (speed * speed))
 
 
-def _quotient(numerator: Surface, denominator: Surface) -> Surface:
+def _make_quotient(numerator: Surface, denominator: Surface) -> Surface:
     """Form the rational surface of two scalar ones."""
     scale = float(np.abs(denominator.coefs).max())
     if not scale > 0:
@@ -85,7 +85,7 @@ def _quotient(numerator: Surface, denominator: Surface) -> Surface:
     return Surface(numerator.breaks, np.concatenate(parts, axis=2), rational=True, continuity=numerator.continuity)
 
 
-def maxima(surface: Surface) -> Array:
+def find_curvature_maxima(surface: Surface) -> Array:
     r"""Return where \|kappa_n^v\| has isolated maxima, as parameters v (n,), increasing.
 
     (kappa_n^v)^2 is taken on a grid that is as fine as its degree; from every place of the grid that is larger than its
@@ -103,34 +103,36 @@ def maxima(surface: Surface) -> Array:
     """
     curvature = squared_curvature(surface)
     v0, v1 = curvature.domain[1]
-    u, v = (_stations(breaks, degree) for breaks, degree in zip(curvature.breaks, curvature.degree, strict=True))
+    u, v = (
+        _make_grid_parameters(breaks, degree) for breaks, degree in zip(curvature.breaks, curvature.degree, strict=True)
+    )
     knots = curvature.breaks[1][1:-1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        inside = _finite(curvature.grid(u, v)[..., 0])
-    values = np.concatenate([inside, _larger(curvature, u[:, None], knots)], axis=1)
+        inside = _zero_nonfinite(curvature.grid(u, v)[..., 0])
+    values = np.concatenate([inside, _evaluate_larger_limit(curvature, u[:, None], knots)], axis=1)
     v = np.concatenate([v, knots])
     order = np.argsort(v)
     values, v = values[:, order], v[order]
-    noise = _NOISE * float(values.max())
+    noise = _PEAK_EXCESS * float(values.max())
     padded = np.pad(values, ((1, 1), (0, 0)), constant_values=-np.inf)
     peak = np.ones((len(u), len(v) - 2), dtype=bool)
     for i in (0, 1, 2):
         for j in (0, 2):
             peak &= values[:, 1:-1] > padded[i : i + len(u), j : j + len(v) - 2] + noise
         peak &= values[:, 1:-1] >= padded[i : i + len(u), 1:-1] - noise
-    peak = _one_of_each_run(peak, values[:, 1:-1])
+    peak = _keep_ridge_peaks(peak, values[:, 1:-1])
     at, along = np.nonzero(peak)
     if not len(at):
         return np.empty(0)
-    found = _climbed(curvature, np.stack([u[at], v[along + 1]]), np.array([np.diff(u).max(), np.diff(v).max()]))
-    margin = 2 * _MARGIN * (v1 - v0)
+    found = _climb_to_maxima(curvature, np.stack([u[at], v[along + 1]]), np.array([np.diff(u).max(), np.diff(v).max()]))
+    margin = 2 * _BORDER_MARGIN * (v1 - v0)
     found = np.sort(found[(found > v0 + margin) & (found < v1 - margin)])
     for knot in knots:
-        found[np.abs(found - knot) < _NEAR * (v1 - v0)] = knot
-    return found[np.diff(found, prepend=-np.inf) > _NEAR * (v1 - v0)]
+        found[np.abs(found - knot) < _MAXIMA_MERGE_SHARE * (v1 - v0)] = knot
+    return found[np.diff(found, prepend=-np.inf) > _MAXIMA_MERGE_SHARE * (v1 - v0)]
 
 
-def _one_of_each_run(peak: Array, values: Array) -> Array:
+def _keep_ridge_peaks(peak: Array, values: Array) -> Array:
     """Keep the largest of neighbours along axis 0: they lie on one ridge."""
     run = np.cumsum(np.diff(peak, axis=0, prepend=False) & peak, axis=0)
     kept = np.zeros_like(peak)
@@ -141,34 +143,34 @@ def _one_of_each_run(peak: Array, values: Array) -> Array:
     return kept
 
 
-def _larger(curvature: Surface, u: Array, v: Array) -> Array:
+def _evaluate_larger_limit(curvature: Surface, u: Array, v: Array) -> Array:
     """Evaluate; at knot lines the larger limit."""
     with np.errstate(divide="ignore", invalid="ignore"):
         left, right = (curvature(u, v, side=side)[..., 0] for side in _SIDES)
-    return np.maximum(_finite(left), _finite(right))
+    return np.maximum(_zero_nonfinite(left), _zero_nonfinite(right))
 
 
-def _finite(values: Array) -> Array:
+def _zero_nonfinite(values: Array) -> Array:
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
 
 
-def _stations(breaks: Array, degree: int) -> Array:
+def _make_grid_parameters(breaks: Array, degree: int) -> Array:
     """Return parameters of a grid, inside the pieces."""
     count = max(degree, 12) // 2 * 2 + 1
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * ((np.arange(count) + 0.5) / count)
     return np.asarray(inner.ravel())
 
 
-def _climbed(curvature: Surface, places: Array, step: Array) -> Array:
+def _climb_to_maxima(curvature: Surface, places: Array, step: Array) -> Array:
     """Go from places (2, n) to the maxima nearby, the best of nine at a time, and return their v."""
     domain = np.array(curvature.domain)
-    margin = _MARGIN * np.diff(domain)[:, 0]  # at a pole the curvature is 0 / 0
+    margin = _BORDER_MARGIN * np.diff(domain)[:, 0]  # at a pole the curvature is 0 / 0
     low, high = (domain[:, 0] + margin)[:, None, None], (domain[:, 1] - margin)[:, None, None]
     compass = np.array([(0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)]).T
     size = np.full(places.shape[1], 0.5)
     for _ in range(200):
         around = np.clip(places[:, None] + compass[:, :, None] * step[:, None, None] * size, low, high)
-        values = _larger(curvature, *around)
+        values = _evaluate_larger_limit(curvature, *around)
         best = values.argmax(axis=0)
         best[values.max(axis=0) <= values[0] * (1 + 1e-13)] = 0
         places = around[:, best, np.arange(len(best))]

@@ -27,22 +27,22 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, basis, product, restrict
-from cqblend.splines.hulls import dip
+from cqblend.splines.bernstein import Array, evaluate_basis, multiply_polynomials, restrict_pieces
+from cqblend.splines.hulls import find_value_below
 
 _EPS = float(np.finfo(float).eps)
 
-RATIO = 1.01
+MAX_BOUND_RATIO = 1.01
 """What a bound may be, relative to a deviation that is taken, before it is sharpened further."""
 
-_LEVELS = 9
-_NEGLIGIBLE = 0.01  # of the tolerance: what is not sharpened any more
-_MANY = 1 << 14  # patches
-_INNER = np.arange(1, 12) / 12
+_MAX_LEVELS = 9
+_NEGLIGIBLE_SHARE = 0.01  # of the tolerance: what is not sharpened any more
+_MAX_PATCHES = 1 << 14  # patches
+_INNER_FRACTIONS = np.arange(1, 12) / 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spans:
+class BezierPieces:
     """A surface in homogeneous Bernstein pieces, ready to be cut in v.
 
     Attributes
@@ -72,7 +72,7 @@ class Spans:
     reach: float
 
     @classmethod
-    def of(cls, surface: Surface) -> "Spans":
+    def from_surface(cls, surface: Surface) -> "BezierPieces":
         """Prepare a surface of dim 3.
 
         Raises
@@ -97,7 +97,7 @@ class Spans:
         reach = float(np.abs(points).max())
         return cls(coefs, surface.breaks, surface.continuity[0], surface.rational, separable, size, reach)
 
-    def part(self, first: int, last: int) -> "Spans":
+    def take_pieces(self, first: int, last: int) -> "BezierPieces":
         """Take the pieces first .. last - 1 in v."""
         u, v = self.breaks
         coefs = self.coefs[..., first:last]
@@ -114,7 +114,7 @@ class Spans:
         """By how much rounding may move a deviation, and points of the surface and of the strips, as OCCT has them."""
         return 64 * _EPS * self.size + 16 * _EPS * self.reach
 
-    def windows(self, starts: ArrayLike, ends: ArrayLike) -> "Windows":
+    def cut_bands(self, starts: ArrayLike, ends: ArrayLike) -> "SurfaceBands":
         """Cut parts out: one from v = starts to ends, or several (k,)."""
         low, high = (
             np.atleast_1d(np.asarray(starts, dtype=np.float64)),
@@ -130,16 +130,16 @@ class Spans:
         x0 = (np.maximum(start, low[owner]) - start) / (end - start)
         x1 = (np.minimum(end, high[owner]) - start) / (end - start)
         rows = self.coefs[..., piece].swapaxes(0, 1)
-        return Windows(self, restrict(rows, x0, x1).swapaxes(0, 1), low, high, owner, rank)
+        return SurfaceBands(self, restrict_pieces(rows, x0, x1).swapaxes(0, 1), low, high, owner, rank)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Windows:
+class SurfaceBands:
     """Parts of a surface, each between two of its isoparametric curves.
 
     Attributes
     ----------
-    spans
+    surface_pieces
         What they are cut out of.
     coefs
         (p+1, q+1, 4, nu, m) homogeneous, the pieces in v of all windows one after the other.
@@ -149,7 +149,7 @@ class Windows:
         (m,) index of the window that a piece belongs to, and its place there.
     """
 
-    spans: Spans
+    surface_pieces: BezierPieces
     coefs: Array
     starts: Array
     ends: Array
@@ -157,15 +157,15 @@ class Windows:
     rank: Array
 
     @property
-    def _rails(self) -> Array:
+    def _rail_coefs(self) -> Array:
         """Homogeneous coefficients (p+1, 2, 4, nu, k) of both rails."""
         first = self.rank == 0
         last = np.append(first[1:], True)
         return np.stack([self.coefs[:, 0][..., first], self.coefs[:, -1][..., last]], axis=1)
 
-    def curves(self) -> tuple[Curve, Curve]:
+    def make_rails(self) -> tuple[Curve, Curve]:
         """Return C1 and C2 of a single window."""
-        spans, rails = self.spans, self._rails[..., 0]
+        spans, rails = self.surface_pieces, self._rail_coefs[..., 0]
         components = 4 if spans.rational else 3
         first, last = (
             Curve(spans.breaks[0], rails[:, i, :components], rational=spans.rational, continuity=spans.continuity)
@@ -173,29 +173,29 @@ class Windows:
         )
         return first, last
 
-    def spanned(self) -> Array:
+    def is_spannable(self) -> Array:
         """Whether there is a ruled surface between the rails: they are neither both points, nor the same curve."""
-        rails = _points(self._rails)
+        rails = _to_points(self._rail_coefs)
         extents = (rails.max(axis=(0, 3)) - rails.min(axis=(0, 3))).max(axis=1)  # (2, k)
-        small = 1e-9 * self.spans.size
-        return np.asarray((extents.max(axis=0) > small) & (self.widths() > small))
+        small = 1e-9 * self.surface_pieces.size
+        return np.asarray((extents.max(axis=0) > small) & (self.measure_widths() > small))
 
-    def widths(self) -> Array:
+    def measure_widths(self) -> Array:
         """Lengths (k,) of the longest of sampled rulings."""
-        rails = _points(np.tensordot(_sampling(len(self.coefs) - 1), self._rails, (0, 0)))
+        rails = _to_points(np.tensordot(_sample_basis(len(self.coefs) - 1), self._rail_coefs, (0, 0)))
         return np.asarray(np.linalg.norm(rails[:, 1] - rails[:, 0], axis=1).max(axis=(0, 1)))
 
-    def spacing(self, *, single: bool = False) -> Array:
+    def fit_row_fractions(self, *, single: bool = False) -> Array:
         """Fractions (q+1, m) of spaced rows, not decreasing from 0 to 1 in every window.
 
         Every row is projected on the rulings: all columns at once, by least squares, or the single column in the middle
         of the control mesh (if its ends coincide, the one whose ends are farthest apart), as in Elber's figure 1.
         """
-        points, rails = _points(self.coefs), _points(self._rails)
+        points, rails = _to_points(self.coefs), _to_points(self._rail_coefs)
         chord = rails[:, 1] - rails[:, 0]  # (p+1, 3, nu, k)
         if single:
             square = (chord * chord).sum(axis=1)  # (p+1, nu, k)
-            i, piece = self._columns(square)
+            i, piece = self._choose_columns(square)
             window, owner = np.arange(len(i)), self.owner
             chord = chord[i, :, piece, window]  # (k, 3)
             relative = points[i[owner], :, :, piece[owner], np.arange(len(owner))]  # (m, q+1, 3)
@@ -217,47 +217,47 @@ class Windows:
         steady[-1, np.append(self.rank[1:] == 0, True)] = 1.0
         return steady
 
-    def _columns(self, square: Array) -> tuple[Array, Array]:
+    def _choose_columns(self, square: Array) -> tuple[Array, Array]:
         """Row and piece in u, (k,) each, of the column that is projected."""
         degree, pieces, count = square.shape[0] - 1, square.shape[1], square.shape[2]
         piece, i = divmod((degree * pieces + 1) // 2, degree)
         if piece == pieces:
             piece, i = pieces - 1, degree
         rows, columns = np.full(count, i), np.full(count, piece)
-        gone = square[i, piece] <= (1e-9 * self.spans.size) ** 2
+        gone = square[i, piece] <= (1e-9 * self.surface_pieces.size) ** 2
         if gone.any():
             longest = square[..., gone].reshape(-1, int(gone.sum())).argmax(axis=0)
             rows[gone], columns[gone] = np.unravel_index(longest, square.shape[:2])
         return rows, columns
 
-    def timing(self, spacing: Array) -> Surface:
+    def make_fraction_surface(self, spacing: Array) -> Surface:
         """Return the fraction w(u, v) of spaced rows over a single window."""
         weight = self.coefs[:, :, 3:]
         coefs = np.concatenate([weight * spacing[:, None, None], weight], axis=2)
-        v, start, end = self.spans.breaks[1], self.starts[0], self.ends[0]
+        v, start, end = self.surface_pieces.breaks[1], self.starts[0], self.ends[0]
         inner = v[(v > start) & (v < end)]
-        return Surface((self.spans.breaks[0], np.concatenate([[start], inner, [end]])), coefs, rational=True)
+        return Surface((self.surface_pieces.breaks[0], np.concatenate([[start], inner, [end]])), coefs, rational=True)
 
-    def mesh_bounds(self, spacing: Array) -> Array:
+    def bound_mesh_deviation(self, spacing: Array) -> Array:
         """Bounds (k,) of Elber's equation (3) for spaced rows: the largest coefficient of the difference.
 
         Of a rational surface a coefficient is that of the numerator over that of the common denominator, which bounds
         the quotient because all of the latter are positive.
         """
-        vectors = _differences(self._patches(spacing), self.spans.separable)
+        vectors = _form_deviations(self._build_patches(spacing), self.surface_pieces.separable)
         square = np.einsum("ijdn,ijdn->ijn", vectors, vectors).max(axis=(0, 1)).reshape(-1, len(self.owner))
         return np.sqrt(np.maximum.reduceat(square.max(axis=0), np.flatnonzero(self.rank == 0)))
 
-    def _patches(self, spacing: Array | None) -> Array:
+    def _build_patches(self, spacing: Array | None) -> Array:
         """Patches (p+1, q+3, 4 or 5, n): rows, then both rails of the window; a fifth component is w times weight."""
-        coefs, rails = self.coefs, self._rails[..., self.owner]
+        coefs, rails = self.coefs, self._rail_coefs[..., self.owner]
         if spacing is not None:
             coefs = np.concatenate([coefs, coefs[:, :, 3:] * spacing[:, None, None]], axis=2)
             rails = np.concatenate([rails, np.zeros_like(rails[:, :, :1])], axis=2)
         patches = np.concatenate([coefs, rails], axis=1)
         return patches.reshape(*patches.shape[:3], -1)
 
-    def bound(self, tolerance: float, spacing: Array | None = None) -> float:
+    def bound_deviation(self, tolerance: float, spacing: Array | None = None) -> float:
         """Bound the deviation of a single window.
 
         Parameters
@@ -275,93 +275,95 @@ class Windows:
             the tolerance it need not be a bound: a deviation is taken that is. Infinite if the foot of the
             perpendicular is not proven to move from rail to rail without turning back.
         """
-        slack, separable = self.spans.slack, self.spans.separable
-        patches = _split(self._patches(spacing), 4 if len(self.coefs) > 2 else 2, 4)
-        if spacing is None and not _advances(patches, separable):
+        slack, separable = self.surface_pieces.slack, self.surface_pieces.separable
+        patches = _split_patches(self._build_patches(spacing), 4 if len(self.coefs) > 2 else 2, 4)
+        if spacing is None and not _has_advancing_feet(patches, separable):
             return np.inf
         taken = closed = 0.0
-        for level in range(_LEVELS):
-            vectors = _differences(patches, separable)
+        for level in range(_MAX_LEVELS):
+            vectors = _form_deviations(patches, separable)
             hull = np.sqrt(np.einsum("ijdn,ijdn->ijn", vectors, vectors).max(axis=(0, 1)))
-            taken = max(taken, _corners(patches, vectors))
+            taken = max(taken, _measure_corner_deviation(patches, vectors))
             if taken + slack > tolerance:
                 return taken + slack
-            goal = tolerance - slack if RATIO * taken > tolerance else RATIO * taken
-            unsettled = hull > max(goal, slack, _NEGLIGIBLE * tolerance)
+            goal = tolerance - slack if MAX_BOUND_RATIO * taken > tolerance else MAX_BOUND_RATIO * taken
+            unsettled = hull > max(goal, slack, _NEGLIGIBLE_SHARE * tolerance)
             closed = max(closed, float(hull[~unsettled].max(initial=0.0)))
             if not unsettled.any():
                 break
-            if level == _LEVELS - 1 or unsettled.sum() > _MANY:
+            if level == _MAX_LEVELS - 1 or unsettled.sum() > _MAX_PATCHES:
                 closed = max(closed, float(hull.max()))
                 break
-            patches = _split(patches[..., unsettled], 2, 2)
+            patches = _split_patches(patches[..., unsettled], 2, 2)
         return closed + slack
 
 
 @lru_cache(maxsize=64)
-def _sampling(degree: int) -> Array:
+def _sample_basis(degree: int) -> Array:
     """Bernstein polynomials (p+1, 2 p+1) at equal steps."""
     x = np.linspace(0.0, 1.0, 2 * degree + 1)
-    return basis(degree, 1 - x, x)
+    return evaluate_basis(degree, 1 - x, x)
 
 
 @lru_cache(maxsize=64)
-def _parts(degree: int, count: int) -> Array:
+def _make_split_matrices(degree: int, count: int) -> Array:
     """Matrices (count, p+1, p+1) from coefficients to those of equal parts."""
     x = np.arange(count + 1) / count
     identity = np.repeat(np.eye(degree + 1)[:, :, None], count, axis=2)
-    return np.ascontiguousarray(np.moveaxis(restrict(identity, x[:-1], x[1:]), -1, 0))
+    return np.ascontiguousarray(np.moveaxis(restrict_pieces(identity, x[:-1], x[1:]), -1, 0))
 
 
 @lru_cache(maxsize=64)
-def _parts_across(degree: int, count: int) -> Array:
+def _make_row_split_matrices(degree: int, count: int) -> Array:
     """Return the same for the rows of patches, whose rails stay."""
     out = np.zeros((count, degree + 3, degree + 3))
-    out[:, :-2, :-2] = _parts(degree, count)
+    out[:, :-2, :-2] = _make_split_matrices(degree, count)
     out[:, -2:, -2:] = np.eye(2)
     return out
 
 
-def _split(patches: Array, along: int, across: int) -> Array:
+def _split_patches(patches: Array, along: int, across: int) -> Array:
     """Cut patches into equal parts, `along` in u and `across` in v."""
     p, q, components, n = patches.shape
-    columns = _parts(p - 1, along).reshape(along * p, p) @ patches.reshape(p, -1)
+    columns = _make_split_matrices(p - 1, along).reshape(along * p, p) @ patches.reshape(p, -1)
     rows = columns.reshape(along, p, q, components * n).transpose(2, 0, 1, 3).reshape(q, -1)
-    parts = _parts_across(q - 3, across).reshape(across * q, q) @ rows
+    parts = _make_row_split_matrices(q - 3, across).reshape(across * q, q) @ rows
     parts = parts.reshape(across, q, along, p, components, n).transpose(3, 1, 4, 0, 2, 5)
     return parts.reshape(p, q, components, -1)
 
 
-def _advances(patches: Array, separable: bool) -> bool:
+def _has_advancing_feet(patches: Array, separable: bool) -> bool:
     """Whether on every patch the foot of the perpendicular moves from the first to the last rail."""
     rows, first, last = patches[:, :-2], patches[:, -2:-1], patches[:, -1:]
     if separable:
-        steps = np.diff(_points(rows), axis=1) * rows[:, :1, 3:4]
-        chord = (_points(last) - _points(first)) * rows[:, :1, 3:4]
+        steps = np.diff(_to_points(rows), axis=1) * rows[:, :1, 3:4]
+        chord = (_to_points(last) - _to_points(first)) * rows[:, :1, 3:4]
     else:
-        steps, chord = _crossed(rows[:, :-1], rows[:, 1:]), _crossed(first, last)
-    dots = product(steps, chord).sum(axis=2)
+        steps, chord = _subtract_homogeneous(rows[:, :-1], rows[:, 1:]), _subtract_homogeneous(first, last)
+    dots = multiply_polynomials(steps, chord).sum(axis=2)
     flat = dots.reshape(len(dots), -1)
-    return dip(flat, -1e-12 * float(np.abs(flat).max())) is None
+    return find_value_below(flat, -1e-12 * float(np.abs(flat).max())) is None
 
 
-def _points(homogeneous: Array) -> Array:
+def _to_points(homogeneous: Array) -> Array:
     """Divide the three coordinates, axis 2, by the weight after them."""
     return np.asarray(homogeneous[:, :, :3] / homogeneous[:, :, 3:4])
 
 
-def _crossed(first: Array, second: Array) -> Array:
+def _subtract_homogeneous(first: Array, second: Array) -> Array:
     """Numerator of second - first on the product of the weights; u is the degree axis."""
-    return product(second[:, :, :3], first[:, :, 3:4]) - product(first[:, :, :3], second[:, :, 3:4])
+    return multiply_polynomials(second[:, :, :3], first[:, :, 3:4]) - multiply_polynomials(
+        first[:, :, :3], second[:, :, 3:4]
+    )
 
 
-def _differences(patches: Array, separable: bool) -> Array:
+def _form_deviations(patches: Array, separable: bool) -> Array:
     """Return coefficients (r+1, q+1, 3, n) of E, numerators over those of the common denominator.
 
     The fraction is the fifth component of the patches over the weight, or else that of rows spaced for every patch; or
     of single control points, where degrees are high anyway.
     """
-    points = _points(patches)
+    points = _to_points(patches)
     first = points[:, -2:-1]
     chord = points[:, -1] - first[:, 0]
     relative = points[:, :-2] - first
@@ -378,23 +380,23 @@ def _differences(patches: Array, separable: bool) -> Array:
     if separable:
         return np.asarray(relative - fraction * chord[:, None])
     rails, w1, w2 = patches[:, -2:], patches[:, -2:-1, 3:4], patches[:, -1:, 3:4]
-    both = product(w1, w2)
-    fixed = product(rows, both) - product(weight, product(rails[:, :1, :3], w2))
-    moving = product(weight * fraction, _crossed(rails[:, :1], rails[:, 1:]))
-    return np.asarray((fixed - moving) / product(weight, both))
+    both = multiply_polynomials(w1, w2)
+    fixed = multiply_polynomials(rows, both) - multiply_polynomials(weight, multiply_polynomials(rails[:, :1, :3], w2))
+    moving = multiply_polynomials(weight * fraction, _subtract_homogeneous(rails[:, :1], rails[:, 1:]))
+    return np.asarray((fixed - moving) / multiply_polynomials(weight, both))
 
 
-def _corners(patches: Array, vectors: Array) -> float:
+def _measure_corner_deviation(patches: Array, vectors: Array) -> float:
     """Return the largest deviation at a corner of a patch."""
     if patches.shape[2] == 5:
         off = vectors[[0, -1]][:, [0, -1]]
     else:
-        points = _points(patches[[0, -1]][:, [0, -3, -2, -1]])
-        off = _off(points[:, :2], points[:, 2:3], points[:, 3:], 2)
+        points = _to_points(patches[[0, -1]][:, [0, -3, -2, -1]])
+        off = _offset_from_segments(points[:, :2], points[:, 2:3], points[:, 3:], 2)
     return float(np.sqrt(np.einsum("ijdn,ijdn->ijn", off, off).max()))
 
 
-def _off(points: Array, first: Array, last: Array, axis: int, *, steady: int | None = None) -> Array:
+def _offset_from_segments(points: Array, first: Array, last: Array, axis: int, *, steady: int | None = None) -> Array:
     """Return vectors to points from their feet on segments; coordinates along an axis.
 
     Along the axis `steady`, if given, feet do not turn back.
@@ -408,18 +410,18 @@ def _off(points: Array, first: Array, last: Array, axis: int, *, steady: int | N
     return np.asarray(relative - feet * chord)
 
 
-class Samples:
+class IsocurveSamples:
     """Sampled deviations of many windows at once, on a grid of u."""
 
-    def __init__(self, spans: Spans) -> None:
-        rows = np.tensordot(_sampling(len(spans.coefs) - 1), spans.coefs, (0, 0))  # (x, q+1, 4, nu, nv)
+    def __init__(self, spans: BezierPieces) -> None:
+        rows = np.tensordot(_sample_basis(len(spans.coefs) - 1), spans.coefs, (0, 0))  # (x, q+1, 4, nu, nv)
         rows = rows.transpose(4, 1, 2, 3, 0)
         self._coefs = rows.reshape(*rows.shape[:3], -1)  # (nv, q+1, 4, u)
         self._breaks = spans.breaks[1]
 
-    def part(self, first: int, last: int) -> "Samples":
+    def take_pieces(self, first: int, last: int) -> "IsocurveSamples":
         """Take the pieces first .. last - 1 in v."""
-        part = object.__new__(Samples)
+        part = object.__new__(IsocurveSamples)
         part._coefs, part._breaks = self._coefs[first:last], self._breaks[first : last + 1]
         return part
 
@@ -428,24 +430,24 @@ class Samples:
         """Control points (nv, q+1, 3, n) of the isoparametric curves of the grid."""
         return np.asarray(self._coefs[:, :, :3] / self._coefs[:, :, 3:])
 
-    def points(self, v: Array) -> Array:
+    def evaluate_points(self, v: Array) -> Array:
         """Return the points (.., 3, nu) at parameters v."""
         flat = v.ravel()
         piece = np.searchsorted(self._breaks[1:-1], flat, "right")
         start, end = self._breaks[piece], self._breaks[piece + 1]
         x = (flat - start) / (end - start)
-        values = basis(self._coefs.shape[1] - 1, 1 - x, x)
+        values = evaluate_basis(self._coefs.shape[1] - 1, 1 - x, x)
         rows = self._coefs[piece]
         found = (values.T[:, None] @ rows.reshape(*rows.shape[:2], -1)).reshape(len(flat), 4, -1)
         return np.asarray((found[:, :3] / found[:, 3:]).reshape(*v.shape, 3, -1))
 
-    def deviations(self, start: float, ends: Array) -> Array:
+    def sample_deviations(self, start: float, ends: Array) -> Array:
         """Return the deviations (n,) of the windows from v = start to each of the ends, where no foot turns back.
 
         Infinite where the rails coincide.
         """
-        first, last = self.points(np.array([start])), self.points(ends)[:, None]
-        inner = self.points(start + np.multiply.outer(ends - start, _INNER))  # (n, inner, 3, nu)
-        off = _off(inner, first, last, 2, steady=1)
+        first, last = self.evaluate_points(np.array([start])), self.evaluate_points(ends)[:, None]
+        inner = self.evaluate_points(start + np.multiply.outer(ends - start, _INNER_FRACTIONS))  # (n, inner, 3, nu)
+        off = _offset_from_segments(inner, first, last, 2, steady=1)
         found = np.sqrt((off * off).sum(axis=2).max(axis=(1, 2)))
         return np.where((first != last).any(axis=(1, 2, 3)), found, np.inf)

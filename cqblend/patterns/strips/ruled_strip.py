@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, product
+from cqblend.splines.bernstein import Array, multiply_polynomials
 
 _EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Strip:
+class RuledStrip:
     r"""A ruled surface R(u, w) = (1 - w) C1(u) + w C2(u) that stands for S(u, v), v0 <= v <= v1.
 
     Attributes
@@ -39,7 +39,7 @@ class Strip:
         Proven: \|S(u, v) - R(u, w(u, v))\| <= bound, mm, for all u and v.
     transposed
         Whether ``surface`` is the surface that was divided with its parameters exchanged.
-    timing
+    fraction_surface
         w as a scalar surface over the span; None for the foot of the perpendicular from S(u, v) on the ruling.
 
     Raises
@@ -62,7 +62,7 @@ class Strip:
     span: tuple[float, float]
     bound: float
     transposed: bool = False
-    timing: Surface | None = None
+    fraction_surface: Surface | None = None
 
     def __post_init__(self) -> None:
         first, last = self.rails
@@ -77,11 +77,11 @@ class Strip:
             raise InputError(f"the span {self.span} of a strip is not within v = {start:.9g} .. {end:.9g}")
 
     @property
-    def way(self) -> str:
+    def ruling_parameter(self) -> str:
         """The parameter of the face, "u" or "v", that the rulings run along."""
         return "u" if self.transposed else "v"
 
-    def fraction(self, u: ArrayLike, v: ArrayLike) -> Array:
+    def find_fractions(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Fractions w at scattered points; u and v broadcast.
 
         Parameters beyond the span are taken to its ends. Where a ruling is a single point (at a pole that both rails
@@ -90,8 +90,8 @@ class Strip:
         at, along = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         start, end = self.span
         along = np.clip(along, start, end)
-        if self.timing is not None:
-            found = self.timing(at, along)[..., 0]
+        if self.fraction_surface is not None:
+            found = self.fraction_surface(at, along)[..., 0]
         else:
             first, last = (rail(at) for rail in self.rails)
             chord = last - first
@@ -103,13 +103,13 @@ class Strip:
         found = np.where(along == start, 0.0, np.where(along == end, 1.0, found))
         return np.asarray(np.clip(found, 0.0, 1.0))
 
-    def ruled(self) -> Surface:
+    def to_ruled_surface(self) -> Surface:
         """Return R as a surface (u, w), of degree (p, 1), over w in [0, 1].
 
         The weights of rational rails are brought to a common one, so that w is the fraction along the ruling in space;
         that doubles the degree p unless they are proportional.
         """
-        first, last = (rail._rationalised() if any(r.rational for r in self.rails) else rail for rail in self.rails)
+        first, last = (rail._to_rational() if any(r.rational for r in self.rails) else rail for rail in self.rails)
         degree = max(first.degree, last.degree)
         first, last = first.elevate(degree - first.degree), last.elevate(degree - last.degree)
         if not first.rational:
@@ -120,7 +120,7 @@ class Strip:
         if np.ptp(ratio) <= 32 * _EPS * ratio.max():
             lower = lower / ratio
         else:
-            upper, lower = product(upper, w2), product(lower, w1)
+            upper, lower = multiply_polynomials(upper, w2), multiply_polynomials(lower, w1)
         lower = np.concatenate([lower[:, :-1], upper[:, -1:]], axis=1)  # one and the same weight, to the last digit
         order = np.minimum(first.continuity, last.continuity)
         rows = [Curve(first.breaks, row, rational=True, continuity=order) for row in (upper, lower)]

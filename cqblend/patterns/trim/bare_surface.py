@@ -6,16 +6,16 @@ Exists so that a surface without a kernel's face goes the same way as faces of s
 import numpy as np
 
 from cqblend.errors import InputError
-from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Mapping, Patch, Skin
+from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, Patch, PatchEdge, PatchShell
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import gauss
+from cqblend.splines.integral import gauss_rule
 
-_CLOSED = 1e-9
+_CLOSED_SHARE = 1e-9
 """Sides that are closer together than this, relative to the size, are one."""
 
 
-def natural(surface: Surface) -> Skin:
+def make_surface_shell(surface: Surface) -> PatchShell:
     """Return a surface, bounded by its parameter domain, as one patch whose outer side is that of Su x Sv.
 
     Raises
@@ -37,43 +37,43 @@ def natural(surface: Surface) -> Skin:
     curves = [surface.isoparametric(**{"uv"[axis]: value}) for axis, value, _ in sides]
     samples = [curve(np.linspace(*curve.domain, 65)) for curve in curves]
     size = float(np.ptp(np.concatenate(samples), axis=0).max())
-    points = [float(np.abs(sample - sample[0]).max()) <= _CLOSED * size for sample in samples]
+    points = [float(np.abs(sample - sample[0]).max()) <= _CLOSED_SHARE * size for sample in samples]
     numbers = [1, 2, 3, 4]
     for here, there in ((0, 2), (1, 3)):
-        if float(np.abs(samples[here] - samples[there]).max()) <= _CLOSED * size and not points[here]:
+        if float(np.abs(samples[here] - samples[there]).max()) <= _CLOSED_SHARE * size and not points[here]:
             numbers[there] = numbers[here]
     uses = []
     for number, (axis, value, rising), curve, point in zip(numbers, sides, curves, points, strict=True):
-        uses.append(EdgeUse(number, rising, _line(axis, value), curve.breaks, point))
+        uses.append(EdgeUse(number, rising, _make_parameter_line(axis, value), curve.breaks, point))
     edges = {
-        number: Edge(
+        number: PatchEdge(
             index=number,
             points=curve,
             breaks=curve.breaks,
             curve=None if point else curve,
-            parameter=_same,
+            parameter=_identity_map,
             vertices=(0, 0),
             faces=(1,) * numbers.count(number),
-            angle=_angle(surface, sides[number - 1][0]) if numbers.count(number) == 2 else np.nan,
+            angle=_seam_angle(surface, sides[number - 1][0]) if numbers.count(number) == 2 else np.nan,
             gap=0.0,
             degenerate=point,
         )
         for number, curve, point in reversed(list(zip(numbers, curves, points, strict=True)))
     }
-    patch = Patch((1,), "freeform", surface, True, (tuple(uses),), area=_area(surface))
-    return Skin((patch,), edges, {0: curves[0](curves[0].domain[0])})
+    patch = Patch((1,), "freeform", surface, True, (tuple(uses),), area=_measure_area(surface))
+    return PatchShell((patch,), edges, {0: curves[0](curves[0].domain[0])})
 
 
-def _area(surface: Surface) -> float:
+def _measure_area(surface: Surface) -> float:
     """Return the area, by 16-point Gauss in every piece."""
-    nodes, weights = gauss(16)
+    nodes, weights = gauss_rule(16)
     u, v = ((breaks[:-1, None] + np.diff(breaks)[:, None] * nodes).ravel() for breaks in surface.breaks)
     along, across = ((np.diff(breaks)[:, None] * weights).ravel() for breaks in surface.breaks)
     normals = np.cross(surface.grid(u, v, 1, 0), surface.grid(u, v, 0, 1))
     return float(along @ np.linalg.norm(normals, axis=-1) @ across)
 
 
-def _angle(surface: Surface, axis: int) -> float:
+def _seam_angle(surface: Surface, axis: int) -> float:
     """Return by how much the normal turns in the middle of the seam at which a surface meets itself.
 
     It is the side on which u (axis 0) or v (axis 1) begins.
@@ -91,15 +91,15 @@ def _angle(surface: Surface, axis: int) -> float:
     return float(np.copysign(angle, (second - first) @ across))
 
 
-def _same(t: Array) -> Array:
+def _identity_map(t: Array) -> Array:
     return t
 
 
-def _line(axis: int, value: float) -> Mapping:
+def _make_parameter_line(axis: int, value: float) -> CurveFunction:
     """Return the parameter line on which u (axis 0) or v (axis 1) is fixed."""
 
-    def line(t: Array) -> Array:
+    def evaluate_line(t: Array) -> Array:
         fixed = np.full(np.shape(t), value)
         return np.stack([fixed, t] if axis == 0 else [t, fixed], axis=-1)
 
-    return line
+    return evaluate_line

@@ -10,24 +10,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Frame, Loop, Mapping, Patch, Skin
+from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, Loop, Patch, PatchEdge, PatchShell, PlaneFrame
 from cqblend.splines.bernstein import Array
 
-ANGLE = 1e-9
+COPLANAR_ANGLE = 1e-9
 """Largest angle between the normals of faces of one plane (rad)."""
 
-OFFSET = 1e-7
+COPLANAR_DISTANCE = 1e-7
 """Largest distance of one face's edges from the other's plane (mm)."""
 
-_SAMPLES = np.arange(8) / 8
-_MARGIN = 0.1
+_SAMPLE_FRACTIONS = np.arange(8) / 8
+_WINDOW_MARGIN = 0.1
 """By how much a plane's window is larger than the polygon of its outer loop, which may bulge."""
 
-_NEAR = 1e-4
+_VERTEX_SHARE = 1e-4
 """Part of an edge's first or last piece by which its direction at a vertex is told."""
 
 
-def merged(skin: Skin) -> Skin:
+def merge_coplanar_patches(skin: PatchShell) -> PatchShell:
     """Return a skin in which planar patches of one plane that share edges are one patch; those edges are dropped.
 
     The patch keeps the frame of its first face. Where its boundary touches itself at a vertex, loops touch there, but
@@ -35,96 +35,96 @@ def merged(skin: Skin) -> Skin:
     """
     group = list(range(len(skin.patches)))
     inner = set()
-    for number, found in skin.uses().items():
-        if len(found) == 2 and _continued(skin, found):
+    for number, found in skin.locate_edge_uses().items():
+        if len(found) == 2 and _is_plane_continued(skin, found):
             inner.add(number)
-            low, high = sorted(_root(group, at[0]) for at in found)
+            low, high = sorted(_find_root(group, at[0]) for at in found)
             group[high] = low
     members: dict[int, list[Patch]] = {}
     for i, patch in enumerate(skin.patches):
-        members.setdefault(_root(group, i), []).append(patch)
+        members.setdefault(_find_root(group, i), []).append(patch)
     return replace(
         skin,
-        patches=tuple(_joined(patches, inner, skin.edges) for patches in members.values()),
+        patches=tuple(_join_patches(patches, inner, skin.edges) for patches in members.values()),
         edges={number: edge for number, edge in skin.edges.items() if number not in inner},
     )
 
 
-def planar_patch(
-    faces: tuple[int, ...], frame: Frame, loops: Sequence[Loop], area: float = 0.0, off: float = 0.0
+def make_planar_patch(
+    faces: tuple[int, ...], frame: PlaneFrame, loops: Sequence[Loop], area: float = 0.0, off: float = 0.0
 ) -> Patch:
     """Return a patch of a plane from loops, in any order, in the coordinates of its frame; see :class:`Patch`."""
-    loops = outer_first(loops)
-    points = polygon(loops[0])
+    loops = sort_outer_first(loops)
+    points = sample_loop_polygon(loops[0])
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = _MARGIN * (high - low).max()
-    return Patch(faces, "plane", frame.surface(low - margin, high + margin), True, loops, frame, area, off)
+    margin = _WINDOW_MARGIN * (high - low).max()
+    return Patch(faces, "plane", frame.make_rectangle(low - margin, high + margin), True, loops, frame, area, off)
 
 
-def outer_first(loops: Iterable[Loop]) -> tuple[Loop, ...]:
+def sort_outer_first(loops: Iterable[Loop]) -> tuple[Loop, ...]:
     """Return loops by falling signed area in the parameter plane."""
-    return tuple(sorted(loops, key=lambda loop: -_area(polygon(loop))))
+    return tuple(sorted(loops, key=lambda loop: -_signed_area(sample_loop_polygon(loop))))
 
 
-def polygon(loop: Loop) -> Array:
+def sample_loop_polygon(loop: Loop) -> Array:
     """Return points (n, 2) along a loop in the parameter plane, eight on every piece of a pcurve."""
     points = []
     for use in loop:
-        t = (use.breaks[:-1, None] + _SAMPLES * np.diff(use.breaks)[:, None]).ravel()
+        t = (use.breaks[:-1, None] + _SAMPLE_FRACTIONS * np.diff(use.breaks)[:, None]).ravel()
         along = use.pcurve(np.append(t, use.breaks[-1]))
         points.append((along if use.forward else along[::-1])[:-1])
     return np.concatenate(points)
 
 
-def in_plane(frame: Frame, points: Mapping) -> Mapping:
+def project_to_plane(frame: PlaneFrame, points: CurveFunction) -> CurveFunction:
     """Return a curve of space as one in the coordinates of a plane."""
-    return lambda t: frame.flat(points(t))
+    return lambda t: frame.to_local_coords(points(t))
 
 
-def _area(points: Array) -> float:
+def _signed_area(points: Array) -> float:
     x, y = (points - points[0]).T
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
-def _root(group: list[int], i: int) -> int:
+def _find_root(group: list[int], i: int) -> int:
     while group[i] != i:
         i = group[i]
     return i
 
 
-def _continued(skin: Skin, found: tuple[tuple[int, int, int], ...]) -> bool:
+def _is_plane_continued(skin: PatchShell, found: tuple[tuple[int, int, int], ...]) -> bool:
     """Whether the two patches at an edge, which may be one, are one plane that goes on across it."""
     first, second = (skin.patches[i] for i, _, _ in found)
     one, other = (skin.patches[i].loops[j][k] for i, j, k in found)
     if first.frame is None or second.frame is None or one.forward == other.forward:
         return False
     normal, across = first.frame.normal, second.frame.normal
-    if normal @ across <= 0 or np.linalg.norm(np.cross(normal, across)) > ANGLE:
+    if normal @ across <= 0 or np.linalg.norm(np.cross(normal, across)) > COPLANAR_ANGLE:
         return False
     corners = np.concatenate([skin.edges[use.edge].points(use.breaks) for loop in second.loops for use in loop])
-    return bool(np.abs((corners - first.frame.origin) @ normal).max() <= OFFSET)
+    return bool(np.abs((corners - first.frame.origin) @ normal).max() <= COPLANAR_DISTANCE)
 
 
-def _joined(patches: list[Patch], inner: set[int], edges: dict[int, Edge]) -> Patch:
+def _join_patches(patches: list[Patch], inner: set[int], edges: dict[int, PatchEdge]) -> Patch:
     uses = [use for patch in patches for loop in patch.loops for use in loop]
     kept = [use for use in uses if use.edge not in inner]
     frame = patches[0].frame
     if frame is None or len(kept) == len(uses):
         return patches[0]
-    kept = [replace(use, pcurve=in_plane(frame, edges[use.edge].points)) for use in kept]
+    kept = [replace(use, pcurve=project_to_plane(frame, edges[use.edge].points)) for use in kept]
     faces = tuple(sorted(face for patch in patches for face in patch.faces))
-    off = max(patch.off + _apart(frame, patch) for patch in patches)
-    return planar_patch(faces, frame, _chained(kept, edges), sum(patch.area for patch in patches), off)
+    off = max(patch.plane_deviation + _measure_plane_distance(frame, patch) for patch in patches)
+    return make_planar_patch(faces, frame, _chain_loops(kept, edges), sum(patch.area for patch in patches), off)
 
 
-def _apart(frame: Frame, patch: Patch) -> float:
+def _measure_plane_distance(frame: PlaneFrame, patch: Patch) -> float:
     """Return the largest distance of a patch of a plane from another plane: that of a corner of its window."""
     u, v = (np.array(domain) for domain in patch.surface.domain)
     corners = patch.surface.grid(u, v)
     return float(np.abs((corners - frame.origin) @ frame.normal).max())
 
 
-def _chained(uses: list[EdgeUse], edges: dict[int, Edge]) -> list[Loop]:
+def _chain_loops(uses: list[EdgeUse], edges: dict[int, PatchEdge]) -> list[Loop]:
     """Return the loops of uses that have material on their left."""
     coming: dict[int, list[int]] = {}
     going: dict[int, list[int]] = {}
@@ -134,7 +134,7 @@ def _chained(uses: list[EdgeUse], edges: dict[int, Edge]) -> list[Loop]:
         coming.setdefault(stop, []).append(i)
     after = {}
     for vertex, incoming in coming.items():
-        after.update(_paired(uses, incoming, going[vertex]))
+        after.update(_pair_uses(uses, incoming, going[vertex]))
     loops = []
     while after:
         chain = [next(iter(after))]
@@ -144,12 +144,12 @@ def _chained(uses: list[EdgeUse], edges: dict[int, Edge]) -> list[Loop]:
     return loops
 
 
-def _paired(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) -> dict[int, int]:
+def _pair_uses(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) -> dict[int, int]:
     """Return which use goes on where which one comes in: the first one met by a turn through what is no material."""
     if len(incoming) == 1:
         return {incoming[0]: outgoing[0]}
-    backward = np.array([_direction(uses[i], 1) for i in incoming])
-    ahead = np.array([_direction(uses[i], 0) for i in outgoing])
+    backward = np.array([_angle_at_vertex(uses[i], 1) for i in incoming])
+    ahead = np.array([_angle_at_vertex(uses[i], 0) for i in outgoing])
     turns = np.mod(ahead - backward[:, None], 2 * np.pi)
     pairs: dict[int, int] = {}
     for flat in np.argsort(turns, axis=None):
@@ -159,9 +159,9 @@ def _paired(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) -> di
     return pairs
 
 
-def _direction(use: EdgeUse, end: int) -> float:
+def _angle_at_vertex(use: EdgeUse, end: int) -> float:
     """Return the angle at which a use is seen from the vertex it starts (0) or stops at (1)."""
     breaks = use.breaks if use.forward == (end == 0) else use.breaks[::-1]
-    here, near = use.pcurve(np.array([breaks[0], breaks[0] + _NEAR * (breaks[1] - breaks[0])]))
+    here, near = use.pcurve(np.array([breaks[0], breaks[0] + _VERTEX_SHARE * (breaks[1] - breaks[0])]))
     x, y = near - here
     return float(np.arctan2(y, x))

@@ -16,14 +16,14 @@ import shapely
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
-CORNERS = 3
+MIN_CORNERS = 3
 """Vertices of a loop at least: fewer enclose nothing."""
 
-Point = tuple[float, float]
+ParameterPoint = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Side:
+class DomainSide:
     """A side of a trimming loop: points (n + 1, 2) along one use of an edge, in the parameter plane."""
 
     use: int
@@ -31,7 +31,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class CutLines:
     """Parameter lines to cut along.
 
     Attributes
@@ -48,13 +48,13 @@ class Lines:
     rows: Array
     cuts: Mapping[int, Sequence[float]] = field(default_factory=dict)
 
-    def values(self, axis: int) -> Array:
+    def list_values(self, axis: int) -> Array:
         """Return all values at which one parameter is constant on a line, increasing."""
         return self.rows if axis == self.axis else np.unique([x for row in self.cuts.values() for x in row])
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class BoundaryStep:
     """From one vertex of a cell to the next.
 
     Attributes
@@ -69,15 +69,15 @@ class Step:
         On a line, its axis (0 for u = const, 1 for v = const) and its index among the lines of that axis.
     """
 
-    start: Point
-    stop: Point
+    start: ParameterPoint
+    stop: ParameterPoint
     use: int | None = None
     places: tuple[int, int] = (0, 0)
     line: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class DomainCell:
     """A connected part of a trimmed domain between neighbouring lines.
 
     Attributes
@@ -89,10 +89,10 @@ class Cell:
     """
 
     row: int
-    loops: tuple[tuple[Step, ...], ...]
+    loops: tuple[tuple[BoundaryStep, ...], ...]
 
 
-def cut(loops: Sequence[Sequence[Side]], lines: Lines) -> list[Cell]:
+def cut_domain(loops: Sequence[Sequence[DomainSide]], lines: CutLines) -> list[DomainCell]:
     """Cut a trimmed domain along lines of one parameter, and the rows between them along lines of the other.
 
     Parameters
@@ -126,7 +126,7 @@ def cut(loops: Sequence[Sequence[Side]], lines: Lines) -> list[Cell]:
         )
     }
     for ring in rings:
-        if len(ring) < CORNERS or not np.isfinite(ring).all():
+        if len(ring) < MIN_CORNERS or not np.isfinite(ring).all():
             raise GeometryError(
                 f"a trimming loop of {len(ring)} vertices, the first at (u, v) = {tuple(ring[0].tolist())}, encloses "
                 "nothing: the face is a sliver; repair it, or take a smaller tolerance"
@@ -135,17 +135,19 @@ def cut(loops: Sequence[Sequence[Side]], lines: Lines) -> list[Cell]:
     if not domain.is_valid:
         raise GeometryError(f"the trimming loops are not simple: {shapely.is_valid_reason(domain)} (u, v)")
     try:
-        return list(_cells(domain, known, lines))
+        return list(_generate_cells(domain, known, lines))
     except shapely.errors.GEOSException as error:
         raise GeometryError(f"the trimming loops cannot be cut along parameter lines: {error}") from error
 
 
-def _cells(domain: shapely.Polygon, known: dict[tuple[Point, Point], tuple[int, int]], lines: Lines) -> Iterator[Cell]:
+def _generate_cells(
+    domain: shapely.Polygon, known: dict[tuple[ParameterPoint, ParameterPoint], tuple[int, int]], lines: CutLines
+) -> Iterator[DomainCell]:
     low, high = np.reshape(domain.bounds, (2, 2))
     least = 1e-13 * float(np.prod(high - low))
     reach = (low - (high - low), high + (high - low))
     axis = lines.axis
-    values = (lines.values(0).tolist(), lines.values(1).tolist())
+    values = (lines.list_values(0).tolist(), lines.list_values(1).tolist())
     rows = [reach[0][axis], *lines.rows, reach[1][axis]]
     for row, (bottom, top) in enumerate(pairwise(rows)):
         columns = [reach[0][1 - axis], *lines.cuts.get(row, ()), reach[1][1 - axis]]
@@ -156,14 +158,14 @@ def _cells(domain: shapely.Polygon, known: dict[tuple[Point, Point], tuple[int, 
             borders = [(i, values[i].index(end[i]), end[i]) for end in corners for i in (0, 1) if end[i] in values[i]]
             for polygon in shapely.get_parts(part):
                 if isinstance(polygon, shapely.Polygon) and polygon.area > least:
-                    yield Cell(row, tuple(_loops(polygon, known, borders)))
+                    yield DomainCell(row, tuple(_label_loops(polygon, known, borders)))
 
 
-def _loops(
+def _label_loops(
     polygon: shapely.Polygon,
-    known: dict[tuple[Point, Point], tuple[int, int]],
+    known: dict[tuple[ParameterPoint, ParameterPoint], tuple[int, int]],
     borders: Sequence[tuple[int, int, float]],
-) -> Iterator[tuple[Step, ...]]:
+) -> Iterator[tuple[BoundaryStep, ...]]:
     """Tell what each side of a cell is; borders are lines: axis, index, value."""
     oriented = shapely.geometry.polygon.orient(polygon)
     for ring in (oriented.exterior, *oriented.interiors):
@@ -171,13 +173,13 @@ def _loops(
         for start, stop in pairwise(map(tuple, shapely.get_coordinates(ring).tolist())):
             if (start, stop) in known:
                 use, k = known[start, stop]
-                steps.append(Step(start, stop, use, (k, k + 1)))
+                steps.append(BoundaryStep(start, stop, use, (k, k + 1)))
             elif (stop, start) in known:
                 use, k = known[stop, start]
-                steps.append(Step(start, stop, use, (k + 1, k)))
+                steps.append(BoundaryStep(start, stop, use, (k + 1, k)))
             else:
                 line = [(axis, i) for axis, i, value in borders if start[axis] == stop[axis] == value]
                 if not line:
                     raise GeometryError(f"a trimming loop touches itself between (u, v) = {start} and {stop}")
-                steps.append(Step(start, stop, line=line[0]))
+                steps.append(BoundaryStep(start, stop, line=line[0]))
         yield tuple(steps)

@@ -15,32 +15,32 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.arc_length import ArcLength
-from cqblend.patterns.flatten.flat_face import DividedPatch, Laying, Wishes, laid_flat
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions, unroll_strips
 from cqblend.patterns.outline import plane_path
 from cqblend.patterns.outline.pieces import RunKind
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.trim import domain_cells
-from cqblend.patterns.trim.domain_cells import Cell, Side, Step
-from cqblend.patterns.trim.shared_vertices import Samples, Use, sample
-from cqblend.patterns.trim.trimmed_patch import Edge, Skin
+from cqblend.patterns.trim.domain_cells import BoundaryStep, DomainCell, DomainSide
+from cqblend.patterns.trim.shared_vertices import EdgeVertices, UseWithLines, sample_edge
+from cqblend.patterns.trim.trimmed_patch import PatchEdge, PatchShell
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
-_STRAIGHT = 1e-13
+_STRAIGHT_EXCESS = 1e-13
 """An arc that is longer than its chord by this part only is straight: the rest is rounding."""
 
-_JOINT = 1e-8
+_JOINT_GAP = 1e-8
 """Mm: a tenth of the tolerance that OCCT's vertices have."""
 
-_STANDS = 1e-13
+_STILL_SHARE = 1e-13
 """A rail stands still where it moves by less than this part of its length."""
 
-_NEAR = 1e-9
+_VERTEX_MERGE_SHARE = 1e-9
 """Vertices closer together than this part of their run are one."""
 
 
 @dataclass(slots=True, eq=False)
-class Draft:
+class RunDraft:
     """A run before it is bowed.
 
     Its vertices, flat; where the exact curve is between them, (n, PARTS - 1, 2), at equal steps of the parameter; the
@@ -59,7 +59,7 @@ class Draft:
     inward: bool = False
     drawn: Curve | None = None
 
-    def turned(self) -> "Draft":
+    def reverse_run(self) -> "RunDraft":
         """Return the same run backwards."""
         return replace(
             self,
@@ -72,114 +72,126 @@ class Draft:
             drawn=self.drawn and self.drawn.reverse(),
         )
 
-    def straightened(self) -> "Draft":
+    def drop_inner_vertices(self) -> "RunDraft":
         """Return the run without its inner vertices, as long as before."""
         return replace(
             self,
             points=self.points[[0, -1]],
-            between=_on_chord(self.points[[0, -1]]),
+            between=_sample_chord(self.points[[0, -1]]),
             space=self.space[[0, -1]],
             places=self.places[[0, -1]],
             lengths=self.lengths.sum()[None],
         )
 
-    def trim(self) -> Array | Curve:
+    def to_trim_curve(self) -> Array | Curve:
         """Return the run in the parameters of the strip or plane, as it is drawn if that joins the next runs."""
         if self.drawn is not None:
             apart = np.abs(self.drawn(self.drawn.breaks[[0, -1]]) - self.places[[0, -1]]).max()
-            if apart < _JOINT:
+            if apart < _JOINT_GAP:
                 return self.drawn
         return self.places
 
     @property
-    def chords(self) -> Array:
+    def chord_lengths(self) -> Array:
         """Lengths of the chords, (n,)."""
         return np.asarray(np.linalg.norm(np.diff(self.points, axis=0), axis=1))
 
     @property
-    def extents(self) -> Array:
+    def curve_lengths(self) -> Array:
         """Lengths of the exact curve in the plane, nearly, (n,)."""
         starts, stops = self.points[:-1, None], self.points[1:, None]
         steps = np.diff(np.concatenate([starts, self.between, stops], axis=1), axis=1)
         return np.asarray(np.linalg.norm(steps, axis=2).sum(axis=1))
 
-    def path(self) -> Path:
+    def to_path(self) -> Path:
         """Return the run with each segment bowed to its length, outwards where nothing tells the side.
 
         The end of a strip is straight, and becomes one arc: inwards if it is to follow another end.
         """
-        bent = self.lengths - self.chords > _STRAIGHT * self.lengths
-        bows = np.where(bent, plane_path.bulges(self.chords, self.lengths), 0.0)
+        bent = self.lengths - self.chord_lengths > _STRAIGHT_EXCESS * self.lengths
+        bows = np.where(bent, plane_path.solve_bulges(self.chord_lengths, self.lengths), 0.0)
         if self.kind == "end":
             return Path(self.points, -bows if self.inward else bows)
-        chord, arm = np.diff(self.points, axis=0), self.between[:, plane_path.PARTS // 2 - 1] - self.points[:-1]
+        chord, arm = np.diff(self.points, axis=0), self.between[:, plane_path.ARC_SAMPLES // 2 - 1] - self.points[:-1]
         inwards = chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0] > 1e-9 * (chord**2).sum(axis=1)
         return Path(self.points, np.where(inwards, -bows, bows))
 
-    def off(self) -> Array:
+    def measure_arc_error(self) -> Array:
         """Return how far the flat curve is from each segment or arc of the path, mm; (n,).
 
         Zero at ends of strips: their bows reach beyond the last ruling by what the edge is off that.
         """
-        return np.zeros(len(self.between)) if self.kind == "end" else plane_path.off_arcs(self.path(), self.between)
+        return (
+            np.zeros(len(self.between))
+            if self.kind == "end"
+            else plane_path.measure_arc_deviations(self.to_path(), self.between)
+        )
 
 
-def _on_chord(ends: Array) -> Array:
+def _sample_chord(ends: Array) -> Array:
     """Return points (1, PARTS - 1, 2) of the segment between two ends (2, 2)."""
-    part = np.arange(1, plane_path.PARTS)[:, None] / plane_path.PARTS
+    part = np.arange(1, plane_path.ARC_SAMPLES)[:, None] / plane_path.ARC_SAMPLES
     return np.asarray((ends[0] + part * (ends[1] - ends[0]))[None])
 
 
-def _inner(t: Array) -> Array:
+def _subdivide_parameters(t: Array) -> Array:
     """Return parameters (n, PARTS - 1) between neighbours of parameters (n + 1,)."""
-    return np.asarray(t[:-1, None] + np.diff(t)[:, None] * np.arange(1, plane_path.PARTS) / plane_path.PARTS)
+    return np.asarray(
+        t[:-1, None] + np.diff(t)[:, None] * np.arange(1, plane_path.ARC_SAMPLES) / plane_path.ARC_SAMPLES
+    )
 
 
 @dataclass(slots=True, eq=False)
-class Laid:
+class PieceDraft:
     """A piece on its way: where it is from, and its loops."""
 
     face: DividedPatch
     row: int
     span: tuple[float, float]
-    laying: Laying | None
-    loops: list[list[Draft]]
+    laying: UnrolledStrip | None
+    loops: list[list[RunDraft]]
 
 
-class Edges:
+class SampledEdges:
     """The vertices along all edges, and the lengths between them."""
 
     def __init__(
-        self, skin: Skin, faces: Sequence[DividedPatch], wishes: Wishes, extra: Mapping[int, Array] | None = None
+        self,
+        skin: PatchShell,
+        faces: Sequence[DividedPatch],
+        wishes: UnrollOptions,
+        extra: Mapping[int, Array] | None = None,
     ) -> None:
         self.edges, self.extra, self.tolerance = skin.edges, extra or {}, wishes.tolerance
-        users: dict[int, list[Use]] = defaultdict(list)
+        users: dict[int, list[UseWithLines]] = defaultdict(list)
         sagittas: dict[int, float] = defaultdict(lambda: np.inf)
         finer: dict[int, float] = defaultdict(lambda: 1.0)
         least: dict[int, int] = defaultdict(lambda: 1)
         for face in faces:
-            lines = face.lines()
+            lines = face.make_cut_lines()
             for loop in face.patch.loops:
                 for use in loop:
-                    least[use.edge] = max(least[use.edge], domain_cells.CORNERS + 1 - len(loop))
+                    least[use.edge] = max(least[use.edge], domain_cells.MIN_CORNERS + 1 - len(loop))
             for use in (use for loop in face.patch.loops for use in loop):
                 users[use.edge].append((use, lines, face.extent))
                 finer[use.edge] = max(finer[use.edge], face.finer)
                 if face.strips:
                     sagittas[use.edge] = min(sagittas[use.edge], wishes.tolerance / face.finer / 2)
-        self.samples: dict[int, Samples] = {}
+        self.samples: dict[int, EdgeVertices] = {}
         self.uv: dict[int, Array] = {}  # by identity of the use
         self.lengths: dict[int, Array] = {}
         self.refused: dict[int, CqblendError] = {}
         for number, uses in users.items():
             edge = skin.edges[number]
             try:
-                self._sample(edge, uses, wishes.flat / finer[number], sagittas[number], least[number])
+                self._add_edge(edge, uses, wishes.flat / finer[number], sagittas[number], least[number])
             except CqblendError as error:
                 self.refused[number] = error
 
-    def _sample(self, edge: Edge, uses: Sequence[Use], tolerance: float, sagitta: float, least: int) -> None:
-        samples = sample(edge, uses, tolerance, sagitta, least, self.extra.get(edge.index, ()))
+    def _add_edge(
+        self, edge: PatchEdge, uses: Sequence[UseWithLines], tolerance: float, sagitta: float, least: int
+    ) -> None:
+        samples = sample_edge(edge, uses, tolerance, sagitta, least, self.extra.get(edge.index, ()))
         self.samples[edge.index] = samples
         self.uv |= {id(use): uv for (use, _, _), uv in zip(uses, samples.uv, strict=True)}
         if edge.degenerate:
@@ -189,7 +201,7 @@ class Edges:
         else:
             self.lengths[edge.index] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
 
-    def sides(self, face: DividedPatch) -> list[list[Side]]:
+    def make_sides(self, face: DividedPatch) -> list[list[DomainSide]]:
         """Return the loops of a patch in its parameter plane; a side's `use` counts the uses of the patch.
 
         Where a side ends on a line, the next one begins there.
@@ -199,7 +211,7 @@ class Edges:
         CqblendError
             One of its edges could not be sampled.
         """
-        loops, count, lines = [], 0, face.lines()
+        loops, count, lines = [], 0, face.make_cut_lines()
         for loop in face.patch.loops:
             sides = []
             for use in loop:
@@ -207,22 +219,22 @@ class Edges:
                     error = self.refused[use.edge]
                     raise type(error)(f"edge {use.edge}: {error}")
                 uv = self.uv[id(use)]
-                sides.append(Side(count, uv if use.forward else uv[::-1]))
+                sides.append(DomainSide(count, uv if use.forward else uv[::-1]))
                 count += 1
             for side, after in zip(sides, [*sides[1:], sides[0]], strict=True):
                 for axis in (0, 1):
                     here, there = side.points[-1, axis], after.points[0, axis]
-                    after.points[0, axis] = here if here in lines.values(axis) else there
+                    after.points[0, axis] = here if here in lines.list_values(axis) else there
                     side.points[-1, axis] = after.points[0, axis]
             loops.append(sides)
         return loops
 
 
-def carried(face: DividedPatch, edges: Edges, wishes: Wishes) -> list[Laid]:
+def flatten_patch_loops(face: DividedPatch, edges: SampledEdges, wishes: UnrollOptions) -> list[PieceDraft]:
     """Cut a patch's loops into the cells of its strips and carry them to the plane."""
-    lines = face.lines()
-    values = (lines.values(0), lines.values(1))
-    found = domain_cells.cut(edges.sides(face), lines)
+    lines = face.make_cut_lines()
+    values = (lines.list_values(0), lines.list_values(1))
+    found = domain_cells.cut_domain(edges.make_sides(face), lines)
     breaks: dict[tuple[int, int], set[float]] = defaultdict(set)
     for step in (step for cell in found for loop in cell.loops for step in loop):
         for axis in (0, 1):
@@ -230,67 +242,67 @@ def carried(face: DividedPatch, edges: Edges, wishes: Wishes) -> list[Laid]:
                 on = np.flatnonzero(values[axis] == vertex[axis])
                 if len(on):
                     breaks[axis, int(on[0])].add(vertex[1 - axis])
-    rows: dict[int, list[Cell]] = defaultdict(list)
+    rows: dict[int, list[DomainCell]] = defaultdict(list)
     for cell in found:
         rows[cell.row].append(cell)
-    layings = laid_flat(face, _vertices(face, rows, breaks), wishes) if face.strips else {}
+    layings = unroll_strips(face, _collect_vertices(face, rows, breaks), wishes) if face.strips else {}
     laid = []
     for row, members in sorted(rows.items()):
         laying = layings.get(row)
-        carrier = _Carrier(face, row, laying, edges, breaks)
+        carrier = _LoopFlattener(face, row, laying, edges, breaks)
         for cell in members:
-            loops = [carrier.loop(loop) for loop in cell.loops]
-            corners = face.oriented(np.array([step.start for step in cell.loops[0]]))[0]
-            laid.append(Laid(face, row, (float(corners.min()), float(corners.max())), laying, loops))
+            loops = [carrier.flatten_loop(loop) for loop in cell.loops]
+            corners = face.to_rail_axes(np.array([step.start for step in cell.loops[0]]))[0]
+            laid.append(PieceDraft(face, row, (float(corners.min()), float(corners.max())), laying, loops))
     return laid
 
 
-def _vertices(
-    face: DividedPatch, rows: Mapping[int, Sequence[Cell]], breaks: Mapping[tuple[int, int], set[float]]
+def _collect_vertices(
+    face: DividedPatch, rows: Mapping[int, Sequence[DomainCell]], breaks: Mapping[tuple[int, int], set[float]]
 ) -> dict[int, Array]:
     """Return, for every strip that has cells, the vertices on it and its borders: (t, across) of each."""
     vertices = {}
     for row, members in rows.items():
         corners = np.array([step.start for cell in members for loop in cell.loops for step in loop])
         borders = zip(face.strips[row].span, (row - 1, row), strict=True)
-        broken = [(x, end) for end, i in borders for x in breaks[face.across, i]]
-        vertices[row] = np.concatenate([np.stack(face.oriented(corners), axis=-1), np.reshape(broken, (-1, 2))])
+        broken = [(x, end) for end, i in borders for x in breaks[face.across_axis, i]]
+        vertices[row] = np.concatenate([np.stack(face.to_rail_axes(corners), axis=-1), np.reshape(broken, (-1, 2))])
     return vertices
 
 
-class _Carrier:
+class _LoopFlattener:
     """Carries the loops of one strip's cells to the plane."""
 
     def __init__(
         self,
         face: DividedPatch,
         row: int,
-        laying: Laying | None,
-        edges: Edges,
+        laying: UnrolledStrip | None,
+        edges: SampledEdges,
         breaks: dict[tuple[int, int], set[float]],
     ) -> None:
         self.face, self.row, self.laying, self.edges, self.breaks = face, row, laying, edges, breaks
         self.uses = [use for loop in face.patch.loops for use in loop]
         self.reach = [ArcLength(rail) for rail in laying.rails] if laying else []
 
-    def loop(self, steps: Sequence[Step]) -> list[Draft]:
+    def flatten_loop(self, steps: Sequence[BoundaryStep]) -> list[RunDraft]:
         """Return the runs of a closed chain of steps, the ends of each made the beginning of the next."""
-        drafts = [self._along(group) for group in self._groups(steps)]
+        drafts = [self._make_run(group) for group in self._group_steps(steps)]
         if not self.face.patch.outward:
-            drafts = [draft.turned() for draft in reversed(drafts)]
+            drafts = [draft.reverse_run() for draft in reversed(drafts)]
         for draft, after in zip(drafts, [*drafts[1:], drafts[0]], strict=True):
             draft.points = np.concatenate([draft.points[:-1], after.points[:1]])
             draft.space = np.concatenate([draft.space[:-1], after.space[:1]])
             draft.places = np.concatenate([draft.places[:-1], after.places[:1]])
         return drafts
 
-    def _groups(self, steps: Sequence[Step]) -> list[list[Step]]:
+    def _group_steps(self, steps: Sequence[BoundaryStep]) -> list[list[BoundaryStep]]:
         """Break a closed chain where the border changes, or where a neighbour's does."""
-        pieces = [part for step in steps for part in self._broken(step)]
+        pieces = [part for step in steps for part in self._split_at_neighbours(step)]
         starts = [
             i
             for i, (before, after) in enumerate(zip([pieces[-1], *pieces[:-1]], pieces, strict=True))
-            if self._apart(before, after)
+            if self._is_run_boundary(before, after)
         ]
         if not starts:
             return [pieces]
@@ -298,7 +310,7 @@ class _Carrier:
         bounds = [i - starts[0] for i in starts] + [len(pieces)]
         return [pieces[i:j] for i, j in pairwise(bounds)]
 
-    def _broken(self, step: Step) -> list[Step]:
+    def _split_at_neighbours(self, step: BoundaryStep) -> list[BoundaryStep]:
         """Break a step on a line wherever a neighbouring cell has a vertex."""
         if step.use is not None:
             return [step]
@@ -310,75 +322,77 @@ class _Carrier:
         corners = [(value, x) if axis == 0 else (x, value) for x in stops]
         return [replace(step, start=a, stop=b) for a, b in pairwise(corners)]
 
-    def _apart(self, before: Step, after: Step) -> bool:
+    def _is_run_boundary(self, before: BoundaryStep, after: BoundaryStep) -> bool:
         if before.use is None or before.use != after.use:
             return True
-        return self._place(after, 0) in self.edges.samples[self.uses[before.use].edge].stops
+        return self._find_vertex_index(after, 0) in self.edges.samples[self.uses[before.use].edge].strip_breaks
 
-    def _place(self, step: Step, end: int) -> int:
+    def _find_vertex_index(self, step: BoundaryStep, end: int) -> int:
         """Return the index among the samples of its edge of a step's start (0) or stop (1)."""
         assert step.use is not None
         use, place = self.uses[step.use], step.places[end]
         return place if use.forward else len(self.edges.samples[use.edge].t) - 1 - place
 
-    def _along(self, steps: list[Step]) -> Draft:
-        return self._on_line(steps[0]) if steps[0].use is None else self._on_edge(steps)
+    def _make_run(self, steps: list[BoundaryStep]) -> RunDraft:
+        return self._make_line_run(steps[0]) if steps[0].use is None else self._make_edge_run(steps)
 
-    def _on_edge(self, steps: list[Step]) -> Draft:
+    def _make_edge_run(self, steps: list[BoundaryStep]) -> RunDraft:
         assert steps[0].use is not None
         use = self.uses[steps[0].use]
         edge, samples = self.edges.edges[use.edge], self.edges.samples[use.edge]
-        passed = [self._place(steps[0], 0), *(self._place(step, 1) for step in steps)]
+        passed = [self._find_vertex_index(steps[0], 0), *(self._find_vertex_index(step, 1) for step in steps)]
         low, high, rising = min(passed), max(passed), passed[0] < passed[-1]
         window = slice(low, high + 1)
         t, uv = samples.t[window], self.edges.uv[id(use)][window]
-        inner = _inner(t)
+        inner = _subdivide_parameters(t)
         if self.face.patch.frame is not None:
             space, places = edge.points(t), uv
-            points, between = (self.face.patch.frame.flat(some) for some in (space, edge.points(inner.ravel())))
+            points, between = (
+                self.face.patch.frame.to_local_coords(some) for some in (space, edge.points(inner.ravel()))
+            )
         else:
-            (points, places), (between, _) = self._flat(uv), self._flat(use.pcurve(inner.ravel()))
-            space = self._space(places)
-        kind: RunKind = "trim" if self._oblique(uv) else "rail" if self._level(uv) else "end"
+            (points, places), (between, _) = self._flatten_points(uv), self._flatten_points(use.pcurve(inner.ravel()))
+            space = self._map_to_space(places)
+        kind: RunKind = "trim" if self._is_oblique(uv) else "rail" if self._is_along_rails(uv) else "end"
         lengths = self.edges.lengths[use.edge][low:high]
         key = None if edge.degenerate else ("edge", use.edge, low, high)
-        draft = Draft(key, kind, points, between.reshape(*inner.shape, 2), space, places, lengths, True)
+        draft = RunDraft(key, kind, points, between.reshape(*inner.shape, 2), space, places, lengths, True)
         if self.face.patch.frame is not None and edge.curve is not None:
-            draft.drawn = self.face.patch.frame.drawn(edge.curve.clip(*edge.parameter(t[[0, -1]])))
-        return draft if rising else draft.turned()
+            draft.drawn = self.face.patch.frame.project_curve(edge.curve.clip(*edge.parameter(t[[0, -1]])))
+        return draft if rising else draft.reverse_run()
 
-    def _nodes(self, side: int, ends: Array) -> Array:
+    def _pick_rail_nodes(self, side: int, ends: Array) -> Array:
         """Return the nodes along a rail from one parameter to another, one only where the rail stands still."""
         assert self.laying is not None
-        nodes, near = self.laying.flat.nodes, _NEAR * (ends[1] - ends[0])
+        nodes, near = self.laying.flat.nodes, _VERTEX_MERGE_SHARE * (ends[1] - ends[0])
         r = np.concatenate([ends[:1], nodes[(nodes > ends[0] + near) & (nodes < ends[1] - near)], ends[1:]])
         s = self.reach[side](r)
-        moves = np.diff(s) > _STANDS * self.reach[side].length
+        moves = np.diff(s) > _STILL_SHARE * self.reach[side].length
         # the last of those that stand at the end is the end
         kept = np.append(True, moves)
         kept[-1] = True
-        kept[1:-1] &= s[-1] - s[1:-1] > _STANDS * self.reach[side].length
+        kept[1:-1] &= s[-1] - s[1:-1] > _STILL_SHARE * self.reach[side].length
         return np.asarray(r[kept])
 
-    def _flat(self, uv: Array) -> tuple[Array, Array]:
+    def _flatten_points(self, uv: Array) -> tuple[Array, Array]:
         """Return points of the parameter plane in the plane, and on the strip."""
         assert self.laying is not None
-        r, w = self.laying.locate(*self.face.oriented(uv))
+        r, w = self.laying.locate_on_ruling(*self.face.to_rail_axes(uv))
         return self.laying.flat(r, w), np.stack([r, w], axis=-1)
 
-    def _space(self, places: Array) -> Array:
+    def _map_to_space(self, places: Array) -> Array:
         """Return where points (r, w) of the strip are in space."""
         assert self.laying is not None
         first, second = (rail(places[:, 0]) for rail in self.laying.rails)
         return np.asarray(first + places[:, 1:] * (second - first))
 
-    def _oblique(self, uv: Array) -> bool:
+    def _is_oblique(self, uv: Array) -> bool:
         return bool((np.ptp(uv, axis=0) > 1e-6 * np.array(self.face.extent)).all())
 
-    def _level(self, uv: Array) -> bool:
-        return bool(np.ptp(uv[:, self.face.across]) < np.ptp(uv[:, 1 - self.face.across]))
+    def _is_along_rails(self, uv: Array) -> bool:
+        return bool(np.ptp(uv[:, self.face.across_axis]) < np.ptp(uv[:, 1 - self.face.across_axis]))
 
-    def _on_line(self, step: Step) -> Draft:
+    def _make_line_run(self, step: BoundaryStep) -> RunDraft:
         """Return the run along a rail, or across the strip along a ruling at which it is cut."""
         assert self.laying is not None
         laying, flat = self.laying, self.laying.flat
@@ -386,17 +400,17 @@ class _Carrier:
         start, stop = step.start[1 - axis], step.stop[1 - axis]
         low, high = min(start, stop), max(start, stop)
         key = ("line", id(self.face), axis, index, low, high)
-        if axis == self.face.across:
+        if axis == self.face.across_axis:
             side = 1 if index == self.row else 0
-            ends, w = laying.locate(np.array([low, high]), np.full(2, laying.strip.span[side]))
-            r = self._nodes(side, ends)
+            ends, w = laying.locate_on_ruling(np.array([low, high]), np.full(2, laying.strip.span[side]))
+            r = self._pick_rail_nodes(side, ends)
             w = np.full(len(r), float(side))
-            between, lengths = flat(_inner(r), w[:-1, None]), np.diff(self.reach[side](r))
+            between, lengths = flat(_subdivide_parameters(r), w[:-1, None]), np.diff(self.reach[side](r))
             kind: RunKind = "rail"
         else:
-            r, w = laying.locate(np.full(2, step.start[axis]), np.array([low, high]))
-            between, lengths = _on_chord(flat(r, w)), np.zeros(1)
+            r, w = laying.locate_on_ruling(np.full(2, step.start[axis]), np.array([low, high]))
+            between, lengths = _sample_chord(flat(r, w)), np.zeros(1)
             kind = "cut"
         places = np.stack([r, w], axis=-1)
-        draft = Draft(key, kind, flat(r, w), between, self._space(places), places, lengths, True)
-        return draft if start < stop else draft.turned()
+        draft = RunDraft(key, kind, flat(r, w), between, self._map_to_space(places), places, lengths, True)
+        return draft if start < stop else draft.reverse_run()

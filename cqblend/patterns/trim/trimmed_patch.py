@@ -15,15 +15,15 @@ from cqblend.errors import CqblendError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
-Kind = Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "freeform"]
+FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "freeform"]
 """What a face is; of those before ``"sphere"``, and of extrusions, the surface is linear in v."""
 
-Mapping = Callable[[Array], Array]
+CurveFunction = Callable[[Array], Array]
 """Vectorised: parameters (n,) to points (n, dim), or to other parameters (n,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class PlaneFrame:
     """A plane in space with two perpendicular unit vectors.
 
     Attributes
@@ -49,23 +49,23 @@ class Frame:
         """The unit vector x cross y, (3,)."""
         return np.cross(self.x, self.y)
 
-    def flat(self, points: Array) -> Array:
+    def to_local_coords(self, points: Array) -> Array:
         """Return the coordinates (..., 2) of the projections of points (..., 3)."""
         return np.asarray((points - self.origin) @ np.stack([self.x, self.y], axis=-1))
 
-    def space(self, xy: Array) -> Array:
+    def to_world_coords(self, xy: Array) -> Array:
         """Return the points (..., 3) that have given coordinates (..., 2)."""
         return np.asarray(self.origin + xy @ np.stack([self.x, self.y]))
 
-    def drawn(self, curve: Curve) -> Curve:
+    def project_curve(self, curve: Curve) -> Curve:
         """Return the projection of a curve of space as a curve (x, y) of the same parameter."""
         degree, knots, poles, weights = curve.to_bspline()
-        return Curve.from_bspline(degree, knots, self.flat(poles), weights)
+        return Curve.from_bspline(degree, knots, self.to_local_coords(poles), weights)
 
-    def surface(self, low: Array, high: Array) -> Surface:
+    def make_rectangle(self, low: Array, high: Array) -> Surface:
         """Return the plane as a surface in its coordinates, from the corner low (2,) to the corner high (2,)."""
         (u0, v0), (u1, v1) = low.tolist(), high.tolist()
-        corners = self.space(np.array([[[u0, v0], [u0, v1]], [[u1, v0], [u1, v1]]]))
+        corners = self.to_world_coords(np.array([[[u0, v0], [u0, v1]], [[u1, v0], [u1, v1]]]))
         return Surface.from_bspline((1, 1), ([u0, u0, u1, u1], [v0, v0, v1, v1]), corners)
 
 
@@ -89,12 +89,12 @@ class EdgeUse:
 
     edge: int
     forward: bool
-    pcurve: Mapping
+    pcurve: CurveFunction
     breaks: Array
     degenerate: bool = False
 
     @property
-    def reversed(self) -> "EdgeUse":
+    def reversed_use(self) -> "EdgeUse":
         """The use of a loop that runs the other way."""
         return replace(self, forward=not self.forward)
 
@@ -130,18 +130,18 @@ class Patch:
         Of a plane, whose (u, v) are its coordinates: the surface is ``origin + u x + v y``. Else None.
     area
         Of the face, or faces, mm^2.
-    off
+    plane_deviation
         Largest distance of the face, or faces, from the plane, mm; 0 if it is none.
     """
 
     faces: tuple[int, ...]
-    kind: Kind
+    kind: FaceKind
     surface: Surface
     outward: bool
     loops: tuple[Loop, ...]
-    frame: Frame | None = None
+    frame: PlaneFrame | None = None
     area: float = 0.0
-    off: float = 0.0
+    plane_deviation: float = 0.0
 
     @property
     def index(self) -> int:
@@ -150,7 +150,7 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Edge:
+class PatchEdge:
     """An edge of the shape; its parameter t is shared by all its uses.
 
     Attributes
@@ -180,10 +180,10 @@ class Edge:
     """
 
     index: int
-    points: Mapping
+    points: CurveFunction
     breaks: Array
     curve: Curve | None
-    parameter: Mapping
+    parameter: CurveFunction
     vertices: tuple[int, int]
     faces: tuple[int, ...]
     angle: float
@@ -192,7 +192,7 @@ class Edge:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Skin:
+class PatchShell:
     """All that is to be unrolled of a shape: patches, and the edges that join them.
 
     Attributes
@@ -208,11 +208,11 @@ class Skin:
     """
 
     patches: tuple[Patch, ...]
-    edges: dict[int, Edge]
+    edges: dict[int, PatchEdge]
     vertices: dict[int, Array]
     refused: dict[int, CqblendError] = field(default_factory=dict)
 
-    def uses(self) -> dict[int, tuple[tuple[int, int, int], ...]]:
+    def locate_edge_uses(self) -> dict[int, tuple[tuple[int, int, int], ...]]:
         """Return, for every edge, where it is used: (patch, loop, place in the loop), counted from 0; twice at most."""
         found: dict[int, tuple[tuple[int, int, int], ...]] = dict.fromkeys(self.edges, ())
         for i, patch in enumerate(self.patches):
@@ -223,7 +223,7 @@ class Skin:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trim:
+class TrimmedSurface:
     """A surface and what is kept of it.
 
     Attributes

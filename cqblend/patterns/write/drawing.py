@@ -12,27 +12,27 @@ import numpy as np
 import shapely
 
 from cqblend.errors import PatternWarning, VerificationError, warn
-from cqblend.patterns.checks import millimetres
-from cqblend.patterns.outline.arc_fit import fitted
-from cqblend.patterns.outline.overlap import covered_wrongly
-from cqblend.patterns.outline.pieces import Piece, Seam, closed
+from cqblend.patterns.checks import check_millimetres
+from cqblend.patterns.outline.arc_fit import fit_arcs
+from cqblend.patterns.outline.overlap import find_winding_errors
+from cqblend.patterns.outline.pieces import Piece, Seam, close_loop
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.kerf import compensated
-from cqblend.patterns.stock.labels import labels, text_strokes, text_width
+from cqblend.patterns.stock.kerf import compensate_kerf
+from cqblend.patterns.stock.labels import make_text_strokes, measure_text_width, place_labels
 from cqblend.patterns.stock.sheets import Sheets
 from cqblend.splines.bernstein import Array
 
-FIT = 2e-3
+ARC_FIT_TOLERANCE = 2e-3
 """How far fitted arcs may be from the outline, mm: well below what cutters hold."""
 
-LABELS = 4.0
+LABEL_HEIGHT = 4.0
 """Height of the labels' capitals, mm."""
 
 
-_NOTES = (LABELS, 3.0, 2.0, 1.5, 1.0)
+_TRIED_NOTE_HEIGHTS = (LABEL_HEIGHT, 3.0, 2.0, 1.5, 1.0)
 """Heights of letters that are tried for notes, mm."""
 
-_CLEAR = 2.0
+_NOTE_CLEARANCE = 2.0
 """Distance of notes from pieces and borders, mm."""
 
 
@@ -47,7 +47,7 @@ class Layer(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Style:
+class LayerStyle:
     """How a layer looks.
 
     Attributes
@@ -72,11 +72,11 @@ class Style:
 
 
 STYLES = {
-    Layer.CUT: Style((255, 0, 0), 1, (), 0.25, "cut"),
-    Layer.SCORE_MOUNTAIN: Style((0, 0, 255), 5, (3.0, 1.5), 0.2, "fold: mountain"),
-    Layer.SCORE_VALLEY: Style((0, 128, 0), 94, (3.0, 1.0, 0.3, 1.0), 0.2, "fold: valley"),
-    Layer.ENGRAVE: Style((0, 0, 0), 7, (), 0.15, "engrave"),
-    Layer.GUIDE: Style((128, 128, 128), 8, (0.5, 1.0), 0.1, "guide"),
+    Layer.CUT: LayerStyle((255, 0, 0), 1, (), 0.25, "cut"),
+    Layer.SCORE_MOUNTAIN: LayerStyle((0, 0, 255), 5, (3.0, 1.5), 0.2, "fold: mountain"),
+    Layer.SCORE_VALLEY: LayerStyle((0, 128, 0), 94, (3.0, 1.0, 0.3, 1.0), 0.2, "fold: valley"),
+    Layer.ENGRAVE: LayerStyle((0, 0, 0), 7, (), 0.15, "engrave"),
+    Layer.GUIDE: LayerStyle((128, 128, 128), 8, (0.5, 1.0), 0.1, "guide"),
 }
 """Mountains are dashed and valleys dash-dotted, as in origami."""
 
@@ -110,12 +110,14 @@ class Drawing:
     notes: tuple[str, ...] = ()
     stretch: float = 0.0
 
-    def on(self, layer: Layer) -> tuple[Path, ...]:
+    def paths_on(self, layer: Layer) -> tuple[Path, ...]:
         """Return the paths on a layer."""
         return tuple(entity.path for entity in self.entities if entity.layer == layer)
 
 
-def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float | None = LABELS) -> tuple[Drawing, ...]:
+def draw_sheets(
+    sheets: Sheets, *, kerf: float = 0.0, fit: float = ARC_FIT_TOLERANCE, height: float | None = LABEL_HEIGHT
+) -> tuple[Drawing, ...]:
     """Return the drawings of sheets.
 
     Parameters
@@ -145,30 +147,30 @@ def draw(sheets: Sheets, *, kerf: float = 0.0, fit: float = FIT, height: float |
     VerificationError
         If what is to be cut crosses itself.
     """
-    kerf = millimetres("the kerf", kerf, zero=True)
-    fit = millimetres("the tolerance of fitted arcs", fit, zero=True)
+    kerf = check_millimetres("the kerf", kerf, zero=True)
+    fit = check_millimetres("the tolerance of fitted arcs", fit, zero=True)
     sheaf = []
     for number in range(sheets.count):
         entities: list[Entity] = []
         notes: list[str] = []
         stretch = 0.0
-        for piece in sheets.on(number):
-            entities.extend(_labels(piece, sheets.pieces.seams, height, notes))
+        for piece in sheets.pieces_on(number):
+            entities.extend(_draw_labels(piece, sheets.pieces.seams, height, notes))
             entities.extend(Entity(Layer(f"SCORE_{score.fold.upper()}"), score.path) for score in piece.scores)
-            outlines, change = _outlines(piece, fit)
-            if fit and covered_wrongly(outlines):  # in narrow places
-                outlines, change = _outlines(piece, 0.0)
+            outlines, change = _fit_outlines(piece, fit)
+            if fit and find_winding_errors(outlines):  # in narrow places
+                outlines, change = _fit_outlines(piece, 0.0)
             stretch = max(stretch, change)
             if kerf:
                 entities.extend(Entity(Layer.GUIDE, path) for path in outlines)
-                outlines = compensated(piece.cuts, kerf, fit, name=piece.name)
+                outlines = compensate_kerf(piece.cuts, kerf, fit, name=piece.name)
             _refuse_crossing(piece, outlines)
             entities.extend(Entity(Layer.CUT, path) for path in (*outlines[1:], outlines[0]))
         sheaf.append(Drawing(sheets.size, tuple(entities), tuple(notes), stretch))
     return tuple(sheaf)
 
 
-def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
+def join_drawings(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
     """Return one drawing of several: in a row from left to right, framed on GUIDE, notes written above.
 
     For formats that have one page. It is at least as wide as its notes. A single drawing without notes stays as it is.
@@ -182,19 +184,21 @@ def beside(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
         shift = np.array([left, 0.0])
         entities.extend(Entity(entity.layer, entity.path.moved(0.0, shift)) for entity in drawing.entities)
         corners = np.array([[0, 0], [width, 0], [width, height], [0, height], [0, 0]]) + shift
-        entities.append(Entity(Layer.GUIDE, Path.straight(corners)))
+        entities.append(Entity(Layer.GUIDE, Path.from_points(corners)))
         left += width + gap
     top = max(drawing.size[1] for drawing in drawings)
     lines = [note for drawing in drawings for note in drawing.notes]
     for k, line in enumerate(reversed(lines)):
-        foot = np.array([0.0, top + gap + k * 1.75 * LABELS])
-        entities.extend(Entity(Layer.GUIDE, stroke.moved(0.0, foot)) for stroke in text_strokes(line, LABELS))
-    width = max(left - gap, *(text_width(line, LABELS) for line in lines), 0.0)
-    height = top + (gap + len(lines) * 1.75 * LABELS if lines else 0.0)
+        foot = np.array([0.0, top + gap + k * 1.75 * LABEL_HEIGHT])
+        entities.extend(
+            Entity(Layer.GUIDE, stroke.moved(0.0, foot)) for stroke in make_text_strokes(line, LABEL_HEIGHT)
+        )
+    width = max(left - gap, *(measure_text_width(line, LABEL_HEIGHT) for line in lines), 0.0)
+    height = top + (gap + len(lines) * 1.75 * LABEL_HEIGHT if lines else 0.0)
     return Drawing((width, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
 
 
-def with_notes(drawing: Drawing) -> Drawing:
+def write_notes(drawing: Drawing) -> Drawing:
     """Return a drawing with its notes written on GUIDE, inside the sheet, where no piece is.
 
     Letters are lower where there is little room.
@@ -206,45 +210,45 @@ def with_notes(drawing: Drawing) -> Drawing:
     """
     if not drawing.notes:
         return drawing
-    for height in _NOTES:
-        width = max(text_width(line, height) for line in drawing.notes)
-        corner = free_room(drawing, (width, 1.75 * height * len(drawing.notes)))
+    for height in _TRIED_NOTE_HEIGHTS:
+        width = max(measure_text_width(line, height) for line in drawing.notes)
+        corner = find_free_corner(drawing, (width, 1.75 * height * len(drawing.notes)))
         if corner is not None:
             strokes = [
                 Entity(Layer.GUIDE, stroke.moved(0.0, corner + np.array([0.0, 1.75 * height * k])))
                 for k, line in enumerate(reversed(drawing.notes))
-                for stroke in text_strokes(line, height)
+                for stroke in make_text_strokes(line, height)
             ]
             return replace(drawing, entities=(*drawing.entities, *strokes), notes=())
     warn(PatternWarning(f"the sheet has no room to write labels that their pieces have none for: {drawing.notes}"))
     return replace(drawing, notes=())
 
 
-def free_room(drawing: Drawing, size: tuple[float, float]) -> Array | None:
+def find_free_corner(drawing: Drawing, size: tuple[float, float]) -> Array | None:
     """Return the lower left corner of the lowest, then leftmost free room of a size on a sheet; None if there is none.
 
     It keeps a distance of 2 mm from what is drawn and from the border.
     """
-    room = np.array(drawing.size) - np.array(size) - 2 * _CLEAR
+    room = np.array(drawing.size) - np.array(size) - 2 * _NOTE_CLEARANCE
     if (room < 0).any():
         return None
     places = np.stack(np.meshgrid(*(np.linspace(0.0, side, 41) for side in room), indexing="ij"), axis=-1)
-    corners = places.transpose(1, 0, 2).reshape(-1, 2) + _CLEAR
-    boxes = shapely.box(*(corners - _CLEAR).T, *(corners + size + _CLEAR).T)
-    outlines = [shapely.Polygon(path.sampled(0.1)) for path in drawing.on(Layer.CUT)]
+    corners = places.transpose(1, 0, 2).reshape(-1, 2) + _NOTE_CLEARANCE
+    boxes = shapely.box(*(corners - _NOTE_CLEARANCE).T, *(corners + size + _NOTE_CLEARANCE).T)
+    outlines = [shapely.Polygon(path.sampled(0.1)) for path in drawing.paths_on(Layer.CUT)]
     taken = np.zeros(len(boxes), dtype=bool)
     taken[shapely.STRtree(boxes).query(outlines, predicate="intersects")[1]] = True
     free = np.flatnonzero(~taken)
     return corners[free[0]] if len(free) else None
 
 
-def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
+def _draw_labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
     """Yield the strokes of a piece's labels; note those that have no room."""
     if height is None:
         return
     missing = []
-    for label in labels(piece, seams, height=height):
-        if label.engraved:
+    for label in place_labels(piece, seams, height=height):
+        if label.is_engraved:
             yield from (Entity(Layer.ENGRAVE, stroke) for stroke in label.strokes)
         else:
             missing.append(f"{label.text} (name)" if label.seam is None else label.text)
@@ -253,7 +257,7 @@ def _labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: li
 
 
 def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
-    crossing = covered_wrongly(outlines)
+    crossing = find_winding_errors(outlines)
     if crossing.place is not None:
         x, y = crossing.place
         raise VerificationError(
@@ -262,20 +266,20 @@ def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
         )
 
 
-def _outlines(piece: Piece, fit: float) -> tuple[tuple[Path, ...], float]:
+def _fit_outlines(piece: Piece, fit: float) -> tuple[tuple[Path, ...], float]:
     """Return what is cut with few arcs, and by how much a run changes its length at most, relatively."""
     if piece.tabs is not None:
-        return tuple(_fitted(path, fit) for path in piece.tabs), 0.0
+        return tuple(_fit_path(path, fit) for path in piece.tabs), 0.0
     loops, change = [], 0.0
     for loop in piece.loops:
         runs = []
         for run in loop:
-            path = _fitted(run.path, fit)
+            path = _fit_path(run.path, fit)
             change = max(change, abs(path.length / run.path.length - 1) if run.path.length else 0.0)
             runs.append(replace(run, path=path))
-        loops.append(closed(tuple(runs)))
+        loops.append(close_loop(tuple(runs)))
     return tuple(loops), change
 
 
-def _fitted(path: Path, fit: float) -> Path:
-    return fitted(path, fit) if path.length else path
+def _fit_path(path: Path, fit: float) -> Path:
+    return fit_arcs(path, fit) if path.length else path

@@ -13,10 +13,10 @@ from cqblend.patterns.write.drawing import STYLES, Drawing, Layer
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
-MILLIMETRES = 4
+INSUNITS_MILLIMETRES = 4
 """$INSUNITS."""
 
-DASHES = {Layer.SCORE_MOUNTAIN: "DASHED", Layer.SCORE_VALLEY: "DASHDOT", Layer.GUIDE: "DOT"}
+LINETYPES = {Layer.SCORE_MOUNTAIN: "DASHED", Layer.SCORE_VALLEY: "DASHDOT", Layer.GUIDE: "DOT"}
 """Line types of the layers that are not continuous."""
 
 
@@ -31,23 +31,23 @@ def write_dxf(drawing: Drawing, path: File) -> None:
     before = options.write_fixed_meta_data_for_testing
     options.write_fixed_meta_data_for_testing = True  # neither the time nor random numbers
     try:
-        _document(drawing).saveas(path)
+        _build_document(drawing).saveas(path)
     finally:
         options.write_fixed_meta_data_for_testing = before
 
 
-def _document(drawing: Drawing) -> "Document":
+def _build_document(drawing: Drawing) -> "Document":
     """Return a drawing as ezdxf has it."""
     from ezdxf.filemanagement import new
 
     document = new("R2010", setup=["linetypes"])
-    document.header["$INSUNITS"] = MILLIMETRES
+    document.header["$INSUNITS"] = INSUNITS_MILLIMETRES
     document.header["$MEASUREMENT"] = 1
     document.header["$LTSCALE"] = 5.0
     document.header["$EXTMIN"] = (0.0, 0.0, 0.0)
     document.header["$EXTMAX"] = (*drawing.size, 0.0)
     for layer, style in STYLES.items():
-        added = document.layers.add(layer.value, color=style.aci, linetype=DASHES.get(layer, "Continuous"))
+        added = document.layers.add(layer.value, color=style.aci, linetype=LINETYPES.get(layer, "Continuous"))
         added.dxf.lineweight = round(100 * style.width)
     space = document.modelspace()
     for entity in drawing.entities:

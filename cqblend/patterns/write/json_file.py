@@ -18,7 +18,7 @@ from cqblend.patterns.stock.sheets import Sheets
 SCHEMA = "cqblend.pattern/1"
 
 
-def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def build_record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Return a pattern as plain lists and dictionaries.
 
     Lengths are in mm, angles in rad, indices count from 0; what is not known is null::
@@ -43,13 +43,13 @@ def record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str,
         "schema": SCHEMA,
         "units": "mm",
         "sheet": {"size": list(sheets.size), "count": sheets.count, "margin": sheets.margin, "gap": sheets.gap},
-        "pieces": [_piece(p, number) for p, number in zip(sheets.pieces.pieces, sheets.numbers, strict=True)],
-        "seams": [_seam(seam, sheets) for seam in sheets.pieces.seams],
-        "report": None if report is None else _plain(report),
+        "pieces": [_encode_piece(p, number) for p, number in zip(sheets.pieces.pieces, sheets.numbers, strict=True)],
+        "seams": [_encode_seam(seam, sheets) for seam in sheets.pieces.seams],
+        "report": None if report is None else _encode_value(report),
     }
 
 
-def on_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
+def select_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
     """Return what of the `record` of a pattern is on one sheet.
 
     Indices are those of the pieces and seams that are left. The side of a seam that is on another sheet has no piece,
@@ -60,7 +60,7 @@ def on_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
     seams = [i for i, seam in enumerate(whole["seams"]) if any(side["piece"] in place for side in seam["sides"])]
     mark = {i: k for k, i in enumerate(seams)}
 
-    def elsewhere(side: dict[str, Any]) -> dict[str, Any]:
+    def describe_side(side: dict[str, Any]) -> dict[str, Any]:
         piece = whole["pieces"][side["piece"]]
         named = {} if side["piece"] in place else {"name": piece["name"], "sheet": piece["sheet"]}
         return {**side, "piece": place.get(side["piece"]), **named}
@@ -70,7 +70,8 @@ def on_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
         for piece in (whole["pieces"][i] for i in kept)
     ]
     sided = [
-        {**seam, "sides": [elsewhere(side) for side in seam["sides"]]} for seam in (whole["seams"][i] for i in seams)
+        {**seam, "sides": [describe_side(side) for side in seam["sides"]]}
+        for seam in (whole["seams"][i] for i in seams)
     ]
     return {**whole, "pieces": pieces, "seams": sided}
 
@@ -81,14 +82,14 @@ def write_json(whole: Mapping[str, Any], path: File) -> None:
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
-def _piece(piece: Piece, number: int) -> dict[str, Any]:
+def _encode_piece(piece: Piece, number: int) -> dict[str, Any]:
     loops = [
         [
             {
                 "kind": run.kind,
                 "seam": run.seam,
                 "length": run.path.length,
-                "path": _path(run.path),
+                "path": _encode_path(run.path),
                 "space": run.space.tolist(),
             }
             for run in loop
@@ -100,33 +101,33 @@ def _piece(piece: Piece, number: int) -> dict[str, Any]:
         "sheet": number,
         "area": piece.area,
         "loops": loops,
-        "tabs": None if piece.tabs is None else [_path(path) for path in piece.tabs],
-        "scores": [{"fold": score.fold, "path": _path(score.path)} for score in piece.scores],
+        "tabs": None if piece.tabs is None else [_encode_path(path) for path in piece.tabs],
+        "scores": [{"fold": score.fold, "path": _encode_path(score.path)} for score in piece.scores],
     }
 
 
-def _seam(seam: Seam, sheets: Sheets) -> dict[str, Any]:
+def _encode_seam(seam: Seam, sheets: Sheets) -> dict[str, Any]:
     return {
         "label": seam.label,
         "sides": [{"piece": side.piece, "loop": side.loop, "run": side.run} for side in seam.sides],
         "opposed": seam.opposed,
-        "angle": _plain(seam.angle),
+        "angle": _encode_value(seam.angle),
         "length": max(sheets.pieces.run(side).path.length for side in seam.sides),
     }
 
 
-def _path(path: Path) -> dict[str, Any]:
+def _encode_path(path: Path) -> dict[str, Any]:
     return {"points": path.points.tolist(), "bulges": path.bulges.tolist()}
 
 
-def _plain(value: Any) -> Any:
+def _encode_value(value: Any) -> Any:
     """Return a value as JSON knows it: arrays as lists, numbers that are not finite as None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _encode_value(one) for key, one in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return _encode_value(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_encode_value(one) for one in value]
     if isinstance(value, float) and not isfinite(value):
         return None
     return value

@@ -15,57 +15,57 @@ from cqblend.splines.bernstein import Array
 
 def write_svg(drawing: Drawing, path: File) -> None:
     """Write a drawing. Arcs are arcs; the y axis, which points down in SVG, is turned over in the coordinates."""
-    width, height = (_number(side) for side in drawing.size)
+    width, height = (_format_number(side) for side in drawing.size)
     size = f'width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}"'
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" version="1.1" {size}>',
     ]
     for layer in Layer:
-        paths = drawing.on(layer)
+        paths = drawing.paths_on(layer)
         if paths:
-            lines.append(f"<g {_style(layer)}>")
-            lines.extend(f'<path d="{_commands(one, drawing.size[1])}"/>' for one in paths)
+            lines.append(f"<g {_format_style(layer)}>")
+            lines.extend(f'<path d="{_format_path(one, drawing.size[1])}"/>' for one in paths)
             lines.append("</g>")
     lines.append("</svg>\n")
     path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
 
 
-def _style(layer: Layer) -> str:
+def _format_style(layer: Layer) -> str:
     """Return the attributes of a layer's group."""
     style = STYLES[layer]
     attributes = {
         "id": layer.value,
         "fill": "none",
         "stroke": "#{:02x}{:02x}{:02x}".format(*style.colour),
-        "stroke-width": _number(style.width),
+        "stroke-width": _format_number(style.width),
     }
     if style.dashes:
-        attributes["stroke-dasharray"] = " ".join(map(_number, style.dashes))
+        attributes["stroke-dasharray"] = " ".join(map(_format_number, style.dashes))
     return " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
 
 
-def _commands(path: Path, height: float) -> str:
+def _format_path(path: Path, height: float) -> str:
     """Return path data: M, then L or A for each segment, Z if the path is closed."""
     points = path.points * [1.0, -1.0] + [0.0, height]
     sines = np.abs(np.sin(2 * np.arctan(path.bulges)))
     radii = np.divide(path.chords, 2 * sines, out=np.zeros(len(sines)), where=sines > 0)
-    found = [f"M{_point(points[0])}"]
+    found = [f"M{_format_point(points[0])}"]
     last = len(path.bulges) - 1
     for k, (end, bulge, radius) in enumerate(zip(points[1:], path.bulges, radii, strict=True)):
         if bulge != 0:
-            r = _number(radius)
-            found.append(f"A{r} {r} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {_point(end)}")
+            r = _format_number(radius)
+            found.append(f"A{r} {r} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {_format_point(end)}")
         elif k < last or not path.closed:  # Z draws the last straight segment
-            found.append(f"L{_point(end)}")
+            found.append(f"L{_format_point(end)}")
     return "".join([*found, "Z"] if path.closed else found)
 
 
-def _point(point: Array) -> str:
-    return f"{_number(point[0])} {_number(point[1])}"
+def _format_point(point: Array) -> str:
+    return f"{_format_number(point[0])} {_format_number(point[1])}"
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """Return a number of mm to a billionth, without trailing zeros."""
     text = f"{value:.9f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -19,10 +19,27 @@ from OCP.Geom import (
 )
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 
-from cqblend.blends.contacts.contact_solver import Contacts, Side, Stations, intersect, inward, rolling_ball, set_back
+from cqblend.blends.contacts.contact_solver import (
+    Contacts,
+    Stations,
+    SupportSurface,
+    compute_inward_directions,
+    project_to_intersection,
+    solve_ball_contacts,
+    solve_setback_contacts,
+)
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Ring, Sphere, Tensor
+from cqblend.surfaces.primaries import (
+    Cone,
+    Cylinder,
+    LocalFrame,
+    Plane,
+    Primary,
+    RevolvedEllipse,
+    Sphere,
+    TensorSurface,
+)
 
 UP = np.eye(3)
 
@@ -30,15 +47,15 @@ UP = np.eye(3)
 class Corner(NamedTuple):
     """Two faces of a solid along an edge: primaries with their outward signs, OCCT's surfaces, and the edge."""
 
-    sides: tuple[Side, Side]
+    sides: tuple[SupportSurface, SupportSurface]
     kernels: tuple[Geom_Surface, Geom_Surface]
     stations: Stations
     convex: bool
 
 
-def placed(origin: tuple[float, float, float], z: np.ndarray, x: np.ndarray) -> tuple[gp_Ax3, Frame]:
+def placed(origin: tuple[float, float, float], z: np.ndarray, x: np.ndarray) -> tuple[gp_Ax3, LocalFrame]:
     axis = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z.tolist()), gp_Dir(*x.tolist()))
-    return axis, Frame(np.array(origin, float), np.array([x, np.cross(z, x), z]))
+    return axis, LocalFrame(np.array(origin, float), np.array([x, np.cross(z, x), z]))
 
 
 def outward(pair: Pair, uv: np.ndarray, direction: np.ndarray) -> float:
@@ -58,7 +75,8 @@ def corner(
     """Assemble a corner; ``out`` are outward directions of the two faces at the first station."""
     pairs = [Pair("", primary, kernel, ((0, 1), (0, 1))) for primary, kernel in (one, two)]
     sides = [
-        Side(pair.primary, outward(pair, at, direction)) for pair, at, direction in zip(pairs, uv, out, strict=True)
+        SupportSurface(pair.primary, outward(pair, at, direction))
+        for pair, at, direction in zip(pairs, uv, out, strict=True)
     ]
     point = pairs[0].jet(uv[0])[0]
     n1, n2 = (side.outward * np.cross(*pair.jet(at)[1:3]) for side, pair, at in zip(sides, pairs, uv, strict=True))
@@ -101,7 +119,7 @@ def rim(kind: str, *, convex: bool) -> Corner:
     name = kind.removeprefix("left-handed ")
     if name != kind:
         axis.YReverse()
-        frame = Frame(frame.origin, frame.axes * np.array([[1], [-1], [1]]))
+        frame = LocalFrame(frame.origin, frame.axes * np.array([[1], [-1], [1]]))
         u = -u
     if name == "cylinder":
         primary, kernel, v, radius = Cylinder(frame, 8.0), Geom_CylindricalSurface(axis, 8.0), 2.0, 8.0
@@ -112,7 +130,7 @@ def rim(kind: str, *, convex: bool) -> Corner:
         primary, kernel = Sphere(frame, 8.0, UP[2], True), Geom_SphericalSurface(axis, 8.0)
         v, radius = math.asin(0.25), math.sqrt(60)
     else:
-        primary = Ring.turning(frame, np.array([[7.0, 0, 0], [3, 0, 0], [0, 0, 3]]))
+        primary = RevolvedEllipse.from_ellipse(frame, np.array([[7.0, 0, 0], [3, 0, 0], [0, 0, 3]]))
         kernel, v = Geom_ToroidalSurface(axis, 7.0, 3.0), math.asin(2 / 3)
         radius = 7 + 3 * math.cos(v)
     plane = Plane(where), Geom_Plane(at)
@@ -127,7 +145,7 @@ def wave(*, convex: bool) -> Corner:
     x, y = np.meshgrid(greville, greville - 10, indexing="ij")
     poles = np.stack([x, y, 1.5 * np.sin(x / 3) * np.cos(y / 4)], -1)
     knots = (clamped(3, [1 / 3, 2 / 3]), clamped(3, [1 / 3, 2 / 3]))
-    primary = Tensor.of(Surface.from_bspline((3, 3), knots, poles))
+    primary = TensorSurface.from_spline(Surface.from_bspline((3, 3), knots, poles))
     kernel = kernel_surface((3, 3), knots, poles)
     a, frame = placed((0.0, 0.0, 0.0), UP[1], UP[2])
     t = np.linspace(0, 1, 9)
@@ -181,7 +199,7 @@ def swapped(joint: Corner) -> Corner:
 @every
 def test_convex_and_concave_are_told_apart_and_directions_lead_into_the_faces(joint):
     for one in (joint, swapped(joint)):
-        into1, into2, turn = inward(one.sides, one.stations)
+        into1, into2, turn = compute_inward_directions(one.sides, one.stations)
         assert ((turn > 0) == joint.convex).all()
         n1, n2 = outward_normals(one, jets(one, Contacts(None, None, one.stations.uv, None)))
         assert np.abs(np.abs(turn) - np.linalg.norm(np.cross(n1, n2), axis=1)).max() < 1e-13
@@ -196,7 +214,7 @@ def test_convex_and_concave_are_told_apart_and_directions_lead_into_the_faces(jo
 @every
 def test_ball_touches_both_faces_on_the_right_side(joint):
     radius = 0.7
-    contacts = rolling_ball(joint.sides, joint.stations, radius)
+    contacts = solve_ball_contacts(joint.sides, joint.stations, radius)
     found = jets(joint, contacts)
     sign = -1 if joint.convex else 1  # the ball is in the material at a convex edge
     centre = [jet[0] + sign * radius * n for jet, n in zip(found, outward_normals(joint, found), strict=True)]
@@ -209,7 +227,7 @@ def test_ball_touches_both_faces_on_the_right_side(joint):
 @every
 def test_cross_derivatives_are_as_long_as_a_cubic_arc_asks(joint):
     radius = 0.7
-    contacts = rolling_ball(joint.sides, joint.stations, radius)
+    contacts = solve_ball_contacts(joint.sides, joint.stations, radius)
     n1, n2 = outward_normals(joint, jets(joint, contacts))
     opening = np.arccos(np.clip((n1 * n2).sum(1), -1, 1))
     assert np.abs(contacts.reach - 4 * radius * np.tan(opening / 4)).max() < 1e-7 * radius
@@ -217,7 +235,7 @@ def test_cross_derivatives_are_as_long_as_a_cubic_arc_asks(joint):
 
 @every
 def test_swapping_the_sides_swaps_the_contacts(joint):
-    there, back = (rolling_ball(one.sides, one.stations, 0.5) for one in (joint, swapped(joint)))
+    there, back = (solve_ball_contacts(one.sides, one.stations, 0.5) for one in (joint, swapped(joint)))
     for i in (0, 1):
         assert np.abs(there.uv[i] - back.uv[1 - i]).max() < 1e-12
 
@@ -225,8 +243,8 @@ def test_swapping_the_sides_swaps_the_contacts(joint):
 @every
 def test_widths_are_distances_in_the_station_plane(joint):
     widths = (0.4, 0.9)
-    contacts = set_back(joint.sides, joint.stations, widths)
-    into = inward(joint.sides, joint.stations)[:2]
+    contacts = solve_setback_contacts(joint.sides, joint.stations, widths)
+    into = compute_inward_directions(joint.sides, joint.stations)[:2]
     found = jets(joint, contacts)
     for jet, width, direction in zip(found, widths, into, strict=True):
         offset = jet[0] - joint.stations.point
@@ -244,7 +262,7 @@ def test_stations_off_by_a_tolerance_are_moved_onto_both_surfaces(joint):
     shaken = np.random.default_rng(3)
     uv = [at + 1e-6 * shaken.normal(size=at.shape) for at in joint.stations.uv]
     stations = replace(joint.stations, uv=(uv[0], uv[1]))
-    exact = intersect(joint.sides, stations, 10.0)
+    exact = project_to_intersection(joint.sides, stations, 10.0)
     one, two = jets(joint, Contacts(None, None, exact.uv, None))
     assert np.abs(one[0] - two[0]).max() < 1e-13
     assert np.abs(exact.point - one[0]).max() < 1e-13
@@ -257,7 +275,7 @@ def test_stations_off_by_a_tolerance_are_moved_onto_both_surfaces(joint):
 
 @pytest.mark.parametrize("angle", [0.6, math.pi / 2, 2.4])
 def test_ball_between_planes_touches_at_the_tangent_length(angle):
-    contacts = rolling_ball((joint := wedge(angle, convex=True)).sides, joint.stations, 1.3)
+    contacts = solve_ball_contacts((joint := wedge(angle, convex=True)).sides, joint.stations, 1.3)
     for jet in jets(joint, contacts):
         length = np.linalg.norm(jet[0] - joint.stations.point, axis=1)
         assert np.abs(length - 1.3 / math.tan(angle / 2)).max() < 1e-13
@@ -265,7 +283,7 @@ def test_ball_between_planes_touches_at_the_tangent_length(angle):
 
 def test_ball_on_a_cylinder_rim_touches_where_the_torus_of_a_fillet_does():
     joint = rim("cylinder", convex=True)
-    plane, cylinder = jets(joint, rolling_ball(joint.sides, joint.stations, 1.5))
+    plane, cylinder = jets(joint, solve_ball_contacts(joint.sides, joint.stations, 1.5))
     assert np.abs(np.hypot(plane[0, :, 0], plane[0, :, 1]) - 6.5).max() < 1e-13
     assert np.abs(cylinder[0, :, 2] - 0.5).max() < 1e-13
 
@@ -276,20 +294,20 @@ def test_ball_on_a_cylinder_rim_touches_where_the_torus_of_a_fillet_does():
 def test_ball_that_touches_nothing_is_refused_with_its_number():
     joint = wave(convex=False)
     with pytest.raises(SizeError, match=r"no ball of radius 90 touches both faces at t = [0-9.]+ of the edge"):
-        rolling_ball(joint.sides, joint.stations, 90.0)
+        solve_ball_contacts(joint.sides, joint.stations, 90.0)
 
 
 def test_width_beyond_a_sphere_is_refused_with_its_number():
     joint = rim("sphere", convex=True)
     with pytest.raises(SizeError, match=r"no point of the face lies at width 20 from the edge at t = 0"):
-        set_back(joint.sides, joint.stations, (1.0, 20.0))
+        solve_setback_contacts(joint.sides, joint.stations, (1.0, 20.0))
 
 
 def test_edge_that_changes_between_convex_and_concave_is_refused():
     joint = wedge(math.pi / 2, convex=True)
     direction = joint.stations.direction * np.array([1, 1, 1, -1, -1])[:, None]
     with pytest.raises(GeometryError, match="between convex and concave"):
-        rolling_ball(joint.sides, replace(joint.stations, direction=direction), 1.0)
+        solve_ball_contacts(joint.sides, replace(joint.stations, direction=direction), 1.0)
 
 
 def test_surfaces_that_do_not_cross_are_named_with_the_place():
@@ -299,4 +317,4 @@ def test_surfaces_that_do_not_cross_are_named_with_the_place():
     t = np.array([0.0, 0.5, 1.0])
     stations = Stations(t, np.zeros((3, 3)), np.tile(UP[0], (3, 1)), (uv, uv))
     with pytest.raises(GeometryError, match="do not cross cleanly at t = 0"):
-        intersect((Side(Plane(frame), 1.0), Side(Plane(above), 1.0)), stations, 1.0)
+        project_to_intersection((SupportSurface(Plane(frame), 1.0), SupportSurface(Plane(above), 1.0)), stations, 1.0)

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from cqblend.blends.pde.equations import Equation, equations
+from cqblend.blends.pde.equations import Equation, make_equations
 from cqblend.errors import InputError
 
 GOOD = [
@@ -48,7 +48,7 @@ def symbol(c, xi, eta):
 @pytest.mark.parametrize("c", GOOD)
 def test_squares_add_up_to_the_symbol(c):
     """As polynomials in two variables: at more points than they have coefficients."""
-    forms = Equation(tuple(map(float, c))).squares()
+    forms = Equation(tuple(map(float, c))).split_into_squares()
     half = len(c) - 1
     for xi, eta in itertools.product(np.linspace(-2, 2, 9), repeat=2):
         values = forms @ [xi ** (half - i) * eta**i for i in range(half + 1)]
@@ -58,7 +58,7 @@ def test_squares_add_up_to_the_symbol(c):
 @pytest.mark.parametrize("c", GOOD)
 def test_the_steepest_solution(c):
     """With rho as exponent the equation holds: the largest is a root of the characteristic polynomial."""
-    steepest = Equation(tuple(map(float, c))).steepest
+    steepest = Equation(tuple(map(float, c))).largest_exponent
     half = len(c) - 1
     found = np.roots(
         [x * (-1) ** (i // 2) if i % 2 == 0 else 0 for i, x in enumerate(np.insert(c, range(1, half + 1), 0))]
@@ -77,16 +77,16 @@ def test_degenerate_equations_are_refused(c):
 @pytest.mark.parametrize("order", [2, 4, 6])
 def test_a_number_is_a_power_of_laplaces_operator(order):
     """(x + s^2 y)^(n/2), expanded."""
-    (one, two, three) = equations((order,) * 3, 0.7, 99.0)
+    (one, two, three) = make_equations((order,) * 3, 0.7, 99.0)
     assert one == two == three
     for x, y in ((1, 2), (3, -1), (0.5, 4)):
         wanted = (x + 0.49 * y) ** (order // 2)
         assert sum(c * x ** (one.half - i) * y**i for i, c in enumerate(one.coefficients)) == pytest.approx(wanted)
-    assert equations((order,) * 3, None, 0.7)[0] == one
+    assert make_equations((order,) * 3, None, 0.7)[0] == one
 
 
 def test_parameters_for_each_component():
-    made = equations((2, 4, 6), ((1, 2), (1, 2, 3), (1, 2, 3, 4)), 1.0)
+    made = make_equations((2, 4, 6), ((1, 2), (1, 2, 3), (1, 2, 3, 4)), 1.0)
     assert [one.order for one in made] == [2, 4, 6]
     assert made[2].coefficients == (1, 2, 3, 4)
 
@@ -110,4 +110,4 @@ def test_parameters_for_each_component():
 )
 def test_parameters_that_are_none(order, parameters, message):
     with pytest.raises(InputError, match=f"^{re.escape(message)}"):
-        equations(order, parameters, 1.0)
+        make_equations(order, parameters, 1.0)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cqblend import reshape, to_surface
-from cqblend.blends.potential.family_pair import Meeting
-from cqblend.blends.potential.intersection_branches import branches
+from cqblend.blends.potential.family_pair import FamilyPair
+from cqblend.blends.potential.intersection_branches import trace_branches
 from cqblend.blends.potential.relations import Conic
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
@@ -31,7 +31,7 @@ def height_field(heights):
 
 
 def meeting(one, other, a=STILL, b=STILL):
-    return Meeting.of((reshape(one, by="normal"), reshape(other, by="normal")), Conic(a, b, 0))
+    return FamilyPair.from_relation((reshape(one, by="normal"), reshape(other, by="normal")), Conic(a, b, 0))
 
 
 def components(heights, n=1500):
@@ -74,7 +74,7 @@ def test_all_branches_are_found(seed):
     expected = components(heights)
     plane = height_field(np.zeros((2, 2)))
     plane = plane * 1.2 + [-1, -1, 0]
-    found = branches(meeting(plane, height_field(heights)), 0.5)
+    found = trace_branches(meeting(plane, height_field(heights)), 0.5)
     assert {"open": sum(not one.closed for one in found), "closed": sum(one.closed for one in found)} == expected
     for branch in found:
         assert np.abs(branch.points[:, 2]).max() < 1e-8
@@ -106,8 +106,8 @@ def test_traced_points_lie_on_both_surfaces():
     )
     second = second[..., [2, 1, 0]] + [0, 0, 1]
     families = [reshape(bezier(net), reference=(0.5, 0, -9)) for net in (first, second)]
-    made = Meeting.of((families[0], families[1]), Conic(0.1, 0.2, 0))
-    found = branches(made, 0.5)
+    made = FamilyPair.from_relation((families[0], families[1]), Conic(0.1, 0.2, 0))
+    found = trace_branches(made, 0.5)
     assert found
     s = [Fraction(float(x)) for x in made.s(0.5)]
     centre = [Fraction(1, 2), Fraction(0), Fraction(-9)]
@@ -119,7 +119,7 @@ def test_traced_points_lie_on_both_surfaces():
         for net, t in zip((first, second), s, strict=True)
     ]
     for branch in found:
-        for q, point in zip(branch.q[::3], branch.points[::3], strict=True):
+        for q, point in zip(branch.parameters[::3], branch.points[::3], strict=True):
             one, other = de_casteljau(nets[0], *q[:2]), de_casteljau(nets[1], *q[2:])
             assert max(abs(float(a - b)) for a, b in zip(one, other, strict=True)) < 1e-12 * 8
             assert max(abs(float(a) - b) for a, b in zip(one, point, strict=True)) < 1e-12 * 8
@@ -132,19 +132,21 @@ def face(solid, kind):
 def test_two_circles():
     ball = to_surface(cq.Workplane().sphere(5).faces().val())
     pipe = face(cq.Solid.makeCylinder(3, 12, cq.Vector(0, 0, -6)), "CYLINDER")
-    found = branches(meeting(ball, pipe), 0.5)
+    found = trace_branches(meeting(ball, pipe), 0.5)
     assert sorted(round(float(one.points[:, 2].mean()), 6) for one in found) == [-4, 4]
     assert all(one.closed for one in found)
     for one in found:
         assert np.abs(np.hypot(*one.points[:, :2].T) - 3).max() < 1e-8
-        assert abs(abs(one.q[-1, 2] - one.q[0, 2]) - 2 * np.pi) < 1e-9  # once around, through the seam
+        assert (
+            abs(abs(one.parameters[-1, 2] - one.parameters[0, 2]) - 2 * np.pi) < 1e-9
+        )  # once around, through the seam
 
 
 def test_a_torus_cut_off_centre():
     ring = to_surface(cq.Workplane(cq.Solid.makeTorus(5, 2)).faces().val())
     for offset, count in ((0.0, 2), (4.0, 1), (5.0, 1), (6.9, 1)):
         plane = bezier(np.array([[[offset, -9.0, -9], [offset, -9, 9]], [[offset, 9, -9], [offset, 9, 9]]]))
-        assert len(branches(meeting(ring, plane), 0.5)) == count
+        assert len(trace_branches(meeting(ring, plane), 0.5)) == count
 
 
 def test_small_loops_are_not_lost():
@@ -152,7 +154,7 @@ def test_small_loops_are_not_lost():
     heights = np.full((5, 5), -1.0)
     heights[2, 2] = 1 / (comb(4, 2) / 2**4) ** 2 - 1 + 0.0004
     plane = height_field(np.zeros((2, 2))) * 1.2 + [-1, -1, 0]
-    (found,) = branches(meeting(plane, height_field(heights)), 0.5)
+    (found,) = trace_branches(meeting(plane, height_field(heights)), 0.5)
     assert found.closed
     assert np.ptp(found.points, axis=0)[:2].max() < 0.4
 
@@ -168,15 +170,15 @@ def test_surfaces_that_touch_are_told():
     small = to_surface(cq.Workplane().sphere(3).faces().val()) + np.array([8, 0, 0])
     for made in (touching(5.0), meeting(ball, small, STILL / 10, STILL / 10)):
         with pytest.raises(GeometryError, match=r"touch|cannot be followed"):
-            branches(made, 0.5)
+            trace_branches(made, 0.5)
 
 
 def test_surfaces_that_coincide_are_told():
     one = height_field(np.zeros((3, 3)))
     with pytest.raises(GeometryError, match="touch"):
-        branches(meeting(one, one + np.array([0.1, 0.2, 0.0]), STILL * 1e-3, STILL * 1e-3), 0.5)
+        trace_branches(meeting(one, one + np.array([0.1, 0.2, 0.0]), STILL * 1e-3, STILL * 1e-3), 0.5)
 
 
 def test_surfaces_that_stay_apart_have_no_branches():
-    assert branches(touching(5.5), 0.5) == []
-    assert branches(meeting(height_field(np.zeros((2, 2))), height_field(np.ones((3, 3)))), 0.5) == []
+    assert trace_branches(touching(5.5), 0.5) == []
+    assert trace_branches(meeting(height_field(np.zeros((2, 2))), height_field(np.ones((3, 3)))), 0.5) == []

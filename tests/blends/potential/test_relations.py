@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cqblend.blends.potential.relations import BezierRelation, Conic, Relation, relation
+from cqblend.blends.potential.relations import BezierRelation, Conic, Relation, to_relation
 from cqblend.errors import InputError
 from cqblend.splines import Curve
 
@@ -100,19 +100,19 @@ def test_bezier_relations_are_their_points():
     ],
 )
 def test_functions_make_relations(made):
-    one = relation(made)
+    one = to_relation(made)
     assert np.allclose(one(X), np.stack([(1 - X) ** 2, 2 * X**2], axis=-1), rtol=0, atol=1e-13)
-    assert relation(one) is one
+    assert to_relation(one) is one
 
 
 def test_a_circle_by_functions_is_the_conic():
-    one = relation((lambda x: 1 - np.sin(np.pi * x / 2), lambda x: 1 - np.cos(np.pi * x / 2)))
+    one = to_relation((lambda x: 1 - np.sin(np.pi * x / 2), lambda x: 1 - np.cos(np.pi * x / 2)))
     assert np.abs(conic(1, 1, 0, *one(X).T)).max() < 1e-12
 
 
 def test_functions_of_low_continuity_are_relations_too():
     """Their derivatives at the ends are known as well as splines through them tell."""
-    one = relation(lambda x: ((1 - x) ** 2.5, x**2.5))
+    one = to_relation(lambda x: ((1 - x) ** 2.5, x**2.5))
     assert np.allclose(one(0.3), [0.7**2.5, 0.3**2.5], rtol=0, atol=1e-9)
 
 
@@ -131,13 +131,13 @@ BAD = [
     (lambda: BezierRelation([(1, 0), (1, 0), (0, 0), (0, 1)]), "must set out"),
     (lambda: BezierRelation([(1, 0), (2, 0), (0, 0), (0, 1)]), "must set out"),
     (lambda: BezierRelation([(-1, 0), (0, 0), (0, 1)]), "both above 0"),
-    (lambda: relation(lambda x: (1 - x, x)), "slopes"),
-    (lambda: relation(lambda x: x), "a relation"),
-    (lambda: relation((1, 2)), "a relation is"),
-    (lambda: relation(None), "a relation is"),
-    (lambda: relation((np.cos,) * 3), "a relation is"),
-    (lambda: relation(lambda x: (np.log(x), x**2)), "not finite"),
-    (lambda: relation(lambda x: (np.abs(x - 0.3), x**2)), "not a smooth function"),
+    (lambda: to_relation(lambda x: (1 - x, x)), "slopes"),
+    (lambda: to_relation(lambda x: x), "a relation"),
+    (lambda: to_relation((1, 2)), "a relation is"),
+    (lambda: to_relation(None), "a relation is"),
+    (lambda: to_relation((np.cos,) * 3), "a relation is"),
+    (lambda: to_relation(lambda x: (np.log(x), x**2)), "not finite"),
+    (lambda: to_relation(lambda x: (np.abs(x - 0.3), x**2)), "not a smooth function"),
     (lambda: Relation(Curve.bezier([[1.0], [0.0]])), "of dim 2"),
     (lambda: Conic(1, 2).first(2.5), "has no root: nowhere is s2 = 2.5"),
     (lambda: Conic(1, 2).second([0.5, -0.1]), "has no root: nowhere is s1 = -0.1"),

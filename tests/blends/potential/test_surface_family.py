@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cqblend import reshape, to_surface
-from cqblend.blends.potential.surface_family import closes, own_normals
+from cqblend.blends.potential.surface_family import find_closed_directions, interpolate_unit_normals
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
 
@@ -147,7 +147,7 @@ def test_offsets_of_analytic_faces_are_exact_families(name, sign):
     face = faces()[name]
     family = reshape(face, by="normal", amounts=sign)
     surface, base = family(0.5), to_surface(face)
-    assert own_normals(base) is not None
+    assert interpolate_unit_normals(base) is not None
     assert surface.degree == base.degree
     (u0, u1), (v0, v1) = base.domain
     u, v = u0 + (u1 - u0) * RNG.uniform(0.05, 0.95, 40), v0 + (v1 - v0) * RNG.uniform(0.05, 0.95, 40)
@@ -162,7 +162,7 @@ def test_offsets_of_freeform_surfaces_are_splines_within_their_tolerance():
     surface = bezier(np.stack([x, y, np.cos(x) + np.sin(y)], axis=-1))
     for tolerance in (1e-3, 1e-6):
         offset = reshape(surface, by="normal", tolerance=tolerance)(0.5)
-        assert own_normals(surface) is None
+        assert interpolate_unit_normals(surface) is None
         jet = surface.jet(*UV.T, 1)
         normal = np.cross(jet[1, 0], jet[0, 1])
         expected = jet[0, 0] + 0.5 * normal / np.linalg.norm(normal, axis=1)[:, None]
@@ -171,7 +171,7 @@ def test_offsets_of_freeform_surfaces_are_splines_within_their_tolerance():
 
 def test_closed_surfaces_are_periodic_unless_their_amounts_are_not():
     pipe = to_surface(faces()["cylinder"])
-    assert closes(pipe) == (True, False)
+    assert find_closed_directions(pipe) == (True, False)
     assert reshape(pipe, by="normal").primary.periods[0] is not None
     rows = pipe.to_bspline()[2].shape[0]
     uneven = [[1.0 + j / rows] * 2 for j in range(rows)]

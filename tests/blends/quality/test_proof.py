@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from kernel_surfaces import Pair, kernel_surface, pairs
 
-from cqblend.blends.quality.proof import COMPOSED, Proof, prove, prove_side
+from cqblend.blends.quality.proof import COMPOSITION_ERROR, Proof, prove_blend, prove_side
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.sections.blend_surface import Blend, hermite, section
+from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, build_section
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Cylinder, Frame, Plane, Sphere, Tensor, tangent_coordinates
+from cqblend.surfaces.primaries import Cylinder, LocalFrame, Plane, Sphere, TensorSurface, to_tangent_coordinates
 
 EVERY = [name for name in pairs() if "left-handed" not in name]
 every = pytest.mark.parametrize("name", EVERY)
@@ -33,10 +33,10 @@ def ribbon(pair: Pair, order: int = 2) -> Ribbon:
     t = np.linspace(0, 1, 6)
     uv = middle + reach * np.stack([np.cos(2 * t), np.sin(3 * t)], -1)
     rate = reach * np.stack([-2 * np.sin(2 * t), 3 * np.cos(3 * t)], -1)
-    jet, c = pair.jet(uv), pair.primary.lift(uv)
+    jet, c = pair.jet(uv), pair.primary.lift_points(uv)
     across = np.cross(np.cross(jet[1], jet[2]), rate[:, :1] * jet[1] + rate[:, 1:] * jet[2])
     across /= np.linalg.norm(across, axis=1)[:, None]
-    d = fit.interpolate(t, pair.primary.push(uv, c, tangent_coordinates(jet, across)))
+    d = fit.interpolate(t, pair.primary.lift_directions(uv, c, to_tangent_coordinates(jet, across)))
     noise = np.random.default_rng(7).normal(size=c.shape)
     e = fit.interpolate(t, 0.2 * np.abs(d.coefs).max() * noise)
     return Ribbon(pair.primary, fit.interpolate(t, c), (d, e)[: max(order, 1)], uv, order)
@@ -44,10 +44,10 @@ def ribbon(pair: Pair, order: int = 2) -> Ribbon:
 
 def leaving(one: Ribbon) -> Surface:
     """Return a surface that leaves a ribbon for a copy of its rail higher up, as the B-spline that it is in the end."""
-    jets = list(one.jets())
+    jets = list(one.compose_jets())
     weight = jets[0][3]
     above = jets[0] + Curve.stack([weight * 0.3, weight * 0.2, weight * 2.0, weight * 0.0])
-    return Surface.from_bspline(*section((jets, [above])).to_bspline())
+    return Surface.from_bspline(*build_section((jets, [above])).to_bspline())
 
 
 @cache
@@ -82,9 +82,9 @@ def sampled(pair: Pair, surface: Surface, rail: Ribbon, n: int = 400) -> tuple[f
     t = (np.arange(n) + 0.5) / n
     (p, q), knots, poles, weights = surface.to_bspline()
     blend = Pair("", None, kernel_surface((p, q), knots, poles, weights), ((0, 1), (0, 1)))
-    uv = rail.native(t)
+    uv = rail.find_native_parameters(t)
     for axis, period in enumerate(rail.primary.periods):
-        if period is not None and isinstance(rail.primary, Tensor):
+        if period is not None and isinstance(rail.primary, TensorSurface):
             uv[:, axis] %= period
     mine, other = blend.jet(np.stack([t, 0 * t], -1)), pair.jet(uv)
     m, n_ = (np.cross(jet[1], jet[2]) for jet in (mine, other))
@@ -187,8 +187,8 @@ def test_exact_form_is_proven_and_the_proof_holds_in_high_precision(name):
 @pytest.mark.parametrize("name", ["sphere", "cylinder", "spline 3 x 3", "rational spline 2 x 4"])
 def test_what_is_composed_is_as_exact_as_is_taken_for_granted(name):
     rail = made(name)[0]
-    position, field = rail.jets()[:2]
-    normal = rail.primary.normal(rail.c)
+    position, field = rail.compose_jets()[:2]
+    normal = rail.primary.compose_normal(rail.c)
 
     def size(curve, t):
         return float(np.abs(curve.coefs[..., np.searchsorted(curve.breaks, float(t)) - 1]).max())
@@ -199,9 +199,9 @@ def test_what_is_composed_is_as_exact_as_is_taken_for_granted(name):
             point, n = on_primary(rail.primary, rail.c, t), true_normal(rail.primary, rail.c, t)
             n = n / length(n)
             x, d, m = (high(curve, t) for curve in (position, field, normal))
-            assert length(x[:3] - x[3] * point) < COMPOSED / 2 * size(position, t)
-            assert abs(n @ (d[:3] - d[3] * point)) < COMPOSED / 2 * size(field, t)
-            assert length(np.cross(n, m)) < COMPOSED / 2 * size(normal, t)
+            assert length(x[:3] - x[3] * point) < COMPOSITION_ERROR / 2 * size(position, t)
+            assert abs(n @ (d[:3] - d[3] * point)) < COMPOSITION_ERROR / 2 * size(field, t)
+            assert length(np.cross(n, m)) < COMPOSITION_ERROR / 2 * size(normal, t)
 
 
 @every
@@ -209,12 +209,12 @@ def test_normal_is_the_kernels(name):
     pair = pairs()[name]
     rail = made(name, 1)[0]
     t = (np.arange(200) + 0.5) / 200
-    uv = rail.native(t)
+    uv = rail.find_native_parameters(t)
     for axis, period in enumerate(rail.primary.periods):
-        if period is not None and isinstance(rail.primary, Tensor):
+        if period is not None and isinstance(rail.primary, TensorSurface):
             uv[:, axis] %= period
     jet = pair.jet(uv)
-    n, m = rail.primary.normal(rail.c)(t), np.cross(jet[1], jet[2])
+    n, m = rail.primary.compose_normal(rail.c)(t), np.cross(jet[1], jet[2])
     turned = np.linalg.norm(np.cross(n, m), axis=1) / np.linalg.norm(n, axis=1) / np.linalg.norm(m, axis=1)
     assert turned.max() < 1e-14
     assert np.ptp(np.sign((n * m).sum(1))) == 0
@@ -306,7 +306,7 @@ def test_where_no_tangent_plane_is_sure_nothing_is_proven():
 
 def test_straight_rail_between_planes_is_proven_far_from_the_origin():
     def plane(origin, x, y):
-        return Plane(Frame(origin, np.array([x, y, np.cross(x, y)])))
+        return Plane(LocalFrame(origin, np.array([x, y, np.cross(x, y)])))
 
     origin = np.array([5e3, -2e3, 9e3])
     x, y, z = np.eye(3)
@@ -314,7 +314,7 @@ def test_straight_rail_between_planes_is_proven_far_from_the_origin():
     c, d = Curve.bezier([start, end]), Curve.bezier([[0.0, -1, 0]])
     uv = np.array([start[:2], end[:2]])
     sides = (Ribbon(plane(origin, x, y), c, (d,), uv), Ribbon(plane(origin, x, z), c, (d,), uv))
-    proof = prove(hermite(sides, "exact", 1e-7, 1e-5))
+    proof = prove_blend(blend_ribbons(sides, "exact", 1e-7, 1e-5))
     assert proof.angle < 3e-11  # coordinates of 1e4 mm are rounded to 2e-12 mm
     assert proof.gap < 1e-9
 
@@ -340,20 +340,23 @@ def wavy_pair() -> tuple[Ribbon, Ribbon]:
         c = Curve.bezier(plan)
         rate = c.derivative()
         d = Curve.stack([rate[1], rate[0] * -1.0]) * (0.3 * sign)
-        return Ribbon(Tensor.of(surface), lifted(c, 1.0), (lifted(d, 0.0),), c(c.breaks))
+        return Ribbon(TensorSurface.from_spline(surface), lifted(c, 1.0), (lifted(d, 0.0),), c(c.breaks))
 
     above = below + np.array([0.3, 0.2, 1.0])
     return side(below, plan, 1), side(above, plan * [1, -1] + [0, 1], -1)
 
 
-def angles(blend: Blend, n: int = 4000) -> float:
+def angles(blend: BlendSurface, n: int = 4000) -> float:
     """Sample the largest angle along both rails, by the kernels' own evaluation."""
     (p, q), knots, poles, weights = blend.surface.to_bspline()
     kernel = Pair("", None, kernel_surface((p, q), knots, poles, weights), ((0, 1), (0, 1)))
     t = (np.arange(n) + 0.5) / n
     largest = 0.0
     for rail, v in zip(blend.ribbons, (0.0, 1.0), strict=True):
-        mine, other = kernel.jet(np.stack([t, np.full_like(t, v)], -1)), rail.primary.jet(rail.native(t))
+        mine, other = (
+            kernel.jet(np.stack([t, np.full_like(t, v)], -1)),
+            rail.primary.jet(rail.find_native_parameters(t)),
+        )
         m, k = np.cross(mine[1], mine[2]), np.cross(other[1], other[2])
         turned = np.arctan2(np.linalg.norm(np.cross(m, k), axis=1), np.abs((m * k).sum(1)))
         largest = max(largest, float(turned.max()))
@@ -361,20 +364,20 @@ def angles(blend: Blend, n: int = 4000) -> float:
 
 
 def test_wavy_pair_exact_in_time():
-    blend = hermite(wavy_pair(), "exact", 1e-7, 1e-5)
-    assert angles(blend) <= prove(blend).angle < 3e-9  # of degree 18, on a piece of 3e-4 of the rail
+    blend = blend_ribbons(wavy_pair(), "exact", 1e-7, 1e-5)
+    assert angles(blend) <= prove_blend(blend).angle < 3e-9  # of degree 18, on a piece of 3e-4 of the rail
     spent = []
     for _ in range(5):
         start = time.perf_counter()
-        prove(blend)
+        prove_blend(blend)
         spent.append(time.perf_counter() - start)
     assert min(spent) < 0.5  # 0.1 s on a quiet machine
 
 
 @pytest.mark.parametrize(("tolerance", "angular"), [(1e-4, 1e-3), (1e-7, 1e-5)])
 def test_compact_form_is_proven_within_three_times_what_is_sampled(tolerance, angular):
-    blend = hermite(wavy_pair(), "compact", tolerance, angular)
-    proof, truth = prove(blend), angles(blend)
+    blend = blend_ribbons(wavy_pair(), "compact", tolerance, angular)
+    proof, truth = prove_blend(blend), angles(blend)
     assert truth <= proof.angle <= 3 * truth
     assert proof.gap < 2 * tolerance
 

@@ -7,10 +7,10 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
-from cqblend.brep.verification.measuring_places import crossings, spread
+from cqblend.brep.verification.measuring_places import find_knot_crossings, spread_samples
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.breaks import NEAR, aligned, merged
+from cqblend.splines.breaks import NEAR_BREAKS, align_breaks, merge_breaks
 
 
 def sheet(middle, at, *, degree=3, repeats=1, bend=0.0):
@@ -49,7 +49,7 @@ def measured(blend):
 def test_near_crossings_make_no_slivers(form, apart, repeats, angle):
     """C2 sheets gave 1.1e-6 rad, proven to 5.5e-14; C1 ones miss a share of the distance between the crossings."""
     blend = hermite_blend(*pair(apart, 100.0, repeats), form=form)
-    assert np.diff(blend.surface.breaks[0]).min() > NEAR
+    assert np.diff(blend.surface.breaks[0]).min() > NEAR_BREAKS
     certificate = blend.certificate
     for sides in measured(blend):
         for found in sides:
@@ -108,17 +108,19 @@ def test_breaks_become_the_least_smooth_one_and_pieces_meet():
 
     rough, smooth = kinked(0.5, 0), kinked(0.5 + 1e-7, 1)
     for curves in ([rough, smooth], [smooth, rough]):
-        together = aligned(curves)
+        together = align_breaks(curves)
         for curve in together:
             assert np.array_equal(curve.breaks, [0, 0.5, 1])
             assert curve.coefs[-1, 0, 0] == curve.coefs[0, 0, 1]
-    assert aligned([smooth])[0] is smooth
-    assert np.array_equal(merged(np.array([0, 1e-7, 0.3, 0.3 + 1e-7, 1.0]), np.array([0, 1 - 1e-8, 1.0])), [0, 0.3, 1])
+    assert align_breaks([smooth])[0] is smooth
+    assert np.array_equal(
+        merge_breaks(np.array([0, 1e-7, 0.3, 0.3 + 1e-7, 1.0]), np.array([0, 1 - 1e-8, 1.0])), [0, 0.3, 1]
+    )
 
 
 @pytest.mark.parametrize("apart", [1e-4, 1e-8, 1e-12])
 def test_samples_lie_in_every_span(apart):
-    ts = spread(np.array([0.0, 0.3, 0.3 + apart, 1.0]), 100)
+    ts = spread_samples(np.array([0.0, 0.3, 0.3 + apart, 1.0]), 100)
     assert ((ts > 0.3) & (ts < 0.3 + apart)).sum() >= 9
     assert np.diff(ts).min() > 0
 
@@ -128,7 +130,7 @@ def test_crossings_are_found_to_rounding_however_close():
 
     surface = surface_from_arrays(*sheet((0.5, 0.5 + 1e-9), [0, 0, 0], degree=5).to_bspline())
     rail = Curve.bezier([(0.1, 0.2), (0.2, 0.4), (0.9, 0.9)])
-    t = np.sort(crossings(rail, 0.0, 1.0, surface))
+    t = np.sort(find_knot_crossings(rail, 0.0, 1.0, surface))
     off = np.abs(np.subtract.outer(rail(t), [0.5, 0.5 + 1e-9])).min(axis=(1, 2))
     assert len(t) == 4  # once through both lines of u, and once through both of v
     assert off.max() < 1e-15

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.rails.direction_fit import FINE, Aim, on_rails, thirds
+from cqblend.blends.rails.direction_fit import (
+    SHORTEST_SPAN_BY_ORDER,
+    DirectionFit,
+    add_third_points,
+    fit_ribbons_on_rails,
+)
 from cqblend.blends.rails.rail import Rail
-from cqblend.blends.rails.ribbon import in_space
+from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve, Surface
 
 CUBIC = Curve.bezier([[0.1, 0.2], [0.4, 0.7], [0.6, 0.1], [0.9, 0.6]])
@@ -42,12 +47,15 @@ def wish(rail):
 
 def made(curve, order=1, steer=0.0, exact=None, **options):
     rail = Rail(surface(**options), curve, "right")
-    aims = [Aim(rail, wish(rail), order, False, exact), Aim(rail, lambda t: -wish(rail)(t), order, False, None)]
-    return rail, on_rails(tuple(aims), steer)[0]
+    aims = [
+        DirectionFit(rail, wish(rail), order, False, exact),
+        DirectionFit(rail, lambda t: -wish(rail)(t), order, False, None),
+    ]
+    return rail, fit_ribbons_on_rails(tuple(aims), steer)[0]
 
 
 def first(ribbon, t, side="right"):
-    return in_space(np.stack([jet(t, side=side) for jet in ribbon.jets()[:2]]))[1]
+    return dehomogenise_jets(np.stack([jet(t, side=side) for jet in ribbon.compose_jets()[:2]]))[1]
 
 
 @pytest.mark.parametrize("rational", [False, True])
@@ -75,7 +83,7 @@ def test_direction_and_length_are_as_stated_and_tangent(curve, rational):
 def test_cross_derivatives_have_no_kink(curve, rational):
     """Not even where the rail's own weight or the wish has one: it would be a crease in the blend."""
     _, ribbon = made(curve, rational=rational)
-    knots = np.unique(np.concatenate([jet.breaks for jet in ribbon.jets()[:2]]))[1:-1]
+    knots = np.unique(np.concatenate([jet.breaks for jet in ribbon.compose_jets()[:2]]))[1:-1]
     h = 1e-6
     assert np.abs(first(ribbon, knots, "left") - first(ribbon, knots)).max() < 1e-10
     before = (first(ribbon, knots, "left") - first(ribbon, knots - h)) / h
@@ -89,7 +97,7 @@ def test_second_and_third_derivatives_are_those_of_straight_sections(order):
     """K is normal to the surface; with G3 the section's speed does not change: <T, J> = -<K, K>."""
     rail, ribbon = made(Curve.bezier([[0.1, 0.1], [0.4, 0.3]]), order=order)
     nodes = ribbon.directions[0].breaks
-    jets = in_space(np.stack([jet(nodes) for jet in ribbon.jets()]))
+    jets = dehomogenise_jets(np.stack([jet(nodes) for jet in ribbon.compose_jets()]))
     uv = rail.curve(nodes)
     jet = rail.surface.jet(uv[:, 0], uv[:, 1], 1)
     scale = np.linalg.norm(jets[2], axis=1).max()
@@ -108,7 +116,9 @@ def test_exact_directions_are_taken_as_they_are():
         jet = rail.surface.jet(uv[:, 0], uv[:, 1], 1)
         return rs[:, :1] * jet[1, 0] + rs[:, 1:] * jet[0, 1]
 
-    ribbons = on_rails((Aim(rail, vectors, 1, False, exact), Aim(rail, vectors, 1, False, exact)), 0.0)
+    ribbons = fit_ribbons_on_rails(
+        (DirectionFit(rail, vectors, 1, False, exact), DirectionFit(rail, vectors, 1, False, exact)), 0.0
+    )
     t = np.linspace(0, 1, 501)
     assert np.abs(first(ribbons[0], t) - vectors(t)).max() < 1e-12
     assert ribbons[0].direction < 1e-13
@@ -119,8 +129,8 @@ def test_spans_do_not_get_shorter_than_the_order_allows():
     for order in (1, 2):
         _, ribbon = made(QUADRATIC, order=order)
         steps = np.diff(ribbon.directions[0].breaks)
-        assert steps.min() >= 0.3 * FINE[order]
+        assert steps.min() >= 0.3 * SHORTEST_SPAN_BY_ORDER[order]
 
 
 def test_thirds():
-    assert thirds(np.array([0.0, 3.0, 9.0])) == pytest.approx([0, 1, 2, 3, 5, 7, 9])
+    assert add_third_points(np.array([0.0, 3.0, 9.0])) == pytest.approx([0, 1, 2, 3, 5, 7, 9])

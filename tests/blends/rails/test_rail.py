@@ -15,7 +15,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from cqblend.blends.rails.rail import FIELDS, Rail
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
-from cqblend.splines.self_intersection import self_crossing
+from cqblend.splines.self_intersection import find_self_crossing
 
 T = np.linspace(0, 1, 243)
 INNER = ([0.2, 0.4, 0.6, 0.8], [0.25, 0.5, 0.75])
@@ -360,7 +360,7 @@ def test_self_crossing_finds_what_sampling_sees():
         x = (e[..., 0] * other[..., 1] - e[..., 1] * other[..., 0]) / np.where(area == 0, np.inf, area)
         y = (e[..., 0] * d[..., 1] - e[..., 1] * d[..., 0]) / np.where(area == 0, np.inf, area)
         meet = np.triu((area != 0) & (x >= 0) & (x <= 1) & (y >= 0) & (y <= 1), 2).any()
-        met = self_crossing(curve)
+        met = find_self_crossing(curve)
         assert (met is not None) == meet
         if met is not None:
             found += 1

@@ -10,13 +10,13 @@ from kernel_surfaces import SIZE, Pair, bulges, pairs
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails import rail_fit
-from cqblend.blends.rails.rail_fit import Wanted
+from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Cone, Cylinder, Frame, Plane, Primary, Sphere
+from cqblend.surfaces.primaries import Cone, Cylinder, LocalFrame, Plane, Primary, Sphere
 
-FRAME = Frame(np.zeros(3), np.eye(3))
-WALL = Frame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
+FRAME = LocalFrame(np.zeros(3), np.eye(3))
+WALL = LocalFrame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
 TURN = 2 * math.pi
 
 
@@ -25,11 +25,11 @@ def homogeneous(x: np.ndarray) -> np.ndarray:
 
 
 def points(rail: Ribbon, t: np.ndarray) -> np.ndarray:
-    return homogeneous(rail.primary.position(rail.c)(t))
+    return homogeneous(rail.primary.compose_position(rail.c)(t))
 
 
 def fields(rail: Ribbon, t: np.ndarray) -> np.ndarray:
-    x, dx = (jet(t) for jet in rail.jets())
+    x, dx = (jet(t) for jet in rail.compose_jets())
     return (dx[:, :3] - homogeneous(x) * dx[:, 3:]) / x[:, 3:]
 
 
@@ -71,7 +71,7 @@ ROUND = {
 
 
 def test_straight_rails_are_one_span_of_degree_one_and_exact():
-    made = rail_fit.straight((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), Wanted(), SIZE)
+    made = rail_fit.fit_straight_ribbons((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), RibbonTargets(), SIZE)
     assert made is not None
     t = np.linspace(-0.1, 1.2, 50)
     for rail, wanted in zip(made, (np.array([0, 2.0, 0]), np.array([0, 0, 3.0])), strict=True):
@@ -86,13 +86,13 @@ def test_straight_rails_are_one_span_of_degree_one_and_exact():
 @pytest.mark.parametrize("bulge", [1.0, 0.7])
 def test_circular_rails_have_nine_poles_and_are_the_circles(kind, bulge):
     second, v, ring, height = ROUND[kind]
-    made = rail_fit.circular(
-        (Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, Wanted(bulges=bulges(bulge)), SIZE
+    made = rail_fit.fit_circular_ribbons(
+        (Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, RibbonTargets(bulges=bulges(bulge)), SIZE
     )
     assert made is not None
     t = np.linspace(0, 1, 401)
     for rail, radius, z in zip(made, (6.5, ring), (0.0, height), strict=True):
-        circle = rail.primary.position(rail.c).reduce(tolerance=1e-13)
+        circle = rail.primary.compose_position(rail.c).reduce(tolerance=1e-13)
         assert circle.degree == 2
         assert len(circle.to_bspline()[2]) == 9
         found = points(rail, t)
@@ -111,7 +111,7 @@ def test_arcs_take_one_piece_for_each_quarter_turn(turn):
     def solve(t):
         return rim(second, 1.5, 6.5)(np.asarray(t) * turn / TURN)
 
-    made = rail_fit.circular((Plane(FRAME), second), solve, (0.0, 1.0), turn, Wanted(), SIZE)
+    made = rail_fit.fit_circular_ribbons((Plane(FRAME), second), solve, (0.0, 1.0), turn, RibbonTargets(), SIZE)
     assert made is not None
     assert len(made[0].c.breaks) - 1 == math.ceil(turn / (math.pi / 2) - 1e-9)
     end = points(made[1], np.array([1.0]))[0]
@@ -126,8 +126,8 @@ def test_what_is_not_straight_or_round_is_not_taken_for_it():
         solved.uv[1][:, 1] += 1e-6 * np.sin(3 * TURN * np.asarray(t))
         return solved
 
-    assert rail_fit.circular((Plane(FRAME), second), bent, (0.0, 1.0), TURN, Wanted(), SIZE) is None
-    assert rail_fit.straight((Plane(FRAME), second), bent, (0.0, 0.2), Wanted(), SIZE) is None
+    assert rail_fit.fit_circular_ribbons((Plane(FRAME), second), bent, (0.0, 1.0), TURN, RibbonTargets(), SIZE) is None
+    assert rail_fit.fit_straight_ribbons((Plane(FRAME), second), bent, (0.0, 0.2), RibbonTargets(), SIZE) is None
 
 
 # Cubic rails.
@@ -165,9 +165,13 @@ SMOOTH = [
 def test_cubic_rails_are_c2_and_say_how_far_off_they_are(name, closed):
     pair = pairs()[name]
     primaries = (Plane(FRAME), pair.primary)
-    wanted = Wanted(1e-4)
-    solve = rail_fit.around(wobbling(pair), primaries) if closed else rail_fit.along(wobbling(pair), primaries)
-    made = rail_fit.cubic(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
+    wanted = RibbonTargets(1e-4)
+    solve = (
+        rail_fit.unwrap_closed_solver(wobbling(pair), primaries)
+        if closed
+        else rail_fit.unwrap_open_solver(wobbling(pair), primaries)
+    )
+    made = rail_fit.fit_cubic_ribbons(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
     low, high = made[0].c.domain
     t = np.linspace(low, high, 2001)
     exact = solve(t[:-1] if closed else t)
@@ -183,7 +187,7 @@ def test_cubic_rails_are_c2_and_say_how_far_off_they_are(name, closed):
         jet = pair.jet(exact.uv[1]) if side else primaries[0].jet(exact.uv[0])
         missed = np.linalg.norm(points(rail, t) - jet[0], axis=1)
         assert missed.max() < 2 * wanted.position
-        assert np.abs(rail.native(t) - exact.uv[side]).max() < 1e-3
+        assert np.abs(rail.find_native_parameters(t) - exact.uv[side]).max() < 1e-3
         direction, length = deviations(rail, jet, exact, t)
         assert direction.max() < 2 * max(rail.direction, 1e-12)
         assert length.max() < 2 * max(rail.length, 1e-12)
@@ -221,16 +225,18 @@ def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():
         return Contacts(t, np.column_stack([flat, 0 * u]), (flat, winding), np.ones((2, len(u))))
 
     t = np.linspace(-1, 2, 121)
-    uv = rail_fit.around(solve, primaries)(t).uv[1]
+    uv = rail_fit.unwrap_closed_solver(solve, primaries)(t).uv[1]
     assert np.abs(np.diff(uv[:, 0]) - TURN / 40).max() < 1e-12
 
 
 def test_bulge_multiplies_the_length_of_the_directions():
     pair = pairs()["torus"]
     primaries = (Plane(FRAME), pair.primary)
-    solve = rail_fit.along(wobbling(pair), primaries)
+    solve = rail_fit.unwrap_open_solver(wobbling(pair), primaries)
     plain, full = (
-        rail_fit.cubic(primaries, solve, (0.1, 0.7), Wanted(1e-4, bulges=bulges(bulge)), closed=False)
+        rail_fit.fit_cubic_ribbons(
+            primaries, solve, (0.1, 0.7), RibbonTargets(1e-4, bulges=bulges(bulge)), closed=False
+        )
         for bulge in (1.0, 1.4)
     )
     t = np.linspace(0.1, 0.7, 33)
@@ -248,4 +254,4 @@ def test_a_kink_that_no_smooth_rail_follows_is_an_error_with_its_size():
         return solved
 
     with pytest.raises(GeometryError, match=r"the rails miss the contacts by .* mm on \d+ stations"):
-        rail_fit.cubic(primaries, kinked, (0.0, 1.0), Wanted(1e-7), closed=False)
+        rail_fit.fit_cubic_ribbons(primaries, kinked, (0.0, 1.0), RibbonTargets(1e-7), closed=False)

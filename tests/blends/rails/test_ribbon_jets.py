@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from kernel_surfaces import SIZE, pairs
 
-from cqblend.blends.rails.ribbon import in_space
+from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve, Surface, interpolate
-from cqblend.surfaces.primaries import Tensor
+from cqblend.surfaces.primaries import TensorSurface
 
 T = np.array([0.07, 0.31, 0.58, 0.83])
 STEP = 0.02
@@ -29,7 +29,7 @@ def ribbon(pair, seed=3):
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 1, 4)
     x = np.stack([0.44 + 0.04 * t, 0.42 + 0.05 * t - 0.03 * t**2], -1)
-    c = interpolate(t, pair.primary.lift(pair.uv(x)))
+    c = interpolate(t, pair.primary.lift_points(pair.uv(x)))
     scale = 0.2 * np.abs(c.coefs).max(axis=(0, 2))
     return c, [Curve.bezier(scale * rng.uniform(-1, 1, (2 + k, c.dim))) for k in range(3)]
 
@@ -38,13 +38,13 @@ def ribbon(pair, seed=3):
 def test_jets_are_derivatives_of_the_surface_along_the_ribbon(name):
     pair = pairs()[name]
     c, directions = ribbon(pair)
-    jets = pair.primary.jets(c, directions)
+    jets = pair.primary.compose_jets(c, directions)
     assert len(jets) == 4
-    space = in_space(np.stack([jet(T) for jet in jets]))
+    space = dehomogenise_jets(np.stack([jet(T) for jet in jets]))
     v = STEP * np.arange(-4, 5)[:, None, None]
     moved = c(T) + sum(curve(T) * v**k / math.factorial(k) for k, curve in enumerate(directions, 1))
-    start = pair.primary.unlift(c(T), np.tile(pair.uv(np.array([[0.45, 0.45]])), (len(T), 1)))
-    points = np.stack([pair.jet(pair.primary.unlift(row, start))[0] for row in moved])
+    start = pair.primary.unlift_points(c(T), np.tile(pair.uv(np.array([[0.45, 0.45]])), (len(T), 1)))
+    points = np.stack([pair.jet(pair.primary.unlift_points(row, start))[0] for row in moved])
     assert np.abs(points[4] - space[0]).max() < 1e-13 * 10 * SIZE
     for k, stencil in enumerate(STENCILS, 1):
         differences = np.tensordot(stencil, points, 1) / STEP**k
@@ -57,7 +57,10 @@ def test_jets_of_higher_order_than_there_are_directions_take_the_rest_for_zero(n
     pair = pairs()[name]
     c, directions = ribbon(pair)
     nothing = Curve.bezier(np.zeros((1, c.dim)))
-    short, long = pair.primary.jets(c, directions[:1], 3), pair.primary.jets(c, [directions[0], nothing, nothing])
+    short, long = (
+        pair.primary.compose_jets(c, directions[:1], 3),
+        pair.primary.compose_jets(c, [directions[0], nothing, nothing]),
+    )
     for one, other in zip(short, long, strict=True):
         assert np.abs(one(T) - other(T)).max() < 1e-13 * np.abs(other(T)).max() + 1e-14 * SIZE
 
@@ -86,7 +89,7 @@ def test_jets_on_patches_are_exact(degrees, rational):
     poles = rng.integers(-64, 64, (degrees[0] + 1, degrees[1] + 1, 3)) / 16
     weights = rng.integers(8, 24, poles.shape[:2]) / 16 if rational else None
     knots = tuple(np.repeat([0.0, 1.0], d + 1) for d in degrees)
-    primary = Tensor.of(Surface.from_bspline(degrees, knots, poles, weights))
+    primary = TensorSurface.from_spline(Surface.from_bspline(degrees, knots, poles, weights))
     curves = [rng.integers(1, 15, (3, 2)) / 16, *(rng.integers(-8, 8, (3, 2)) / 16 for _ in range(3))]
     lifted = []
     for one, (u, v) in zip((1, 0, 0, 0), (x.T for x in curves), strict=True):
@@ -101,5 +104,5 @@ def test_jets_on_patches_are_exact(degrees, rational):
     ]
     series = bezier([bezier(row, v) for row in constant], u)
     true = np.array([math.factorial(k) * series[k] for k in range(4)]).astype(float)
-    found = np.stack([jet([float(t)])[0] for jet in primary.jets(lifted[0], lifted[1:])])
+    found = np.stack([jet([float(t)])[0] for jet in primary.compose_jets(lifted[0], lifted[1:])])
     assert np.abs(true - found).max() < 1e-14 * np.abs(true).max()

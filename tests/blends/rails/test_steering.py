@@ -9,12 +9,16 @@ import pytest
 from kernel_surfaces import clamped
 
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.rails.steering import FADE, LOOSE, Pin, Steering, pins
+from cqblend.blends.rails.steering import FADE_FIT_SHARE, FADE_LENGTH_SHARE, Steering, SteeringPin, find_pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Tensor
+from cqblend.surfaces.primaries import TensorSurface
 
-PINS = (Pin(0.2, 0, 0.5, 0.3, deep=False), Pin(0.26, 1, 0.4, -0.1, deep=True), Pin(0.97, 1, 0.6, 0.2, deep=False))
+PINS = (
+    SteeringPin(0.2, 0, 0.5, 0.3, second_order=False),
+    SteeringPin(0.26, 1, 0.4, -0.1, second_order=True),
+    SteeringPin(0.97, 1, 0.6, 0.2, second_order=False),
+)
 
 
 def slopes(f, t, h=1e-5):
@@ -25,16 +29,24 @@ def slopes(f, t, h=1e-5):
 @pytest.mark.parametrize("closed", [False, True])
 def test_the_angle_is_that_of_the_pins_and_zero_far_away(closed):
     steering = Steering(PINS, (0.0, 1.0), closed)
-    assert steering.angle(np.array([pin.t for pin in PINS])) == pytest.approx([pin.angle for pin in PINS], abs=1e-15)
-    assert np.abs(steering.angle(np.linspace(0.26 + FADE, 0.97 - FADE, 50))).max() < 1e-15
-    assert (steering.angle(np.array([0.03]))[0] != 0) == closed
-    assert steering.angle(np.array([0.0]))[0] == pytest.approx(steering.angle(np.array([1.0]))[0]) or not closed
+    assert steering.evaluate_angle(np.array([pin.t for pin in PINS])) == pytest.approx(
+        [pin.angle for pin in PINS], abs=1e-15
+    )
+    assert (
+        np.abs(steering.evaluate_angle(np.linspace(0.26 + FADE_LENGTH_SHARE, 0.97 - FADE_LENGTH_SHARE, 50))).max()
+        < 1e-15
+    )
+    assert (steering.evaluate_angle(np.array([0.03]))[0] != 0) == closed
+    assert (
+        steering.evaluate_angle(np.array([0.0]))[0] == pytest.approx(steering.evaluate_angle(np.array([1.0]))[0])
+        or not closed
+    )
 
 
 def test_the_angle_is_flat_and_unbent_at_pins_and_where_it_ends():
     steering = Steering(PINS, (0.0, 1.0), False)
-    t = np.array([0.2, 0.26, 0.97, 0.2 - FADE, 0.26 + FADE, 0.97 - FADE])
-    first, second = slopes(steering.angle, t)
+    t = np.array([0.2, 0.26, 0.97, 0.2 - FADE_LENGTH_SHARE, 0.26 + FADE_LENGTH_SHARE, 0.97 - FADE_LENGTH_SHARE])
+    first, second = slopes(steering.evaluate_angle, t)
     assert np.abs(first).max() < 1e-3
     assert np.abs(second).max() < 0.5  # beside 1000 in between
 
@@ -45,36 +57,36 @@ def test_turned_vectors_keep_their_length_and_turn_by_the_angle():
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     vectors = np.cross(normals, rng.normal(size=(40, 3)))
     steering, t = Steering(PINS, (0.0, 1.0), False), np.linspace(0.1, 0.4, 40)
-    turned = steering.turned(vectors, normals, t)
+    turned = steering.turn_vectors(vectors, normals, t)
     assert np.abs(np.linalg.norm(turned, axis=1) - np.linalg.norm(vectors, axis=1)).max() < 1e-14
     sine = (np.cross(vectors, turned) * normals).sum(1) / (vectors**2).sum(1)
-    assert np.abs(np.arcsin(sine) - steering.angle(t)).max() < 1e-14
+    assert np.abs(np.arcsin(sine) - steering.evaluate_angle(t)).max() < 1e-14
 
 
 def test_components_across_the_line_vanish_exactly_at_pins():
     steering = Steering(PINS, (0.0, 1.0), False)
     t = np.union1d(np.linspace(0, 1, 21), [pin.t for pin in PINS])
     rs = np.ones((len(t), 2))
-    first, second = steering.pinned(rs, t), steering.faded(rs, t)
+    first, second = steering.zero_at_pins(rs, t), steering.align_second_directions(rs, t)
     for pin in PINS:
         at = np.flatnonzero(t == pin.t)
         assert first[at, pin.axis] == 0
-        assert (second[at, pin.axis] == 0) == pin.deep
+        assert (second[at, pin.axis] == 0) == pin.second_order
     assert (first == 0).sum() == len(PINS)
     assert (np.abs(second[:, 0] - 1) == 0).all()
-    assert (second[np.abs(t - 0.26) >= FADE, 1] == 1).all()
+    assert (second[np.abs(t - 0.26) >= FADE_LENGTH_SHARE, 1] == 1).all()
 
 
 def test_a_fit_has_slack_about_pins_only():
     steering = Steering(PINS, (0.0, 1.0), False)
     t = np.linspace(0, 1, 201)
-    slack = steering.slack(t)
-    assert set(slack.tolist()) == {0.0, LOOSE * 0.3}
+    slack = steering.evaluate_slack(t)
+    assert set(slack.tolist()) == {0.0, FADE_FIT_SHARE * 0.3}
     near = np.abs(t[:, None] - [pin.t for pin in PINS]).min(axis=1)
-    assert (slack[near <= FADE] > 0).all()
-    assert (slack[near > 2 * FADE + 0.01] == 0).all()
-    assert (Steering((), (0.0, 1.0), False).slack(t) == 0).all()
-    assert (Steering((), (0.0, 1.0), False).angle(t) == 0).all()
+    assert (slack[near <= FADE_LENGTH_SHARE] > 0).all()
+    assert (slack[near > 2 * FADE_LENGTH_SHARE + 0.01] == 0).all()
+    assert (Steering((), (0.0, 1.0), False).evaluate_slack(t) == 0).all()
+    assert (Steering((), (0.0, 1.0), False).evaluate_angle(t) == 0).all()
 
 
 def slanted(turn, order, multiplicity=2):
@@ -88,33 +100,33 @@ def slanted(turn, order, multiplicity=2):
     c = Curve.bezier([[0.5, 0.5, 0.9, 0.1], [0.5, 0.5, 0.1, 0.9]])
     r, s = math.cos(turn), math.sin(turn)
     directions = tuple(Curve.bezier([[-r, r, -s, s]]) for _ in range(max(order, 1)))
-    return Ribbon(Tensor.of(surface), c, directions, np.array([[0.5, 0.1], [0.5, 0.9]]), order)
+    return Ribbon(TensorSurface.from_spline(surface), c, directions, np.array([[0.5, 0.1], [0.5, 0.9]]), order)
 
 
 @pytest.mark.parametrize("turn", [0.2, -0.3, math.pi - 0.2])
 def test_pins_turn_the_direction_onto_the_knot_line(turn):
     ribbon = slanted(turn, 1)
-    (pin,) = pins(ribbon, 0.5)
-    assert (pin.axis, pin.value, pin.deep) == (1, 0.5, False)
+    (pin,) = find_pins(ribbon, 0.5)
+    assert (pin.axis, pin.value, pin.second_order) == (1, 0.5, False)
     assert pin.t == pytest.approx(0.5, abs=1e-12)
-    uv = ribbon.native(np.array([pin.t]))
+    uv = ribbon.find_native_parameters(np.array([pin.t]))
     jet = ribbon.primary.jet(uv)
     vector = math.cos(turn) * jet[1] + math.sin(turn) * jet[2]
     normal = np.cross(jet[1], jet[2])
     normal /= np.linalg.norm(normal)
-    turned = Steering((pin,), (0.0, 1.0), False).turned(vector, normal, np.array([pin.t]))
+    turned = Steering((pin,), (0.0, 1.0), False).turn_vectors(vector, normal, np.array([pin.t]))
     assert np.linalg.norm(np.cross(turned, jet[1])) < 1e-12
 
 
 def test_pins_only_where_the_surface_is_too_rough_and_the_turn_allowed():
-    assert pins(slanted(0.3, 1), 0.1) == []
-    assert pins(slanted(0.3, 0), 0.5) == []
-    assert pins(slanted(0.3, 1, multiplicity=1), 0.5) == []
-    (on_c2,), (on_c1,) = pins(slanted(0.3, 2, multiplicity=1), 0.5), pins(slanted(0.3, 2), 0.5)
-    assert not on_c2.deep
-    assert on_c1.deep
+    assert find_pins(slanted(0.3, 1), 0.1) == []
+    assert find_pins(slanted(0.3, 0), 0.5) == []
+    assert find_pins(slanted(0.3, 1, multiplicity=1), 0.5) == []
+    (on_c2,), (on_c1,) = find_pins(slanted(0.3, 2, multiplicity=1), 0.5), find_pins(slanted(0.3, 2), 0.5)
+    assert not on_c2.second_order
+    assert on_c1.second_order
 
 
 def test_third_order_says_where_the_surface_is_not_c3():
     with pytest.raises(GeometryError, match=r"v = 0\.5, where one is only C2, at t = 0\.5; use G2"):
-        pins(slanted(0.1, 3, multiplicity=1), 0.5)
+        find_pins(slanted(0.1, 3, multiplicity=1), 0.5)

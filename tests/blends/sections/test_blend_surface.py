@@ -10,14 +10,14 @@ from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails import rail_fit
-from cqblend.blends.rails.rail_fit import Wanted
+from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.sections.blend_surface import Blend, hermite
+from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.errors import DegreeError, GeometryError
-from cqblend.splines.breaks import merged
-from cqblend.surfaces.primaries import Frame, Plane
+from cqblend.splines.breaks import merge_breaks
+from cqblend.surfaces.primaries import LocalFrame, Plane
 
-FLOOR = Pair("floor", Plane(Frame(np.array([0, 0, -4.0]), np.eye(3))), None, ((0, 1), (0, 1)))
+FLOOR = Pair("floor", Plane(LocalFrame(np.array([0, 0, -4.0]), np.eye(3))), None, ((0, 1), (0, 1)))
 NAMES = [
     "cylinder",
     "cone +0.4, nappe -1",
@@ -43,35 +43,35 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
         return Contacts(t, (first + second) / 2, (flat, uv), np.tile(np.linalg.norm(first - second, axis=1), (2, 1)))
 
     primaries = (FLOOR.primary, pair.primary)
-    return rail_fit.cubic(
+    return rail_fit.fit_cubic_ribbons(
         primaries,
-        rail_fit.along(solve, primaries),
+        rail_fit.unwrap_open_solver(solve, primaries),
         (0.0, 1.0),
-        Wanted(1e-2, 1e-2, 1e-1, bulges=bulges(bulge)),
+        RibbonTargets(1e-2, 1e-2, 1e-1, bulges=bulges(bulge)),
         closed=False,
     )
 
 
 def boundary(rail: Ribbon, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return C and T of a rail's ribbon, (n, 3) each."""
-    x, dx = (jet(t) for jet in rail.jets())
+    x, dx = (jet(t) for jet in rail.compose_jets())
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
 
 
-def kernel(blend: Blend):
+def kernel(blend: BlendSurface):
     """Return OCCT's surface of a blend."""
     (p, q), knots, poles, weights = blend.surface.to_bspline()
     return kernel_surface((p, q), knots, poles, weights)
 
 
-def angles(blend: Blend, t: np.ndarray, pair: Pair) -> tuple[float, float]:
+def angles(blend: BlendSurface, t: np.ndarray, pair: Pair) -> tuple[float, float]:
     """Measure the largest gap and normal angle of OCCT's surface along both rails against the primaries themselves."""
     surface = Pair("", None, kernel(blend), ((0, 1), (0, 1)))
     gap = angle = 0.0
     for rail, v, side in zip(blend.ribbons, (0.0, 1.0), (None, pair), strict=True):
         jet = surface.jet(np.stack([t, np.full_like(t, v)], -1))
-        uv = rail.native(t)
+        uv = rail.find_native_parameters(t)
         for axis, period in enumerate(rail.primary.periods):
             if period is not None and side is not None and "spline" in side.name:
                 uv[:, axis] %= period
@@ -85,7 +85,7 @@ def angles(blend: Blend, t: np.ndarray, pair: Pair) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_form_has_the_ribbons_for_jets(name):
-    blend = hermite(joint(pairs()[name]), "exact", 1e-7, 1e-5)
+    blend = blend_ribbons(joint(pairs()[name]), "exact", 1e-7, 1e-5)
     assert blend.form == "exact"
     t = np.linspace(0, 1, 201)
     for rail, v, sign in zip(blend.ribbons, (0.0, 1.0), (1, -1), strict=True):
@@ -98,7 +98,7 @@ def test_exact_form_has_the_ribbons_for_jets(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_exact_form_is_g1_as_the_kernel_sees_it(name):
     pair = pairs()[name]
-    blend = hermite(joint(pair), "exact", 1e-7, 1e-5)
+    blend = blend_ribbons(joint(pair), "exact", 1e-7, 1e-5)
     gap, angle = angles(blend, np.linspace(1e-9, 1 - 1e-9, 501), pair)
     assert gap < 1e-12
     assert angle < 1e-10
@@ -108,7 +108,7 @@ def test_exact_form_is_g1_as_the_kernel_sees_it(name):
 @pytest.mark.parametrize(("tolerance", "angular"), [(1e-4, 1e-3), (1e-7, 1e-5)])
 def test_compact_form_is_within_what_was_asked(name, tolerance, angular):
     pair = pairs()[name]
-    exact, compact = (hermite(joint(pair), form, tolerance, angular) for form in ("exact", "compact"))
+    exact, compact = (blend_ribbons(joint(pair), form, tolerance, angular) for form in ("exact", "compact"))
     assert compact.form == "compact"
     assert compact.surface.degree == (5, 3)
     gap, angle = angles(compact, np.linspace(1e-9, 1 - 1e-9, 1501), pair)
@@ -122,7 +122,7 @@ def test_compact_form_is_within_what_was_asked(name, tolerance, angular):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_weights_are_positive_and_flat_across_on_the_rails(name):
-    surface = hermite(joint(pairs()[name]), "exact", 1e-7, 1e-5).surface
+    surface = blend_ribbons(joint(pairs()[name]), "exact", 1e-7, 1e-5).surface
     weights = surface.to_bspline()[3]
     assert weights is None or weights.min() > 0
     if surface.rational:
@@ -132,24 +132,24 @@ def test_weights_are_positive_and_flat_across_on_the_rails(name):
 
 
 def test_auto_is_exact_up_to_degree_seven():
-    light = hermite(joint(pairs()["cylinder"]), "auto", 1e-7, 1e-5)
-    heavy = hermite(joint(pairs()["spline 3 x 3"]), "auto", 1e-7, 1e-5)
+    light = blend_ribbons(joint(pairs()["cylinder"]), "auto", 1e-7, 1e-5)
+    heavy = blend_ribbons(joint(pairs()["spline 3 x 3"]), "auto", 1e-7, 1e-5)
     assert (light.form, light.surface.degree) == ("exact", (6, 3))
     assert (heavy.form, heavy.surface.degree) == ("compact", (5, 3))
 
 
 def test_degrees_are_those_of_composition():
     for name, degree in (("spline 3 x 3", 18), ("torus", 12), ("revolved spline", 15), ("spline 1 x 1", 6)):
-        assert hermite(joint(pairs()[name]), "exact", 1e-7, 1e-5).surface.degree == (degree, 3)
+        assert blend_ribbons(joint(pairs()[name]), "exact", 1e-7, 1e-5).surface.degree == (degree, 3)
 
 
 def test_degree_beyond_the_kernel_is_refused_by_number_and_goes_compact():
     pair = wavy((5, 5), ([0.5], [0.5]))
     made = joint(pair)
     with pytest.raises(DegreeError, match=r"degree 30 along the rail, OCCT holds 25; take form='compact'"):
-        hermite(made, "exact", 1e-7, 1e-5)
+        blend_ribbons(made, "exact", 1e-7, 1e-5)
     for form in ("compact", "auto"):
-        assert angles(hermite(made, form, 1e-7, 1e-5), np.linspace(1e-9, 1 - 1e-9, 501), pair)[1] < 1e-5
+        assert angles(blend_ribbons(made, form, 1e-7, 1e-5), np.linspace(1e-9, 1 - 1e-9, 501), pair)[1] < 1e-5
 
 
 @pytest.mark.parametrize(("theta", "error"), [(math.pi / 2, 2.73e-4), (math.pi / 3, 2.4e-5), (2.0, 1.17e-3)])
@@ -159,8 +159,8 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
     setback = radius * math.tan(theta / 2)
     lean = np.array([0, math.cos(math.pi - theta), math.sin(math.pi - theta)])
     primaries = (
-        Plane(Frame(np.zeros(3), np.eye(3))),
-        Plane(Frame(np.zeros(3), np.array([[1.0, 0, 0], lean, np.cross([1.0, 0, 0], lean)]))),
+        Plane(LocalFrame(np.zeros(3), np.eye(3))),
+        Plane(LocalFrame(np.zeros(3), np.array([[1.0, 0, 0], lean, np.cross([1.0, 0, 0], lean)]))),
     )
 
     def solve(t):
@@ -168,9 +168,9 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
         at = np.stack([x, np.full_like(x, setback)], -1)
         return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
-    made = rail_fit.straight(primaries, solve, (0.0, 1.0), Wanted(), 10.0)
+    made = rail_fit.fit_straight_ribbons(primaries, solve, (0.0, 1.0), RibbonTargets(), 10.0)
     assert made is not None
-    blend = hermite(made, "auto", 1e-7, 1e-5)
+    blend = blend_ribbons(made, "auto", 1e-7, 1e-5)
     assert blend.surface.to_bspline()[2].shape == (2, 4, 3)
     centre = np.array([setback, radius])  # (y, z)
     section = blend.surface(np.full(401, 0.3), np.linspace(0, 1, 401))
@@ -183,7 +183,7 @@ def test_bulge_makes_the_blend_fuller():
     middles = []
     for bulge in (0.8, 1.0, 1.2):
         made = joint(pairs()["cylinder"], bulge)
-        points = hermite(made, "exact", 1e-7, 1e-5).surface(np.array([0.5]), np.array([0.5]))[0]
+        points = blend_ribbons(made, "exact", 1e-7, 1e-5).surface(np.array([0.5]), np.array([0.5]))[0]
         ends = [boundary(rail, np.array([0.5]))[0][0] for rail in made]
         middles.append(float(np.linalg.norm(points - (ends[0] + ends[1]) / 2)))
     assert middles[0] < middles[1] < middles[2]
@@ -191,8 +191,8 @@ def test_bulge_makes_the_blend_fuller():
 
 def test_compact_that_cannot_be_reached_says_so():
     with pytest.raises(GeometryError, match=r"4096 pieces does not reach 1e-30 mm"):
-        hermite(joint(pairs()["cylinder"]), "compact", 1e-30, 1e-5)
+        blend_ribbons(joint(pairs()["cylinder"]), "compact", 1e-30, 1e-5)
 
 
 def test_merged_breaks_drop_what_is_equal_to_rounding():
-    assert merged(np.array([0, 0.5, 1]), np.array([0, 0.5 + 1e-15, 0.7, 1])).tolist() == [0, 0.5, 0.7, 1]
+    assert merge_breaks(np.array([0, 0.5, 1]), np.array([0, 0.5 + 1e-15, 0.7, 1])).tolist() == [0, 0.5, 0.7, 1]

@@ -16,11 +16,11 @@ from kernel_surfaces import pairs
 from places import BENCHMARKS
 
 import cqblend
-from cqblend.blends.sections.blend_surface import section
-from cqblend.blends.sections.compact_form import CURVATURE, compact
+from cqblend.blends.sections.blend_surface import build_section
+from cqblend.blends.sections.compact_form import CURVATURE_TOLERANCE, compact_jets
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Primary, Tensor
+from cqblend.surfaces.primaries import Primary, TensorSurface
 
 sys.path.insert(0, str(BENCHMARKS))
 import irit_table
@@ -43,12 +43,12 @@ def wavy(order: int = 1) -> Sides:
         (base, poles, 1),
         (base + np.array([0.3, 0.2, 1.0]), poles * [1, -1] + [0, 1], -1),
     ):
-        primary = Tensor.of(surface)
+        primary = TensorSurface.from_spline(surface)
         uv = Curve.bezier(bezier)
         slope = uv.derivative()
         turned = Curve.stack([slope[1], -slope[0]]) * (0.3 * sign)
         direction = Curve.stack([-turned[0], turned[0], -turned[1], turned[1]])
-        sides.append(list(primary.jets(lifted(primary, uv), (direction,), order)))
+        sides.append(list(primary.compose_jets(lifted(primary, uv), (direction,), order)))
     return sides[0], sides[1]
 
 
@@ -58,9 +58,9 @@ def on_primary(name: str, order: int = 1) -> Jets:
     t = np.linspace(0, 1, 65)
     square = np.stack([0.5 + 0.3 * np.cos(2 * t), 0.5 + 0.3 * np.sin(3 * t)], -1)
     uv = pair.uv(square)
-    c = fit.interpolate(t, pair.primary.lift(uv))
+    c = fit.interpolate(t, pair.primary.lift_points(uv))
     rs = 0.2 * np.ptp(uv, axis=0) * np.stack([-1.5 * np.cos(3 * t), -np.sin(2 * t)], -1)
-    return list(pair.primary.jets(c, (fit.interpolate(t, pair.primary.push(uv, c(t), rs)),), order))
+    return list(pair.primary.compose_jets(c, (fit.interpolate(t, pair.primary.lift_directions(uv, c(t), rs)),), order))
 
 
 def synthetic(seed: int, order: int, degree: int = 9) -> Jets:
@@ -148,7 +148,7 @@ def derivative(rail: Curve, t: np.ndarray, order: int = 1) -> np.ndarray:
 
 def poles(fitted: Sides) -> int:
     """Count the poles along the blend, after re-assembly."""
-    return len(section(fitted).to_bspline()[2])
+    return len(build_section(fitted).to_bspline()[2])
 
 
 CASES = {
@@ -168,7 +168,7 @@ CASES = {
 @pytest.mark.parametrize(("tolerance", "angular"), [(1e-4, 1e-3), (1e-7, 1e-5)])
 def test_fit_is_within_what_was_asked(name, tolerance, angular):
     sides = CASES[name]()
-    fitted = compact(sides, tolerance, angular)
+    fitted = compact_jets(sides, tolerance, angular)
     for jets, rows in zip(sides, fitted, strict=True):
         assert [row.dim for row in rows] == [3] * len(jets)
         assert {row.degree for row in rows} == {5}
@@ -176,7 +176,7 @@ def test_fit_is_within_what_was_asked(name, tolerance, angular):
         assert gap <= tolerance
         assert angle <= angular
         assert field <= angular
-        assert all(bend <= CURVATURE for bend in bends)
+        assert all(bend <= CURVATURE_TOLERANCE for bend in bends)
     assert all(np.array_equal(row.breaks, fitted[0][0].breaks) for rows in fitted for row in rows)
 
 
@@ -189,17 +189,17 @@ def next_regular(seed, order):
 @given(seed=st.integers(0, 10**6), orders=st.tuples(st.integers(0, 3), st.integers(0, 3)))
 def test_any_jets_of_any_orders(seed, orders):
     sides = next_regular(seed, orders[0]), next_regular(seed + 1, orders[1])
-    for jets, rows in zip(sides, compact(sides, 1e-6, 1e-5), strict=True):
+    for jets, rows in zip(sides, compact_jets(sides, 1e-6, 1e-5), strict=True):
         gap, angle, field, bends = measured(jets, rows)
         assert gap <= 1e-6
         assert max(angle, field) <= 1e-5
-        assert all(bend <= CURVATURE for bend in bends)
+        assert all(bend <= CURVATURE_TOLERANCE for bend in bends)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_ends_are_the_exact_ones_with_two_derivatives(name):
     sides = CASES[name]()
-    for jets, rows in zip(sides, compact(sides, 1e-7, 1e-5), strict=True):
+    for jets, rows in zip(sides, compact_jets(sides, 1e-7, 1e-5), strict=True):
         ends = np.array(jets[0].domain)
         inside = ends + np.array([1e-4, -1e-4])
         for true, row in zip(euclidean(jets, ends), rows, strict=True):
@@ -213,7 +213,7 @@ def test_ends_are_the_exact_ones_with_two_derivatives(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_pieces_meet_as_smoothly_as_they_say(name):
-    for rows in compact(CASES[name](), 1e-7, 1e-5):
+    for rows in compact_jets(CASES[name](), 1e-7, 1e-5):
         for row in rows:
             inner, scale = row.breaks[1:-1], np.diff(row.breaks)
             h = np.minimum(scale[1:], scale[:-1])
@@ -226,12 +226,12 @@ def test_pieces_meet_as_smoothly_as_they_say(name):
 
 
 def test_wavy_pair_takes_fewer_poles_than_asked_for_and_a_small_step_file(tmp_path):
-    fitted = compact(wavy(), 1e-7, 1e-5)
+    fitted = compact_jets(wavy(), 1e-7, 1e-5)
     assert poles(wavy_exact := wavy()) == 325
     assert max(jet.degree for side in wavy_exact for jet in side) == 18
     assert poles(fitted) <= 100
     path = tmp_path / "wavy.step"
-    face = cq.Shape.cast(cqblend.to_face(section(fitted)))
+    face = cq.Shape.cast(cqblend.to_face(build_section(fitted)))
     assert face.isValid()
     face.exportStep(str(path))
     assert 20_000 < path.stat().st_size < 100_000
@@ -240,11 +240,11 @@ def test_wavy_pair_takes_fewer_poles_than_asked_for_and_a_small_step_file(tmp_pa
 @pytest.mark.parametrize(("order", "most"), [(2, 210), (3, 230)])
 def test_wavy_pair_of_higher_order_is_lighter_than_the_exact_one(order, most):
     sides = wavy(order)
-    assert poles(compact(sides, 1e-7, 1e-5)) <= most < poles(sides) == 343
+    assert poles(compact_jets(sides, 1e-7, 1e-5)) <= most < poles(sides) == 343
 
 
 def test_joints_are_where_the_field_really_jumps():
-    fitted = compact(wavy(), 1e-7, 1e-5)
+    fitted = compact_jets(wavy(), 1e-7, 1e-5)
     crossings = wavy()[0][0].breaks[1:-1]
     for rows in fitted:
         for row in rows:
@@ -262,7 +262,7 @@ def test_breaks_of_a_cubic_rail_do_not_become_joints(stations):
         t, np.stack([np.cos(2 * t), np.sin(2 * t), 0.2 * t**2, np.ones_like(t)], -1) * weight[:, None]
     )
     up = fit.interpolate(t, np.stack([0.1 * t, 0 * t, 1 + 0.1 * t, 0 * t], -1) * weight[:, None])
-    fitted = compact(([plane, up], [plane + np.array([0, 0, 1.0, 0]), up]), 1e-7, 1e-5)
+    fitted = compact_jets(([plane, up], [plane + np.array([0, 0, 1.0, 0]), up]), 1e-7, 1e-5)
     assert set(fitted[0][0].continuity.tolist()) <= {4}
     assert poles(fitted) <= 30
 
@@ -273,7 +273,7 @@ def test_breaks_that_differ_by_rounding_are_one():
     moved[1:-1] *= 1 + 4e-16
     assert not np.array_equal(moved, first[0].breaks)
     shifted = [Curve(moved, jet.coefs, continuity=jet.continuity) for jet in first]
-    fitted = compact((shifted, second), 1e-7, 1e-5)
+    fitted = compact_jets((shifted, second), 1e-7, 1e-5)
     assert np.diff(fitted[0][0].breaks).min() > 1e-4
     assert poles(fitted) <= 100
 
@@ -283,7 +283,7 @@ def test_a_jump_of_a_higher_jet_stays_one_sided():
     rail = Curve.bezier([[0.0, 0, 0, 1], [1, 0, 0.5, 1], [2, 0, 0, 1]]).cut([0.4])
     field = Curve.bezier([[0.0, 1, 0, 0], [0.0, 1, 0.3, 0]]).cut([0.4])
     bend = Curve([0, 0.4, 1], np.array([[[0.0, 0, 1, 0], [0.0, 0, 2, 0]]]).transpose(0, 2, 1), continuity=[-1])
-    first, _ = compact(([rail, field, bend], [rail]), 1e-7, 1e-5)
+    first, _ = compact_jets(([rail, field, bend], [rail]), 1e-7, 1e-5)
     joint = int(np.flatnonzero(first[2].breaks[1:-1] == 0.4)[0])
     assert first[2].continuity[joint] == -1
     assert first[2](0.4, side="left").tolist() == [0, 0, 1]
@@ -296,7 +296,7 @@ def test_kink_of_a_field_stays_a_kink():
     field = Curve(
         [0, 0.3, 1], np.array([[[0, 1, 0, 0], [0, 1, 1, 0]], [[0, 1, 1, 0], [0, 1, 0.5, 0]]]).transpose(1, 2, 0)
     )
-    first, _ = compact(([rail, field], [rail]), 1e-7, 1e-5)
+    first, _ = compact_jets(([rail, field], [rail]), 1e-7, 1e-5)
     at = int(np.flatnonzero(first[1].breaks[1:-1] == 0.3)[0])
     assert first[1].continuity[at] == 0
     assert first[0].continuity[at] >= 2
@@ -305,4 +305,4 @@ def test_kink_of_a_field_stays_a_kink():
 
 def test_what_cannot_be_reached_says_so():
     with pytest.raises(GeometryError, match=r"4096 pieces does not reach 1e-30 mm and 1e-05 rad; .*form='exact'"):
-        compact((on_primary("sphere"), on_primary("plane")), 1e-30, 1e-5)
+        compact_jets((on_primary("sphere"), on_primary("plane")), 1e-30, 1e-5)

@@ -21,7 +21,7 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.brep.read.face_surface import face_side, pcurve
+from cqblend.brep.read.face_surface import build_rail_pcurve, read_support_face
 from cqblend.errors import CqblendError
 from cqblend.splines import fit
 
@@ -125,7 +125,7 @@ def read(name: str, place: str, *, around: bool = False):
     face = PLACES[place](FACES[name]())
     middle = inside(face)
     points = kernel(face, middle[24:31])[0]
-    return face, face_side(face, points, around=around)
+    return face, read_support_face(face, points, around=around)
 
 
 @every
@@ -133,7 +133,7 @@ def read(name: str, place: str, *, around: bool = False):
 def test_native_parameters_are_the_faces_own(name, place):
     face, side = read(name, place)
     uv = inside(face)
-    exact, found = kernel(face, uv), side.native.jet(uv)
+    exact, found = kernel(face, uv), side.face_primary.jet(uv)
     accuracy = 1e-9 if name == "offset" else 1e-13  # an offset surface is approximated, to a stated tolerance
     for order, (a, b) in enumerate(zip(exact, found, strict=True)):
         slack = 1 if name != "offset" or order == 0 else 1e4
@@ -148,7 +148,7 @@ def test_working_parameters_are_the_same_points(name, place):
     if name == "sphere":
         normals = kernel(face, uv)[0] - side.primary.frame.origin
         uv = uv[normals @ side.primary.pole > -5]
-    points = side.primary.jet(side.working(uv))[0]
+    points = side.primary.jet(side.to_working_parameters(uv))[0]
     assert np.abs(points - kernel(face, uv)[0]).max() < (1e-8 if name == "offset" else 1e-12)
 
 
@@ -158,11 +158,11 @@ def test_outward_is_that_of_the_face(name, reverse):
     face = FACES[name]()
     if reverse:
         face = TopoDS.Face_s(face.Reversed())
-    side = face_side(face, kernel(face, inside(face)[24:31])[0])
+    side = read_support_face(face, kernel(face, inside(face)[24:31])[0])
     uv = inside(face)[24:25]
     _, su, sv = kernel(face, uv)[:3]
     geometric = np.cross(su, sv)[0]
-    ours = side.outward * side.primary.normals(side.working(uv))[0]
+    ours = side.outward * side.primary.evaluate_normals(side.to_working_parameters(uv))[0]
     sign = -1 if face.Orientation().name.endswith("REVERSED") else 1
     assert sign * geometric @ ours > 0.999 * np.linalg.norm(geometric)
 
@@ -175,20 +175,20 @@ def test_a_rail_comes_back_as_a_pcurve_on_the_same_points(name):
     middle = np.array([(u0 + u1) / 2, (v0 + v1) / 2])
     reach = 0.3 * np.minimum(np.array([u1 - u0, v1 - v0]), 2.0 if name in ("sphere",) else np.inf)
     uv = middle + reach * np.stack([np.cos(a), np.sin(a)], -1)
-    working = side.working(uv)
+    working = side.to_working_parameters(uv)
     if name == "sphere":
-        side = face_side(face, side.native.jet(uv)[0])
-        working = side.working(uv)
-    c = fit.interpolate(a, side.primary.lift(working))
+        side = read_support_face(face, side.face_primary.jet(uv)[0])
+        working = side.to_working_parameters(uv)
+    c = fit.interpolate(a, side.primary.lift_points(working))
     rail = Ribbon(side.primary, c, (c,), working)
-    curve = pcurve(side, rail)
+    curve = build_rail_pcurve(side, rail)
     t = np.linspace(0, 3, 333)
-    x = side.primary.position(c)(t)
+    x = side.primary.compose_position(c)(t)
     on_face = kernel(side.face, curve(t))[0]
     size = 1e-9 if name == "offset" else 2e-10  # 1e-11 in the parameters
     assert np.abs(on_face - x[:, :3] / x[:, 3:]).max() < size
     away = curve(a) - uv
-    for axis, period in enumerate(side.native.periods):
+    for axis, period in enumerate(side.face_primary.periods):
         if period is not None:
             assert np.ptp(np.round(away[:, axis] / period)) == 0  # in one lap from end to end, whichever
             away[:, axis] -= period * np.round(away[0, axis] / period)
@@ -198,15 +198,15 @@ def test_a_rail_comes_back_as_a_pcurve_on_the_same_points(name):
 def test_a_cone_face_knows_its_nappe():
     for body in (cq.Solid.makeCone(6, 2, 9), cq.Solid.makeCone(2, 6, 9)):
         face = face_of(body, "CONE")
-        side = face_side(face, kernel(face, inside(face))[0])
-        assert np.isfinite(side.primary.lift(inside(face))).all()
+        side = read_support_face(face, kernel(face, inside(face))[0])
+        assert np.isfinite(side.primary.lift_points(inside(face))).all()
 
 
 def test_a_sphere_whose_edge_runs_around_turns_about_the_edges_axis():
     body = ball().cut(cq.Solid.makeBox(30, 30, 30, V(-15, -15, 2)).rotate(V(), V(1, 0, 0), 70)).Solids()[0]
     edge = next(e for e in body.Edges() if e.geomType() == "CIRCLE" and abs(e.Center().Length - 2) < 1e-6)
     points = np.array([edge.positionAt(x).toTuple() for x in np.linspace(0, 1, 40, endpoint=False)])
-    side = face_side(face_of(body, "SPHERE"), points, around=True)
+    side = read_support_face(face_of(body, "SPHERE"), points, around=True)
     axis = side.primary.frame.axes[2]
     assert np.ptp(points @ axis) < 1e-12
     assert side.primary.spinning
@@ -217,7 +217,7 @@ def test_a_surface_that_cannot_be_read_is_a_typed_error_or_read():
     surface = Geom_OffsetSurface(Geom_OffsetSurface(BRep_Tool.Surface_s(wave().wrapped), 0.5), 0.5)
     face = BRepBuilderAPI_MakeFace(surface, *surface.Bounds(), 1e-7).Face()
     try:
-        side = face_side(face, kernel(face, inside(face))[0])
+        side = read_support_face(face, kernel(face, inside(face))[0])
     except CqblendError:
         return
-    assert np.abs(side.native.jet(inside(face))[0] - kernel(face, inside(face))[0]).max() < 1e-7
+    assert np.abs(side.face_primary.jet(inside(face))[0] - kernel(face, inside(face))[0]).max() < 1e-7

@@ -15,9 +15,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
 from cqblend.blends.rails.rail import Rail
-from cqblend.brep.read.pcurves import curve_of, curve_on, projected
-from cqblend.brep.read.spline_conversion import to_face, to_surface, with_parameters
-from cqblend.brep.topology import explore
+from cqblend.brep.read.pcurves import edge_to_curve, project_to_parameters, read_edge_pcurve
+from cqblend.brep.read.spline_conversion import to_face, to_surface, to_surface_with_map
+from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface
 
@@ -53,7 +53,9 @@ BODIES = bodies()
 
 
 def uses(body):
-    return [(face.wrapped, edge) for face in BODIES[body].Faces() for edge in explore(face.wrapped, TopAbs_EDGE)]
+    return [
+        (face.wrapped, edge) for face in BODIES[body].Faces() for edge in explore_subshapes(face.wrapped, TopAbs_EDGE)
+    ]
 
 
 def kernel_run(face, edge):
@@ -73,7 +75,7 @@ def along(surface, curve):
 @pytest.mark.parametrize("body", BODIES)
 def test_pcurves_run_as_the_kernel_says(body):
     for face, edge in uses(body):
-        surface, curve = to_surface(face), curve_on(face, edge)
+        surface, curve = to_surface(face), read_edge_pcurve(face, edge)
         uv, points = kernel_run(face, edge)
         found = along(surface, curve)
         size = np.abs(surface.bounds()).max()
@@ -82,7 +84,7 @@ def test_pcurves_run_as_the_kernel_says(body):
         straight = np.ptp(uv, axis=0) < 1e-14
         if straight.any():  # at another speed where the parameter is an angle
             assert curve.degree == 1
-            fixed = with_parameters(face)[1].to_spline(uv[:1])[:, straight]
+            fixed = to_surface_with_map(face)[1].to_spline(uv[:1])[:, straight]
             assert np.abs(curve(np.array(curve.domain))[:, straight] - fixed).max() < 1e-14 * size
         elif curve.rational:  # a conic, in a plane, at another speed
             pcurve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
@@ -95,9 +97,9 @@ def test_pcurves_run_as_the_kernel_says(body):
 
 def test_seams_are_told_apart_by_orientation():
     face = next(face.wrapped for face in BODIES["cylinder"].Faces() if face.geomType() == "CYLINDER")
-    seams = [edge for edge in explore(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(edge, face)]
+    seams = [edge for edge in explore_subshapes(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(edge, face)]
     (u0, u1), _ = to_surface(face).domain
-    sides = {edge.Orientation(): curve_on(face, edge) for edge in seams}
+    sides = {edge.Orientation(): read_edge_pcurve(face, edge) for edge in seams}
     assert sorted(curve(curve.domain[0])[0] for curve in sides.values()) == pytest.approx([u0, u1], abs=1e-14)
     up, down = (curve(np.array(curve.domain))[:, 1] for curve in sides.values())
     assert up == pytest.approx(down[::-1], abs=1e-14)
@@ -105,35 +107,35 @@ def test_seams_are_told_apart_by_orientation():
 
 def test_reversed_edges_run_backwards():
     for face, edge in uses("drilled vase"):
-        there, back = curve_on(face, edge), curve_on(face, TopoDS.Edge_s(edge.Reversed()))
+        there, back = read_edge_pcurve(face, edge), read_edge_pcurve(face, TopoDS.Edge_s(edge.Reversed()))
         if not BRep_Tool.IsClosed_s(edge, face):
             a, b = there.domain
             t = a + (b - a) * SPAN
             assert np.abs(there(t) - back(t[::-1])).max() < 1e-12
         if not BRep_Tool.Degenerated_s(edge):
-            ends = curve_of(edge)
+            ends = edge_to_curve(edge)
             assert np.abs(ends(np.array(ends.domain)) - along(to_surface(face), there)[[0, -1]]).max() < 1e-6
 
 
 def test_an_offset_pcurve_and_a_foreign_edge_are_refused():
     face = uses("box")[0][0]
     with pytest.raises(SelectionError, match="not one of the face's"):
-        curve_on(face, uses("cylinder")[0][1])
+        read_edge_pcurve(face, uses("cylinder")[0][1])
     surface = BRep_Tool.Surface_s(face)
     circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(0, 0), gp_Dir2d(1, 0)), 1.0)
     made = BRepBuilderAPI_MakeEdge(Geom2d_OffsetCurve(circle, 0.25), surface, 0.1, 2.0).Edge()
     disc = BRepBuilderAPI_MakeFace(surface, BRepBuilderAPI_MakeWire(made).Wire(), False).Face()
     with pytest.raises(UnsupportedError, match="offset curve"):
-        curve_on(disc, made)
+        read_edge_pcurve(disc, made)
     poles = [edge for _, edge in uses("ball") if BRep_Tool.Degenerated_s(edge)]
     with pytest.raises(SelectionError, match="degenerate"):
-        curve_of(poles[0])
+        edge_to_curve(poles[0])
 
 
 def test_a_pcurve_is_a_rail():
     face = next(face.wrapped for face in BODIES["drilled vase"].Faces() if face.geomType() == "CYLINDER")
-    for edge in explore(face, TopAbs_EDGE):
-        rail = Rail(to_surface(face), curve_on(face, edge), "left")
+    for edge in explore_subshapes(face, TopAbs_EDGE):
+        rail = Rail(to_surface(face), read_edge_pcurve(face, edge), "left")
         assert np.linalg.norm(rail.field("parametric")(np.array(rail.domain)), axis=-1).min() > 0
 
 
@@ -156,7 +158,7 @@ def nearest(surface, points):
 def test_projection_meets_the_kernels(rational, tolerance):
     surface = wavy(rational)
     arc = Curve.bezier([[1.5, 2, 2], [5, 9, 0], [7, 2, 1], [8.5, 7, 0]])
-    curve = projected(surface, arc, tolerance)
+    curve = project_to_parameters(surface, arc, tolerance)
     assert curve.domain == arc.domain
     error = np.linalg.norm(along(surface, curve) - nearest(surface, arc(SPAN)), axis=1)
     assert error.max() < 1.5 * tolerance + 1e-9  # OCCT's own feet are good to about 1e-10
@@ -166,7 +168,7 @@ def test_projection_meets_the_kernels(rational, tolerance):
 def test_projection_of_a_curve_on_the_surface_gives_back_its_parameters():
     surface = wavy(True)
     path = Curve.bezier([[0.1, 0.2], [0.5, 0.9], [0.7, 0.1], [0.9, 0.8]])
-    curve = projected(surface, surface.compose(path), 1e-10)
+    curve = project_to_parameters(surface, surface.compose(path), 1e-10)
     assert np.abs(curve(SPAN) - path(SPAN)).max() < 1e-10
 
 
@@ -175,8 +177,8 @@ def test_projection_of_edges():
     for face, edge in uses("drilled vase") + uses("cylinder"):
         if cq.Face(face).geomType() != "CYLINDER":
             continue
-        surface, curve = to_surface(face), projected(to_surface(face), edge)
-        space = curve_of(edge)
+        surface, curve = to_surface(face), project_to_parameters(to_surface(face), edge)
+        space = edge_to_curve(edge)
         t = space.domain[0] + np.ptp(space.domain) * SPAN
         assert np.abs(along(surface, curve) - space(t)).max() < 3e-7  # the edges' own tolerance is 1e-7
         if cq.Edge(edge).geomType() in ("LINE", "CIRCLE"):
@@ -186,8 +188,8 @@ def test_projection_of_edges():
 
 def test_a_closed_projection_is_periodic():
     surface = wavy()
-    ring = curve_of(cq.Edge.makeCircle(2.5, V(5, 5, 2)).wrapped)
-    curve = projected(surface, ring, 1e-7)
+    ring = edge_to_curve(cq.Edge.makeCircle(2.5, V(5, 5, 2)).wrapped)
+    curve = project_to_parameters(surface, ring, 1e-7)
     first, last = curve.jet(np.array(curve.domain), 2).swapaxes(0, 1)
     assert (first[0] == last[0]).all()
     assert np.abs(last[1] - first[1]).max() < 1e-11
@@ -198,18 +200,18 @@ def test_a_closed_projection_is_periodic():
 def test_bad_projections_are_refused_by_parameter():
     surface = wavy()
     with pytest.raises(GeometryError, match=r"at t = 0\.\d+, .* has no foot on the surface inside"):
-        projected(surface, Curve.bezier([[5.0, 5, 2], [15, 5, 2]]))
+        project_to_parameters(surface, Curve.bezier([[5.0, 5, 2], [15, 5, 2]]))
     with pytest.raises(GeometryError, match=r"at t = 0\.\d+, where they have a kink"):
-        projected(surface, Curve.from_bspline(1, [0, 0, 0.5, 1, 1], [[2.0, 2, 1], [5, 8, 1], [8, 2, 1]]))
+        project_to_parameters(surface, Curve.from_bspline(1, [0, 0, 0.5, 1, 1], [[2.0, 2, 1], [5, 8, 1], [8, 2, 1]]))
     with pytest.raises(GeometryError, match="off the surface where that is only C1"):
-        projected(wavy(knots_u=(0.3, 0.6, 0.6)), Curve.bezier([[1.5, 2, 4], [8.5, 7, 3]]), 1e-9)
+        project_to_parameters(wavy(knots_u=(0.3, 0.6, 0.6)), Curve.bezier([[1.5, 2, 4], [8.5, 7, 3]]), 1e-9)
     cylinder = next(to_surface(f) for f, _ in uses("cylinder") if cq.Face(f).geomType() == "CYLINDER")
     middle, across = cylinder(np.array([-0.5, 0.5]) % (2 * np.pi), 1.0)
     with pytest.raises(GeometryError, match=r"jump, from .* at t = "):
-        projected(cylinder, Curve.bezier([middle, across]))
+        project_to_parameters(cylinder, Curve.bezier([middle, across]))
     for arguments in (
         (surface, Curve.bezier([[0.1, 0.1], [0.9, 0.9]])),
         (surface, Curve.bezier([[1.0, 1, 1]] * 2), 0.0),
     ):
         with pytest.raises(InputError):
-            projected(*arguments)
+            project_to_parameters(*arguments)

@@ -19,7 +19,7 @@ from OCP.gp import gp_Ax2, gp_Ax2d, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d
 
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.sampled_curve import track
+from cqblend.brep.read.sampled_curve import read_sampled_curve
 
 AXES = gp_Ax2(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 1))
 AXIS = gp_Ax2d(gp_Pnt2d(1, 2), gp_Dir2d(1, 1))
@@ -64,7 +64,7 @@ CURVES = {
 def test_a_track_is_the_curve_at_its_own_parameter(name):
     curve, first, last = CURVES[name]
     t = np.linspace(first, last, 97)
-    found = track(curve, first, last)
+    found = read_sampled_curve(curve, first, last)
     np.testing.assert_allclose(found(t), [curve.Value(float(one)).Coord() for one in t], rtol=0, atol=3e-14)
     assert found.breaks[0] == first
     assert found.breaks[-1] == last
@@ -72,4 +72,4 @@ def test_a_track_is_the_curve_at_its_own_parameter(name):
     assert (found.curve is None) == ("offset" in name)
     if found.curve is not None:
         assert found.curve.domain == pytest.approx((first, last), abs=1e-12)
-        np.testing.assert_array_equal(found.curve(found.parameter(t)), found(t))
+        np.testing.assert_array_equal(found.curve(found.to_curve_parameter(t)), found(t))

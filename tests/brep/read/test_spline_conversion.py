@@ -45,11 +45,11 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import (
     OFFSET_TOLERANCE,
-    Arcs,
+    ConicArcs,
     ParameterMap,
     to_face,
     to_surface,
-    with_parameters,
+    to_surface_with_map,
 )
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines.surface import Surface
@@ -202,7 +202,7 @@ def xyz(point) -> np.ndarray:
 @pytest.mark.parametrize("name", TYPES)
 def test_surface_is_occts_surface(name, how):
     face = placed(TYPES[name](), how)
-    surface, parameters = with_parameters(face)
+    surface, parameters = to_surface_with_map(face)
     truth = BRep_Tool.Surface_s(face)
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     np.testing.assert_allclose(np.ravel(surface.domain), [u0, u1, v0, v1], atol=1e-9)
@@ -230,7 +230,7 @@ def test_surface_is_occts_surface(name, how):
 
 @pytest.mark.parametrize("name", TYPES)
 def test_parameters_are_the_faces_own_where_promised(name):
-    own = with_parameters(TYPES[name]())[1] == ParameterMap()
+    own = to_surface_with_map(TYPES[name]())[1] == ParameterMap()
     conic = ("cylinder", "cone", "sphere", "torus", "revolved", "circle", "ellipse", "hyperbola", "trimmed")
     assert own == (not any(word in name for word in conic) or name == "offset extrusion")
 
@@ -267,7 +267,7 @@ def test_a_scaled_location_keeps_the_parameters_of_the_face():
     move = gp_Trsf()
     move.SetScale(gp_Pnt(1, 2, 3), 2.5)
     face = TopoDS.Face_s(EXACT["cone"]().Moved(TopLoc_Location(move), False))
-    surface, parameters = with_parameters(face)
+    surface, parameters = to_surface_with_map(face)
     truth = BRepAdaptor_Surface(face)
     (u0, u1), (v0, v1) = surface.domain
     for u, v in np.random.default_rng(29).uniform([u0, v0], [u1, v1], (20, 2)):
@@ -291,7 +291,9 @@ def test_arcs_are_few_and_weights_mild():
     assert len(to_surface(face_of(Geom_CylindricalSurface(FRAME, 1), 0, 2 * PI / 3, 0, 1)).breaks[0]) == 2
 
 
-@pytest.mark.parametrize("arcs", [Arcs(np.linspace(-1, 5.2, 4)), Arcs(np.array([-1.5, 0.2, 2.0]), hyperbolic=True)])
+@pytest.mark.parametrize(
+    "arcs", [ConicArcs(np.linspace(-1, 5.2, 4)), ConicArcs(np.array([-1.5, 0.2, 2.0]), hyperbolic=True)]
+)
 def test_arcs_there_and_back(arcs):
     inside = np.random.default_rng(23).uniform(arcs.breaks[0], arcs.breaks[-1], (50, 3))
     np.testing.assert_allclose(arcs.to_conic(arcs.to_spline(inside)), inside, atol=1e-14)
@@ -301,7 +303,7 @@ def test_arcs_there_and_back(arcs):
 
 
 def test_beyond_its_end_an_arc_stays_on_the_circle():
-    surface, parameters = with_parameters(face_of(Geom_CylindricalSurface(gp_Ax3(), 4), 0.5, 1.5, 0, 1))
+    surface, parameters = to_surface_with_map(face_of(Geom_CylindricalSurface(gp_Ax3(), 4), 0.5, 1.5, 0, 1))
     u, v = parameters.to_spline([[0.1, 0.5], [2.0, 0.5]]).T
     expected = [[4 * math.cos(a), 4 * math.sin(a), 0.5] for a in (0.1, 2.0)]
     np.testing.assert_allclose(surface(u, v), expected, atol=1e-14)

@@ -22,10 +22,17 @@ from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 from places import CASES
 
 from cqblend.brep.read.spline_conversion import to_face
-from cqblend.brep.read.trimmed_patches import read
-from cqblend.brep.topology import Index, ends, explore, forward, make_edge, make_wire
+from cqblend.brep.read.trimmed_patches import read_patches
+from cqblend.brep.topology import (
+    ShapeIndex,
+    explore_subshapes,
+    find_end_vertices,
+    make_closed_wire,
+    make_edge,
+    orient_forward,
+)
 from cqblend.errors import InputError, SelectionError, TopologyError
-from cqblend.patterns.trim.coplanar_patches import polygon
+from cqblend.patterns.trim.coplanar_patches import sample_loop_polygon
 from cqblend.splines import Surface
 
 BENT = np.array([[[0.0, 0, 0], [1, 0, 1], [2, 0, 0]], [[0, 3, 0], [1, 3, 1], [2, 3, 0]]])
@@ -75,7 +82,7 @@ NAMES = list(bodies())
 
 @cache
 def skin_of(name):
-    return read(bodies()[name])
+    return read_patches(bodies()[name])
 
 
 def uses(skin):
@@ -112,10 +119,10 @@ def area(patch):
 @pytest.mark.parametrize("name", NAMES)
 def test_edges_and_their_uses_are_those_of_occt(name):
     shape = bodies()[name]
-    skin = read(shape, merge=False)
-    edges = Index(shape, TopAbs_EDGE)
+    skin = read_patches(shape, merge=False)
+    edges = ShapeIndex(shape, TopAbs_EDGE)
     assert not skin.refused
-    assert [patch.faces for patch in skin.patches] == [(i + 1,) for i in range(len(Index(shape, TopAbs_FACE)))]
+    assert [patch.faces for patch in skin.patches] == [(i + 1,) for i in range(len(ShapeIndex(shape, TopAbs_FACE)))]
     for number, edge in skin.edges.items():
         t = within(edge.breaks)
         if not edge.degenerate:
@@ -142,10 +149,10 @@ def test_loops_close_inside_their_surfaces_with_the_outer_one_first(name):
         for loop in patch.loops:
             for before, use in zip(loop[-1:] + loop[:-1], loop, strict=True):
                 np.testing.assert_allclose(before.ends[1], use.ends[0], rtol=0, atol=1e-7)
-            u, v = polygon(loop).T
+            u, v = sample_loop_polygon(loop).T
             assert u0 <= u.min() < u.max() <= u1
             assert v0 <= v.min() < v.max() <= v1
-        turns = [signed_area(polygon(loop)) for loop in patch.loops]
+        turns = [signed_area(sample_loop_polygon(loop)) for loop in patch.loops]
         assert turns[0] > 0
         assert all(turn < 0 for turn in turns[1:])
 
@@ -203,7 +210,7 @@ def test_areas_within_the_loops_are_the_closed_forms(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_areas_within_the_loops_are_those_of_occt(name):
     shape = bodies()[name]
-    faces = Index(shape, TopAbs_FACE)
+    faces = ShapeIndex(shape, TopAbs_FACE)
     for patch in skin_of(name).patches:
         # OCCT's own areas are good for four digits on trimmed and freeform faces
         assert area(patch) == pytest.approx(sum(cq.Shape.cast(faces[n]).Area() for n in patch.faces), rel=4e-4)
@@ -229,10 +236,10 @@ def test_a_face_that_is_ruled_in_u_is_seen_with_its_parameters_exchanged(flipped
     poles = np.random.default_rng(5).normal(size=(2, 5, 3)) + np.array([[[0, 0, 0]], [[9, 0, 0]]])
     poles[..., 1] += 3 * np.arange(5)
     face = to_face(Surface.from_bspline((1, 3), ([0, 0, 1, 1], [0, 0, 0, 0, 1, 2, 2, 2, 2]), poles))
-    patch = read(face.Reversed() if flipped else face).patches[0]
+    patch = read_patches(face.Reversed() if flipped else face).patches[0]
     assert patch.surface.degree == (3, 1)
     assert patch.outward == flipped
-    assert signed_area(polygon(patch.loops[0])) > 0
+    assert signed_area(sample_loop_polygon(patch.loops[0])) > 0
     assert area(patch) == pytest.approx(cq.Shape.cast(face).Area(), rel=1e-4)
 
 
@@ -245,7 +252,7 @@ def test_a_flat_spline_is_a_plane_and_joins_its_neighbour():
     for face in (plate(0.0, 2.0), plate(2.0, 3.0)):
         sewing.Add(face)
     sewing.Perform()
-    (patch,) = read(sewing.SewedShape()).patches
+    (patch,) = read_patches(sewing.SewedShape()).patches
     assert (patch.kind, patch.faces, len(patch.loops)) == ("plane", (1, 2), 1)
     assert len(patch.loops[0]) == 6
     assert area(patch) == pytest.approx(12 * math.sqrt(1.25), rel=1e-9)
@@ -254,12 +261,12 @@ def test_a_flat_spline_is_a_plane_and_joins_its_neighbour():
 @pytest.mark.parametrize("turned", [False, True])
 def test_planes_are_seen_from_outside(turned):
     shape = bodies()["drilled"]
-    planes = [patch for patch in read(shape.Reversed() if turned else shape).patches if patch.frame is not None]
+    planes = [patch for patch in read_patches(shape.Reversed() if turned else shape).patches if patch.frame is not None]
     assert len(planes) == 6
     for patch in planes:
         xy = np.array([[0.1, 0.3], [0.2, 0.4]])
-        np.testing.assert_allclose(patch.surface(*xy.T), patch.frame.space(xy), atol=1e-12)
-        np.testing.assert_allclose(patch.frame.flat(patch.frame.space(xy)), xy, atol=1e-12)
+        np.testing.assert_allclose(patch.surface(*xy.T), patch.frame.to_world_coords(xy), atol=1e-12)
+        np.testing.assert_allclose(patch.frame.to_local_coords(patch.frame.to_world_coords(xy)), xy, atol=1e-12)
         outer = patch.frame.normal @ patch.frame.origin  # the cube is centred, with sides of 10
         assert outer == pytest.approx(-5 if turned else 5)
 
@@ -278,28 +285,28 @@ def test_angles_across_edges():
 
 
 def test_angles_are_unknown_where_there_is_one_face_or_none_has_a_normal():
-    box = read([face.wrapped for face in W().box(1, 2, 3).faces("<X or <Y").vals()])
+    box = read_patches([face.wrapped for face in W().box(1, 2, 3).faces("<X or <Y").vals()])
     assert sorted(math.isnan(edge.angle) for edge in box.edges.values()) == [False] + [True] * 6
-    sphere = read(bodies()["sphere"])
+    sphere = read_patches(bodies()["sphere"])
     assert [edge.degenerate for edge in sphere.edges.values() if math.isnan(edge.angle)] == [True, True]
 
 
 def test_faces_picked_from_a_shape_keep_its_numbers():
     shape = bodies()["drilled"]
-    faces, edges = Index(shape, TopAbs_FACE), Index(shape, TopAbs_EDGE)
-    skin = read([faces[5], faces[2]], whole=shape)
+    faces, edges = ShapeIndex(shape, TopAbs_FACE), ShapeIndex(shape, TopAbs_EDGE)
+    skin = read_patches([faces[5], faces[2]], whole=shape)
     assert [patch.faces for patch in skin.patches] == [(2,), (5,)]
-    expected = {edges.of(edge) for n in (2, 5) for edge in explore(faces[n], TopAbs_EDGE)}
+    expected = {edges.find_number(edge) for n in (2, 5) for edge in explore_subshapes(faces[n], TopAbs_EDGE)}
     assert set(skin.edges) == expected
     assert {n: edge.faces for n, edge in skin.edges.items() if len(edge.faces) == 2} == {
-        n: edge.faces for n, edge in read(shape).edges.items() if set(edge.faces) == {2, 5}
+        n: edge.faces for n, edge in read_patches(shape).edges.items() if set(edge.faces) == {2, 5}
     }
-    assert [patch.faces for patch in read([faces[5], faces[2]]).patches] == [(1,), (2,)]
+    assert [patch.faces for patch in read_patches([faces[5], faces[2]]).patches] == [(1,), (2,)]
 
 
 def test_instances_of_one_body_are_different_faces():
     body = W().box(1, 2, 3).val()
-    skin = read(cq.Compound.makeCompound([body, body.moved(cq.Location((5, 0, 0)))]).wrapped)
+    skin = read_patches(cq.Compound.makeCompound([body, body.moved(cq.Location((5, 0, 0)))]).wrapped)
     assert len(skin.patches) == 12
     assert len(skin.edges) == 24
 
@@ -307,29 +314,29 @@ def test_instances_of_one_body_are_different_faces():
 def test_a_face_without_wires_gets_its_natural_boundary():
     face = TopoDS_Face()
     BRep_Builder().MakeFace(face, Geom_SphericalSurface(gp_Ax3(), 2.0), 1e-7)
-    (patch,) = read(face).patches
+    (patch,) = read_patches(face).patches
     assert area(patch) == pytest.approx(16 * math.pi, rel=1e-9)
     assert len(patch.loops[0]) == 4
 
 
 def test_uses_tell_who_shares_an_edge():
-    skin = read(bodies()["drilled"])
-    for number, places in skin.uses().items():
+    skin = read_patches(bodies()["drilled"])
+    for number, places in skin.locate_edge_uses().items():
         assert [skin.patches[i].index for i, _, _ in places] == list(skin.edges[number].faces)
         assert all(skin.patches[i].loops[j][k].edge == number for i, j, k in places)
 
 
 def test_what_is_no_shape_or_has_no_face_is_refused():
     with pytest.raises(InputError, match="a null shape"):
-        read(TopoDS_Shape())
+        read_patches(TopoDS_Shape())
     with pytest.raises(InputError, match="'box'"):
-        read(["box"])
+        read_patches(["box"])
     with pytest.raises(SelectionError, match="no face"):
-        read([])
+        read_patches([])
     with pytest.raises(SelectionError, match="no face"):
-        read(cq.Edge.makeCircle(1).wrapped)
+        read_patches(cq.Edge.makeCircle(1).wrapped)
     with pytest.raises(SelectionError, match="does not belong"):
-        read(W().box(1, 1, 1).faces(">Z").val().wrapped, whole=bodies()["box"])
+        read_patches(W().box(1, 1, 1).faces(">Z").val().wrapped, whole=bodies()["box"])
 
 
 def test_an_edge_of_three_faces_is_refused_by_name():
@@ -338,7 +345,7 @@ def test_an_edge_of_three_faces_is_refused_by_name():
         sewing.Add(cq.Face.makePlane(2, 2, (1, 0, 0)).rotate((0, 0, 0), (0, 1, 0), angle).wrapped)
     sewing.Perform()
     with pytest.raises(TopologyError, match=r"faces 1, 2, 3 all meet at edge \d+"):
-        read(sewing.SewedShape())
+        read_patches(sewing.SewedShape())
 
 
 def test_a_face_that_cannot_be_read_is_named_and_the_others_are_not_lost():
@@ -349,7 +356,7 @@ def test_a_face_that_cannot_be_read_is_named_and_the_others_are_not_lost():
     mesh, endless = TopoDS_Face(), TopoDS_Face()
     BRep_Builder().MakeFace(mesh, triangles)
     BRep_Builder().MakeFace(endless, Geom_CylindricalSurface(gp_Ax3(), 1.0), 1e-7)
-    skin = read([mesh, W().box(1, 1, 1).faces(">Z").val().wrapped, endless])
+    skin = read_patches([mesh, W().box(1, 1, 1).faces(">Z").val().wrapped, endless])
     assert [patch.index for patch in skin.patches] == [2]
     assert {n: str(error).split(":")[0] for n, error in skin.refused.items()} == {1: "face 1", 3: "face 3"}
     assert "only a triangulation" in str(skin.refused[1])
@@ -360,14 +367,16 @@ def test_a_face_that_cannot_be_read_is_named_and_the_others_are_not_lost():
 def with_edges(face, change):
     """Return a copy of a face with other edges: those that a function returns for each."""
     copy = TopoDS.Face_s(face.EmptyCopied())
-    edges = [other for i, edge in enumerate(explore(face, TopAbs_EDGE)) for other in change(i, edge, copy)]
-    BRep_Builder().Add(copy, make_wire(edges))
+    edges = [other for i, edge in enumerate(explore_subshapes(face, TopAbs_EDGE)) for other in change(i, edge, copy)]
+    BRep_Builder().Add(copy, make_closed_wire(edges))
     return copy
 
 
 def bare(edge):
     """Return an edge with its curve in space alone."""
-    copy = make_edge(BRep_Tool.Curve_s(edge, 0.0, 0.0), ends(forward(edge)), BRep_Tool.Range_s(edge))
+    copy = make_edge(
+        BRep_Tool.Curve_s(edge, 0.0, 0.0), find_end_vertices(orient_forward(edge)), BRep_Tool.Range_s(edge)
+    )
     return TopoDS.Edge_s(copy.Oriented(edge.Orientation()))
 
 
@@ -388,7 +397,7 @@ def shortened(edge, face):
 )
 def test_damaged_faces_say_what_is_wrong(change, message):
     patch = to_face(Surface.from_bspline((1, 2), ([0, 0, 1, 1], [0, 0, 0, 1, 1, 1]), BENT))
-    skin = read(with_edges(patch, change))
+    skin = read_patches(with_edges(patch, change))
     assert not skin.patches
     with pytest.raises(TopologyError, match=message):
         raise skin.refused[1]
@@ -396,10 +405,10 @@ def test_damaged_faces_say_what_is_wrong(change, message):
 
 def test_an_edge_without_a_curve_in_space_is_taken_from_its_face():
     face = to_face(Surface.from_bspline((1, 2), ([0, 0, 1, 1], [0, 0, 0, 1, 1, 1]), BENT))
-    expected = read(face)
-    for edge in explore(face, TopAbs_EDGE):
+    expected = read_patches(face)
+    for edge in explore_subshapes(face, TopAbs_EDGE):
         BRep_Builder().UpdateEdge(edge, None, 1e-7)
-    skin = read(face)
+    skin = read_patches(face)
     assert area(skin.patches[0]) == pytest.approx(area(expected.patches[0]), rel=1e-12)
     for number, edge in skin.edges.items():
         t = within(edge.breaks)
@@ -412,7 +421,7 @@ def test_files_of_others_are_read():
     if not path.exists():
         pytest.skip("the shared cases are not here")
     shape = cq.importers.importStep(str(path)).val().wrapped
-    skin, edges, faces = read(shape), Index(shape, TopAbs_EDGE), Index(shape, TopAbs_FACE)
+    skin, edges, faces = read_patches(shape), ShapeIndex(shape, TopAbs_EDGE), ShapeIndex(shape, TopAbs_FACE)
     assert not skin.refused
     for number, edge in skin.edges.items():
         assert edge.gap <= 1.1 * BRep_Tool.Tolerance_s(TopoDS.Edge_s(edges[number]))

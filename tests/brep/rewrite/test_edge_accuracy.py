@@ -18,9 +18,9 @@ from OCP.TopoDS import TopoDS
 from places import CASES
 
 import cqblend
-from cqblend.brep.rewrite.edge_accuracy import deviation
+from cqblend.brep.rewrite.edge_accuracy import measure_deviation
 from cqblend.brep.step_files import read_step
-from cqblend.brep.topology import Index, ends, explore, location_of
+from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, locate_vertex
 
 V = cq.Vector
 STRAY = 2e-3
@@ -93,9 +93,9 @@ def test_deviations_are_found_between_the_parameters_that_are_looked_at(stray):
     edge = nearest(box, 20, 0, 10).wrapped
     for face in edge_faces(box, edge):
         measured = dense(edge, face)
-        assert measured <= deviation(edge, face) * (1 + 1e-9) + 1e-15
-        assert deviation(edge, face) <= 1.05 * measured + 1e-12
-    assert max(deviation(edge, face) for face in edge_faces(box, edge)) > 0.9 * STRAY
+        assert measured <= measure_deviation(edge, face) * (1 + 1e-9) + 1e-15
+        assert measure_deviation(edge, face) <= 1.05 * measured + 1e-12
+    assert max(measure_deviation(edge, face) for face in edge_faces(box, edge)) > 0.9 * STRAY
 
 
 def edge_faces(body: cq.Shape, edge) -> list:
@@ -114,14 +114,14 @@ def test_a_valid_body_stays_valid_when_an_edge_that_strays_is_cut(stray):
     assert result.shape.isValid()
     assert result.certificate.valid
     assert BRepCheck_Analyzer(result.shape.wrapped, True, False, True).IsValid()
-    old = Index(box.wrapped, TopAbs_EDGE)
-    new = [edge for edge in result.shape.Edges() if not old.of(edge.wrapped)]
+    old = ShapeIndex(box.wrapped, TopAbs_EDGE)
+    new = [edge for edge in result.shape.Edges() if not old.find_number(edge.wrapped)]
     needed = {edge: max(dense(edge.wrapped, face) for face in edge_faces(result.shape, edge.wrapped)) for edge in new}
     assert (max(needed.values()) > 0.9 * STRAY) == (stray is stray_in_space)
     assert max(needed.values()) < (1e-9 if stray is stray_on_face else 2 * STRAY)
     for edge, deviates in needed.items():
         assert deviates <= BRep_Tool.Tolerance_s(edge.wrapped) <= max(1.2 * deviates, 1.1e-7)
-        for vertex in ends(edge.wrapped):
+        for vertex in find_end_vertices(edge.wrapped):
             inherited = any(vertex.IsSame(v.wrapped) for v in box.Vertices())
             assert inherited or BRep_Tool.Tolerance_s(vertex) >= BRep_Tool.Tolerance_s(edge.wrapped)
     assert result.certificate.edge_tolerance == max(BRep_Tool.Tolerance_s(edge.wrapped) for edge in new)
@@ -164,19 +164,23 @@ def listed() -> list[tuple[str, int, float]]:
 def test_edges_of_step_files_whose_neighbours_stray(name, number, radius):
     shape = body_of(name)
     assert BRepCheck_Analyzer(shape).IsValid()
-    points = [location_of(vertex) for edge in explore(shape, TopAbs_EDGE) for vertex in ends(edge)]
-    before = [BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge)) for edge in explore(shape, TopAbs_EDGE)]
-    edge = Index(shape, TopAbs_EDGE)[number]
+    points = [
+        locate_vertex(vertex) for edge in explore_subshapes(shape, TopAbs_EDGE) for vertex in find_end_vertices(edge)
+    ]
+    before = [BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge)) for edge in explore_subshapes(shape, TopAbs_EDGE)]
+    edge = ShapeIndex(shape, TopAbs_EDGE)[number]
     result = cqblend.blend_edges(shape, edge, radius, ends="flat")
     assert BRepCheck_Analyzer(result.shape).IsValid()
     assert result.certificate.angle < 1e-6
-    assert [BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge)) for edge in explore(shape, TopAbs_EDGE)] == before
-    again = [location_of(vertex) for edge in explore(shape, TopAbs_EDGE) for vertex in ends(edge)]
+    assert [BRep_Tool.Tolerance_s(TopoDS.Edge_s(edge)) for edge in explore_subshapes(shape, TopAbs_EDGE)] == before
+    again = [
+        locate_vertex(vertex) for edge in explore_subshapes(shape, TopAbs_EDGE) for vertex in find_end_vertices(edge)
+    ]
     assert np.array_equal(points, again)
     # face by face, no face that was exactly valid has become less
     exact = BRepCheck_Analyzer(shape, True, False, True)
     after = BRepCheck_Analyzer(result.shape, True, False, True)
-    was_bad = [face for face in explore(shape, TopAbs_FACE) if not exact.IsValid(face)]
-    is_bad = [face for face in explore(result.shape, TopAbs_FACE) if not after.IsValid(face)]
+    was_bad = [face for face in explore_subshapes(shape, TopAbs_FACE) if not exact.IsValid(face)]
+    is_bad = [face for face in explore_subshapes(result.shape, TopAbs_FACE) if not after.IsValid(face)]
     surfaces = [BRep_Tool.Surface_s(TopoDS.Face_s(face)) for face in was_bad]
     assert all(any(BRep_Tool.Surface_s(TopoDS.Face_s(face)) is one for one in surfaces) for face in is_bad)

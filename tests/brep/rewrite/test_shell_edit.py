@@ -10,8 +10,8 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopLoc import TopLoc_Location
 
 import cqblend
-from cqblend.brep.rewrite.shell_edit import traced
-from cqblend.brep.topology import Index, ends, explore, flipped, forward
+from cqblend.brep.rewrite.shell_edit import trace_loops
+from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, orient_forward, reverse_edge
 from cqblend.errors import TopologyError
 
 V = cq.Vector
@@ -61,10 +61,10 @@ def test_faces_that_do_not_touch_the_edge_are_taken_over_as_they_are(name):
 def test_every_edge_is_shared_by_two_faces_and_runs_once_each_way(name):
     body = plate()
     shape = blended(body, nearest(body, *CASES[name][0]), radius=0.8).shape
-    index = Index(shape.wrapped, TopAbs_EDGE)
+    index = ShapeIndex(shape.wrapped, TopAbs_EDGE)
     uses: dict[int, list[str]] = {}
-    for use in explore(shape.wrapped, TopAbs_EDGE):
-        uses.setdefault(index.of(use), []).append(use.Orientation().name)
+    for use in explore_subshapes(shape.wrapped, TopAbs_EDGE):
+        uses.setdefault(index.find_number(use), []).append(use.Orientation().name)
     for number, orientations in uses.items():
         if not BRep_Tool.Degenerated_s(index[number]):
             assert sorted(orientations) == ["TopAbs_FORWARD", "TopAbs_REVERSED"]
@@ -83,7 +83,7 @@ def test_curves_of_the_blends_edges_lie_on_both_faces_within_their_tolerance(nam
             for t in np.linspace(first, last, 40).tolist():
                 on_face = surface.Value(*pcurve.Value(t).Coord())
                 assert on_face.Distance(curve.Value(t)) <= BRep_Tool.Tolerance_s(edge.wrapped)
-        for vertex, t in zip(ends(forward(edge.wrapped)), (first, last), strict=True):
+        for vertex, t in zip(find_end_vertices(orient_forward(edge.wrapped)), (first, last), strict=True):
             point = curve.Value(t)
             assert BRep_Tool.Pnt_s(vertex).Distance(point) <= BRep_Tool.Tolerance_s(vertex)
 
@@ -115,26 +115,26 @@ def face_with_hole() -> cq.Face:
 @pytest.mark.parametrize("seed", range(4))
 def test_loops_are_found_from_shuffled_uses(seed):
     face = face_with_hole().wrapped
-    uses = list(explore(face, TopAbs_EDGE))
+    uses = list(explore_subshapes(face, TopAbs_EDGE))
     order = np.random.default_rng(seed).permutation(len(uses))
-    loops = traced([uses[i] for i in order], face)
+    loops = trace_loops([uses[i] for i in order], face)
     assert sorted(len(loop) for loop in loops) == [1, 4]
     for loop in loops:
         for one, other in zip(loop, loop[1:] + loop[:1], strict=True):
-            assert ends(one)[1].IsSame(ends(other)[0])
+            assert find_end_vertices(one)[1].IsSame(find_end_vertices(other)[0])
 
 
 def test_a_seam_is_traced_once_each_way():
     face = next(f for f in cq.Solid.makeCylinder(3, 7).Faces() if f.geomType() == "CYLINDER").wrapped
-    (loop,) = traced(list(explore(face, TopAbs_EDGE)), face)
+    (loop,) = trace_loops(list(explore_subshapes(face, TopAbs_EDGE)), face)
     assert len(loop) == 4
 
 
 def test_a_boundary_that_does_not_close_is_an_error():
     face = face_with_hole().wrapped
-    uses = list(explore(face, TopAbs_EDGE))
+    uses = list(explore_subshapes(face, TopAbs_EDGE))
     longest = max(range(len(uses)), key=lambda i: cq.Edge(uses[i]).geomType() == "LINE")
     with pytest.raises(TopologyError, match="cannot be closed along the rail"):
-        traced(uses[:longest] + uses[longest + 1 :], face)
+        trace_loops(uses[:longest] + uses[longest + 1 :], face)
     with pytest.raises(TopologyError, match="cannot be closed along the rail"):
-        traced([flipped(uses[longest]), *uses[:longest], *uses[longest + 1 :]], face)
+        trace_loops([reverse_edge(uses[longest]), *uses[:longest], *uses[longest + 1 :]], face)

@@ -14,7 +14,7 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.select.edge_joint import find_joint
-from cqblend.brep.select.rail_obstacles import leaving
+from cqblend.brep.select.rail_obstacles import find_leaving_contact
 from cqblend.errors import SelectionError
 
 V = cq.Vector
@@ -50,8 +50,8 @@ def test_convex_and_concave_edges_of_a_bracket():
     inner = min(body.Edges(), key=lambda e: (e.Center() - V(2, 2, 2.5)).Length)
     outer = min(body.Edges(), key=lambda e: (e.Center() - V(0, 0, 2.5)).Length)
     for swap in (False, True):
-        assert not joint(body, inner.wrapped, swap=swap).convex
-        assert joint(body, outer.wrapped, swap=swap).convex
+        assert not joint(body, inner.wrapped, swap=swap).is_convex
+        assert joint(body, outer.wrapped, swap=swap).is_convex
 
 
 def test_stations_face_one_to_the_left_seen_from_outside():
@@ -59,7 +59,7 @@ def test_stations_face_one_to_the_left_seen_from_outside():
     for edge in body.Edges():
         for swap in (False, True):
             found = joint(body, edge.wrapped, swap=swap)
-            stations = found.stations(np.array([0.5]))
+            stations = found.locate_stations(np.array([0.5]))
             normal = cq.Face(found.sides[0].face).normalAt(V(*stations.point[0].tolist())).toTuple()
             outward = np.array(normal) * found.sides[0].outward  # of the FORWARD face
             left = np.cross(outward, stations.direction[0])
@@ -94,12 +94,12 @@ def test_open_edges_stop_where_other_faces_begin():
 def test_contacts_that_leave_their_face_are_told_with_its_side():
     body = cq.Solid.makeBox(10, 10, 10)
     found = joint(body, body.Edges()[0].wrapped)
-    stations = found.stations(np.array([0.5]))
+    stations = found.locate_stations(np.array([0.5]))
     middle = [np.diff(side.bounds).T / 2 + side.bounds[:, 0] for side in found.sides]
     inside = Contacts(stations.t, stations.point, (middle[0], middle[1]), np.ones(1))
-    assert leaving(found, inside) is None
+    assert find_leaving_contact(found, inside) is None
     far = (middle[0] + 100, middle[1])
-    assert leaving(found, Contacts(stations.t, stations.point, far, np.ones(1))) == (0, 0)
+    assert find_leaving_contact(found, Contacts(stations.t, stations.point, far, np.ones(1))) == (0, 0)
 
 
 def refused(body: cq.Shape, edge, text: str) -> None:

@@ -12,7 +12,7 @@ from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.TopAbs import TopAbs_EDGE
 
 import cqblend
-from cqblend.brep.topology import Index
+from cqblend.brep.topology import ShapeIndex
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import SelectionError
 
@@ -170,7 +170,7 @@ def test_seams_among_picks_are_passed_over_and_listed():
 
 def test_poles_are_passed_over():
     body = W().sphere(8).intersect(W().box(30, 30, 15).translate((0, 0, 7.5))).val()
-    edges = Index(body.wrapped, TopAbs_EDGE)  # CadQuery leaves poles out
+    edges = ShapeIndex(body.wrapped, TopAbs_EDGE)  # CadQuery leaves poles out
     result = cqblend.blend_edges(body, [edges[i + 1] for i in range(len(edges))], 1)
     assert {one.kind for one in result.skipped} >= {"degenerate"}
     assert len(result.faces) == 1

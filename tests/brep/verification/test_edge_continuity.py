@@ -18,11 +18,11 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.brep.verification.edge_continuity import (
-    continuity,
-    edge_samples,
-    edge_sides,
-    inner_crease,
-    sample_parameters,
+    choose_sample_parameters,
+    find_edge_sides,
+    find_inner_crease,
+    measure_continuity,
+    sample_edge_side,
 )
 from cqblend.errors import InputError, SelectionError
 
@@ -94,7 +94,7 @@ class TestSharpEdges:
     def test_all_edges_of_a_box_are_right_angles(self):
         box = wrapped(cq.Workplane().box(3, 4, 5))
         for edge in edges(box):
-            measured = continuity(box, edge)
+            measured = measure_continuity(box, edge)
             assert measured.kind == "convex"
             assert measured.angle == pytest.approx(math.pi / 2, abs=1e-15)
             assert measured.gap < 1e-15
@@ -104,18 +104,20 @@ class TestSharpEdges:
     def test_the_inner_corner_of_an_angle_bracket_is_concave(self):
         bracket = cq.Workplane().polyline([(0, 0), (9, 0), (9, 2), (2, 2), (2, 9), (0, 9)]).close().extrude(5)
         shape = wrapped(bracket)
-        assert sorted(continuity(shape, edge).kind for edge in edges(shape)) == ["concave"] + ["convex"] * 17
+        assert sorted(measure_continuity(shape, edge).kind for edge in edges(shape)) == ["concave"] + ["convex"] * 17
 
     def test_edges_of_a_void_are_concave(self):
         shape = wrapped(cq.Workplane().box(9, 9, 9).cut(cq.Workplane().box(5, 5, 5)))
-        assert sorted(continuity(shape, edge).kind for edge in edges(shape)) == ["concave"] * 12 + ["convex"] * 12
+        assert (
+            sorted(measure_continuity(shape, edge).kind for edge in edges(shape)) == ["concave"] * 12 + ["convex"] * 12
+        )
 
     @pytest.mark.parametrize("degrees", [0.5, 30.0, 60.0, 89.0, 120.0, 179.0])
     def test_a_wedge_turns_the_normal_by_the_supplement_of_its_angle(self, degrees):
         x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         wedge = cq.Workplane().polyline([(0, 0), (10, 0), (10 * x, 10 * y)]).close().extrude(7)
         edge = picked(wedge, cq.selectors.BoxSelector((-0.01, -0.01, -1), (0.01, 0.01, 8)))
-        measured = continuity(wrapped(wedge), edge)
+        measured = measure_continuity(wrapped(wedge), edge)
         assert measured.kind == "convex"
         assert measured.angle == pytest.approx(math.pi - math.radians(degrees), abs=1e-13)
 
@@ -124,7 +126,7 @@ class TestSharpEdges:
         radius = 10.0
         cross = cq.Workplane().circle(radius).extrude(30, both=True)
         shape = wrapped(cross.union(cq.Workplane("YZ").circle(radius).extrude(30, both=True)))
-        measured = [continuity(shape, edge) for edge in edges(shape)]
+        measured = [measure_continuity(shape, edge) for edge in edges(shape)]
         ellipses = [one for one in measured if one.kind == "concave"]
         assert len(ellipses) >= 4
         for one in ellipses:
@@ -136,10 +138,10 @@ class TestSharpEdges:
         shape = wrapped(
             cq.Workplane().circle(10).extrude(30, both=True).union(cq.Workplane("YZ").circle(10).extrude(30, both=True))
         )
-        edge = next(edge for edge in edges(shape) if continuity(shape, edge, 50).kind == "concave")
-        sides = edge_sides(shape, edge)
-        ts = sample_parameters(sides, samples)
-        one, two = (edge_samples(use, face, ts) for face, use in sides)
+        edge = next(edge for edge in edges(shape) if measure_continuity(shape, edge, 50).kind == "concave")
+        sides = find_edge_sides(shape, edge)
+        ts = choose_sample_parameters(sides, samples)
+        one, two = (sample_edge_side(use, face, ts) for face, use in sides)
         cosine = np.einsum("ni,ni->n", one.normals, two.normals)
         np.testing.assert_allclose(cosine, one.points[:, 1] ** 2 / 100, atol=2e-8)  # gap of OCCT's boolean: 4e-8
 
@@ -148,7 +150,7 @@ class TestSmoothEdges:
     def test_a_round_meets_its_planes_with_a_jump_of_one_over_r(self):
         part = cq.Workplane().box(10, 10, 10).edges("|Z").fillet(2)
         for edge in part.edges("|Z").vals():
-            measured = continuity(wrapped(part), edge.wrapped)
+            measured = measure_continuity(wrapped(part), edge.wrapped)
             assert measured.kind == "smooth"
             assert measured.angle < 1e-15
             assert measured.gap < 1e-14
@@ -157,20 +159,20 @@ class TestSmoothEdges:
     def test_a_concave_round_too(self):
         part = cq.Workplane().box(20, 20, 4).faces(">Z").workplane().rect(8, 8).extrude(6)
         part = part.edges(cq.selectors.BoxSelector((-4.1, -4.1, 1.9), (4.1, 4.1, 2.1))).fillet(1)
-        jumps = [continuity(wrapped(part), edge) for edge in edges(wrapped(part))]
+        jumps = [measure_continuity(wrapped(part), edge) for edge in edges(wrapped(part))]
         smooth = [one.curvature_jump for one in jumps if one.kind == "smooth"]
         assert max(smooth) == pytest.approx(1.0, abs=1e-12)
 
     def test_half_a_ball_on_a_cylinder_jumps_by_one_over_r_along_the_axis_only(self):
         shape = wrapped(capsule())
         rim = next(e for e in real_edges(shape) if abs(cq.Edge(e).Center().z) < 0.1 and cq.Edge(e).IsClosed())
-        measured = continuity(shape, rim)
+        measured = measure_continuity(shape, rim)
         assert measured.kind == "smooth"
         assert measured.angle < 1e-15
         assert measured.curvature_jump == pytest.approx(1 / 5, abs=1e-14)
-        sides = edge_sides(shape, rim)
-        ts = sample_parameters(sides, 20)
-        one, two = (edge_samples(use, face, ts) for face, use in sides)
+        sides = find_edge_sides(shape, rim)
+        ts = choose_sample_parameters(sides, 20)
+        one, two = (sample_edge_side(use, face, ts) for face, use in sides)
         tangents = np.cross(one.normals, [0.0, 0.0, 1.0])
         for phi in np.linspace(0, math.pi, 7):
             w = math.cos(phi) * tangents + math.sin(phi) * np.array([0.0, 0.0, 1.0])
@@ -187,10 +189,10 @@ class TestSmoothEdges:
             seams = [
                 edge
                 for edge in real_edges(shape)
-                if edge_sides(shape, edge)[0][0].IsSame(edge_sides(shape, edge)[1][0])
+                if find_edge_sides(shape, edge)[0][0].IsSame(find_edge_sides(shape, edge)[1][0])
             ]
             assert len(seams) == 1
-            measured = continuity(shape, seams[0])
+            measured = measure_continuity(shape, seams[0])
             assert measured.kind == "smooth"
             assert measured.angle < limit
             assert measured.gap < 1e-13
@@ -200,15 +202,15 @@ class TestSmoothEdges:
     def test_the_poles_of_a_sphere_have_no_normal_and_are_left_out(self):
         ball = wrapped(cq.Workplane().sphere(4))
         (seam,) = real_edges(ball)
-        sides = edge_sides(ball, seam)
-        ts = sample_parameters(sides, 100)
-        samples = edge_samples(sides[0][1], sides[0][0], ts)
+        sides = find_edge_sides(ball, seam)
+        ts = choose_sample_parameters(sides, 100)
+        samples = sample_edge_side(sides[0][1], sides[0][0], ts)
         lost = np.isnan(samples.normals).any(axis=1)
         assert lost.sum() == 2
         assert lost[0]
         assert lost[-1]
         np.testing.assert_allclose(samples.points[~lost], 4 * samples.normals[~lost], atol=1e-13)
-        assert continuity(ball, seam, 100).samples == ts.size - 2
+        assert measure_continuity(ball, seam, 100).samples == ts.size - 2
 
 
 class TestOrientationAndLocation:
@@ -216,8 +218,8 @@ class TestOrientationAndLocation:
         ball = cq.Workplane().sphere(4)
         for shape, sign in ((wrapped(ball), -1), (wrapped(cq.Workplane().box(20, 20, 20).cut(ball)), 1)):
             seam = next(e for e in real_edges(shape) if cq.Edge(e).geomType() == "CIRCLE")
-            (face, use), _ = edge_sides(shape, seam)
-            samples = edge_samples(use, face, sample_parameters(edge_sides(shape, seam), 50)[1:-1])
+            (face, use), _ = find_edge_sides(shape, seam)
+            samples = sample_edge_side(use, face, choose_sample_parameters(find_edge_sides(shape, seam), 50)[1:-1])
             w = np.cross(samples.normals, [0.3, -0.5, 0.9])
             w /= np.linalg.norm(w, axis=1, keepdims=True)
             np.testing.assert_allclose(np.einsum("ni,nij,nj->n", w, samples.curvature, w), sign / 4, rtol=1e-7)
@@ -228,10 +230,10 @@ class TestOrientationAndLocation:
         turn = gp_Trsf()
         turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 2)), 0.7)
         here = wrapped(part)
-        reference = [continuity(here, edge, 50) for edge in edges(here)]
+        reference = [measure_continuity(here, edge, 50) for edge in edges(here)]
         for shape in (here.Moved(TopLoc_Location(turn)), wrapped(part.mirror("XY")), here.Moved(TopLoc_Location(turn))):
             for edge, before in zip(edges(shape), reference, strict=True):
-                after = continuity(shape, edge, 50)
+                after = measure_continuity(shape, edge, 50)
                 assert after.kind == before.kind
                 assert after.angle == pytest.approx(before.angle, abs=1e-14)
                 assert after.curvature_jump == pytest.approx(before.curvature_jump, abs=1e-14)
@@ -239,7 +241,7 @@ class TestOrientationAndLocation:
 
     def test_an_inside_out_solid_swaps_convex_and_concave(self):
         box = wrapped(cq.Workplane().box(1, 2, 3))
-        assert {continuity(box.Reversed(), edge).kind for edge in edges(box)} == {"concave"}
+        assert {measure_continuity(box.Reversed(), edge).kind for edge in edges(box)} == {"concave"}
 
 
 class TestFreeform:
@@ -248,9 +250,9 @@ class TestFreeform:
         face = wave()
         for edge in edges(face):
             ts = np.linspace(0.1, 0.9, 9)
-            samples = edge_samples(edge, face, ts)
+            samples = sample_edge_side(edge, face, ts)
             step = 1e-3
-            before, at, after = (edge_samples(edge, face, ts + d).points for d in (-step, 0.0, step))
+            before, at, after = (sample_edge_side(edge, face, ts + d).points for d in (-step, 0.0, step))
             velocity, acceleration = (after - before) / (2 * step), (after - 2 * at + before) / step**2
             speed = np.linalg.norm(velocity, axis=1)
             w = velocity / speed[:, None]
@@ -259,7 +261,7 @@ class TestFreeform:
 
     def test_the_tensor_is_symmetric_and_kills_the_normal(self):
         face = wave()
-        samples = edge_samples(edges(face)[0], face, np.linspace(0, 1, 11))
+        samples = sample_edge_side(edges(face)[0], face, np.linspace(0, 1, 11))
         np.testing.assert_allclose(samples.curvature, samples.curvature.transpose(0, 2, 1), atol=1e-15)
         np.testing.assert_allclose(np.einsum("nij,nj->ni", samples.curvature, samples.normals), 0, atol=1e-15)
 
@@ -267,7 +269,7 @@ class TestFreeform:
         spline = [(20 * math.cos(a), 10 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 17)[:-1]]
         part = cq.Workplane().spline(spline, periodic=True).close().extrude(10).faces(">Z").edges().fillet(1)
         shape = wrapped(part)
-        smooth = [one for one in (continuity(shape, edge) for edge in edges(shape)) if one.kind == "smooth"]
+        smooth = [one for one in (measure_continuity(shape, edge) for edge in edges(shape)) if one.kind == "smooth"]
         worst = max(one.angle for one in smooth)
         assert 1e-9 < worst < 1e-3
         assert max(one.curvature_jump for one in smooth) == pytest.approx(1.0, abs=0.3)
@@ -282,7 +284,7 @@ class TestGap:
         rim = picked(part.faces(">Z"), "%CIRCLE")
         pcurve = BRep_Tool.CurveOnSurface_s(rim, side, 0.0, 0.0)
         BRep_Builder().UpdateEdge(rim, pcurve.Translated(gp_Vec2d(0, -shift)), side, 1e-7)
-        measured = continuity(shape, rim)
+        measured = measure_continuity(shape, rim)
         assert measured.gap == pytest.approx(shift, abs=1e-14)
         assert measured.angle == pytest.approx(math.pi / 2, abs=1e-14)
 
@@ -297,7 +299,7 @@ class TestKnotLines:
         shell = sewing.SewedShape()
         shared = [edge for edge in edges(shell) if abs(cq.Edge(edge).Center().x - 1) < 1e-9]
         assert len(shared) == 1
-        measured = continuity(shell, shared[0])
+        measured = measure_continuity(shell, shared[0])
         assert measured.angle == pytest.approx(math.pi / 2, abs=1e-14)
         assert measured.kind == "convex"
         assert measured.gap < 1e-15
@@ -308,18 +310,18 @@ class TestKnotLines:
         face = BRepBuilderAPI_MakeFace(surface, 1e-7).Face()
         for edge in edges(face):
             (knot,) = (k for k, axis in ((0.3, 1), (0.6, 0)) if np.ptp(self.uv(edge, face)[:, axis]) < 1e-12)
-            ts = sample_parameters([(face, edge)], 101)
+            ts = choose_sample_parameters([(face, edge)], 101)
             nearest = np.sort(np.abs(self.uv(edge, face, ts)[:, 0 if knot == 0.3 else 1] - knot))
             np.testing.assert_allclose(nearest[:6], [1e-8, 1e-8, 1e-5, 1e-5, 1e-3, 1e-3], rtol=1e-6)
 
     @staticmethod
     def uv(edge, face, ts=(0.1, 0.9)):
-        return edge_samples(edge, face, ts).parameters
+        return sample_edge_side(edge, face, ts).parameters
 
 
 class TestInnerCrease:
     def test_the_ridge_of_a_roof(self):
-        crease = inner_crease(BRepBuilderAPI_MakeFace(roof(), 1e-7).Face())
+        crease = find_inner_crease(BRepBuilderAPI_MakeFace(roof(), 1e-7).Face())
         assert crease.angle == pytest.approx(math.pi / 2, abs=1e-14)
         assert crease.parameters[0] == pytest.approx(1.0, abs=1e-10)
         assert crease.point[0] == pytest.approx(1.0, abs=1e-10)
@@ -327,7 +329,7 @@ class TestInnerCrease:
         assert "1.6 rad" in str(crease)
 
     def test_a_face_that_stays_clear_of_the_ridge_has_none(self):
-        crease = inner_crease(BRepBuilderAPI_MakeFace(roof(), 0, 0.9, 0, 1, 1e-7).Face())
+        crease = find_inner_crease(BRepBuilderAPI_MakeFace(roof(), 0, 0.9, 0, 1, 1e-7).Face())
         assert crease.angle == 0.0
         assert crease.parameters is None
         assert str(crease) == "no crease"
@@ -336,37 +338,37 @@ class TestInnerCrease:
         """z = a u |v - 1|: the one-sided slopes are +-a u, so the angle is 2 atan(a u), largest at u = 1."""
         poles = [[[0, 0, 0], [0, 1, 0], [0, 2, 0]], [[1, 0, 0.5], [1, 1, 0], [1, 2, 0.5]]]
         face = BRepBuilderAPI_MakeFace(bspline(poles, ((0, 1), (2, 2)), ((0, 1, 2), (2, 1, 2)), (1, 1)), 1e-7).Face()
-        crease = inner_crease(face)
+        crease = find_inner_crease(face)
         assert crease.angle == pytest.approx(2 * math.atan(0.5), rel=1e-7)
         assert crease.parameters == pytest.approx((1.0, 1.0), abs=1e-7)
 
     def test_knot_lines_without_a_crease(self):
         shape = BRepBuilderAPI_NurbsConvert(wrapped(cq.Workplane().circle(4).extrude(9)), True).Shape()
         for face in faces(shape):
-            assert inner_crease(face).angle < 1e-11
-        assert inner_crease(wave()).parameters is None
+            assert find_inner_crease(face).angle < 1e-11
+        assert find_inner_crease(wave()).parameters is None
 
     def test_not_a_face(self):
         with pytest.raises(InputError, match="face is of type solid: face is needed"):
-            inner_crease(wrapped(cq.Workplane().box(1, 1, 1)))
+            find_inner_crease(wrapped(cq.Workplane().box(1, 1, 1)))
 
 
 class TestRefusals:
     def test_a_foreign_edge(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
         with pytest.raises(SelectionError, match="not an edge of the shape"):
-            continuity(box, edges(wrapped(cq.Workplane().box(1, 1, 1)))[0])
+            measure_continuity(box, edges(wrapped(cq.Workplane().box(1, 1, 1)))[0])
 
     def test_a_degenerate_edge(self):
         ball = wrapped(cq.Workplane().sphere(1))
         pole = next(edge for edge in edges(ball) if BRep_Tool.Degenerated_s(edge))
         with pytest.raises(SelectionError, match="degenerate"):
-            continuity(ball, pole)
+            measure_continuity(ball, pole)
 
     def test_a_free_boundary(self):
         face = wave()
         with pytest.raises(SelectionError, match="free boundary"):
-            continuity(face, edges(face)[0])
+            measure_continuity(face, edges(face)[0])
 
     def test_an_edge_with_more_than_two_sides(self):
         corner = [(0, 0, 0), (0, 0, 1)]
@@ -384,31 +386,31 @@ class TestRefusals:
             edge for edge in edges(fan) if abs(cq.Edge(edge).Center().x) + abs(cq.Edge(edge).Center().y) < 1e-9
         )
         with pytest.raises(SelectionError, match="used 3 times"):
-            continuity(fan, hinge)
+            measure_continuity(fan, hinge)
 
     @pytest.mark.parametrize("wrong", [None, "edge", 3, cq.Workplane()])
     def test_wrong_types(self, wrong):
         box = wrapped(cq.Workplane().box(1, 1, 1))
         with pytest.raises(InputError, match="shape is"):
-            continuity(wrong, edges(box)[0])
+            measure_continuity(wrong, edges(box)[0])
         with pytest.raises(InputError, match="edge is"):
-            continuity(box, wrong)
+            measure_continuity(box, wrong)
 
     def test_a_face_is_not_an_edge_and_a_null_shape_is_nothing(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
         with pytest.raises(InputError, match="edge is of type face: edge is needed"):
-            continuity(box, faces(box)[0])
+            measure_continuity(box, faces(box)[0])
         with pytest.raises(InputError, match="null"):
-            continuity(box, TopoDS_Edge())
+            measure_continuity(box, TopoDS_Edge())
 
     @pytest.mark.parametrize("samples", [1, 0, -3, 2.5, None, True])
     def test_too_few_samples(self, samples):
         box = wrapped(cq.Workplane().box(1, 1, 1))
         with pytest.raises(InputError, match="at least 2"):
-            continuity(box, edges(box)[0], samples)
+            measure_continuity(box, edges(box)[0], samples)
 
 
 def test_a_continuity_reads_aloud():
     box = wrapped(cq.Workplane().box(1, 1, 1))
-    text = str(continuity(box, edges(box)[0], 100))
+    text = str(measure_continuity(box, edges(box)[0], 100))
     assert text.startswith("convex: gap 0 mm, angle 1.6 rad, curvature jump 0 1/mm, edge tolerance 1e-07 mm (10")

@@ -15,8 +15,8 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 from test_edge_continuity import bspline
 
-from cqblend.brep.shape_kinds import children
-from cqblend.brep.verification.soundness import check_solid, flaws, subshapes, verify, volume_of
+from cqblend.brep.shape_kinds import list_children
+from cqblend.brep.verification.soundness import check_solid, find_flaws, list_subshapes, measure_volume, verify_shape
 from cqblend.errors import InputError, SelectionError
 
 
@@ -37,7 +37,7 @@ def solid_of(faces: list[TopoDS_Face]) -> TopoDS_Solid:
 
 
 def new_faces(before: TopoDS_Shape, after: TopoDS_Shape, kind: str) -> list[TopoDS_Face]:
-    return [face for face in subshapes(after, TopAbs_FACE) if cq.Face(face).geomType() == kind]
+    return [face for face in list_subshapes(after, TopAbs_FACE) if cq.Face(face).geomType() == kind]
 
 
 def prism(radius: float = 0.0) -> cq.Workplane:
@@ -70,11 +70,11 @@ class TestVolume:
     )
     def test_analytic(self, shape, expected):
         for solid in (wrapped(shape), BRepBuilderAPI_NurbsConvert(wrapped(shape), True).Shape()):
-            volume, error = volume_of(solid)
+            volume, error = measure_volume(solid)
             assert volume == pytest.approx(expected, rel=1e-6)
             assert abs(volume - expected) <= error + 1e-12 * expected
             assert error < 1e-4 * expected
-            assert volume_of(solid.Reversed())[0] == pytest.approx(-expected, rel=1e-6)
+            assert measure_volume(solid.Reversed())[0] == pytest.approx(-expected, rel=1e-6)
 
     def test_an_extruded_spline(self):
         """The area inside the spline by Green's theorem on a dense polygon, with Richardson's step."""
@@ -84,7 +84,7 @@ class TestVolume:
         points = np.array([curve.Value(t).Coord()[:2] for t in ts.tolist()])
         fine, coarse = (0.5 * np.sum(np.cross(p[:-1], p[1:])) for p in (self.lift(points), self.lift(points[::2])))
         area = fine + (fine - coarse) / 3
-        assert volume_of(wrapped(part))[0] == pytest.approx(10 * area, rel=1e-6)
+        assert measure_volume(wrapped(part))[0] == pytest.approx(10 * area, rel=1e-6)
 
     @staticmethod
     def lift(points):
@@ -103,7 +103,7 @@ class TestVerify:
         ids=["box", "hollow", "capsule", "rounded"],
     )
     def test_plain_solids_are_ok(self, shape):
-        result = verify(wrapped(shape))
+        result = verify_shape(wrapped(shape))
         assert result.ok, str(result)
         assert result.valid
         assert result.closed
@@ -111,12 +111,12 @@ class TestVerify:
         assert result.gap < 1e-13
         assert result.box.mismatch < 1e-12
         assert result.step.mismatch < 1e-12
-        assert result.step.faces == len(subshapes(wrapped(shape), TopAbs_FACE))
+        assert result.step.faces == len(list_subshapes(wrapped(shape), TopAbs_FACE))
 
     @pytest.mark.parametrize("part", [prism, wavy])
     def test_a_native_fillet_on_a_freeform_face_passes_with_its_known_angle(self, part):
         shape = wrapped(part(1.0))
-        result = verify(shape)
+        result = verify_shape(shape)
         assert result.ok, str(result)
         assert 1e-7 < result.angle < 1e-4
         assert 1e-7 < result.gap < 1e-4
@@ -125,45 +125,45 @@ class TestVerify:
     def test_the_edges_of_given_faces_are_told_apart(self):
         part = cq.Workplane().box(10, 10, 10).edges("|Z").fillet(2)
         rounds = [face.wrapped for face in part.faces("%CYLINDER").vals()]
-        result = verify(wrapped(part), rounds)
+        result = verify_shape(wrapped(part), rounds)
         assert result.ok
         assert sorted(edge.smooth for edge in result.edges) == [False] * 8 + [True] * 8
         assert {round(edge.angle, 12) for edge in result.edges if not edge.smooth} == {round(math.pi / 2, 12)}
         lengths = {True: 10.0, False: math.pi}
-        edges = subshapes(wrapped(part), TopAbs_EDGE)
+        edges = list_subshapes(wrapped(part), TopAbs_EDGE)
         assert all(cq.Edge(edges[e.index - 1]).Length() == pytest.approx(lengths[e.smooth]) for e in result.edges)
 
     def test_a_located_compound(self):
         turn = gp_Trsf()
         turn.SetRotation(gp_Ax1(gp_Pnt(1, 2, 3), gp_Dir(1, 1, 2)), 0.7)
         shapes = [cq.Workplane().box(3, 4, 5).val(), cq.Workplane().sphere(2).translate((10, 0, 0)).val()]
-        result = verify(cq.Compound.makeCompound(shapes).wrapped.Moved(TopLoc_Location(turn)))
+        result = verify_shape(cq.Compound.makeCompound(shapes).wrapped.Moved(TopLoc_Location(turn)))
         assert result.ok, str(result)
         assert result.volume == pytest.approx(60 + 4 / 3 * math.pi * 8, rel=1e-6)
 
     def test_it_reads_aloud(self):
-        text = str(verify(wrapped(cq.Workplane().box(3, 4, 5))))
+        text = str(verify_shape(wrapped(cq.Workplane().box(3, 4, 5))))
         assert text.splitlines()[0].split() == ["verification", "ok"]
         assert "60 mm^3" in text
 
 
 class TestVerifyNotices:
     def test_inside_out(self):
-        result = verify(wrapped(cq.Workplane().box(3, 4, 5)).Reversed())
+        result = verify_shape(wrapped(cq.Workplane().box(3, 4, 5)).Reversed())
         assert not result.ok
         assert result.valid  # BRepCheck does not see it
         assert result.volume == pytest.approx(-60)
         assert "solid 1 is inside out" in result.problems
 
     def test_a_missing_face(self):
-        faces = subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
-        result = verify(solid_of(faces[1:]))
+        faces = list_subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
+        result = verify_shape(solid_of(faces[1:]))
         assert not result.closed
         assert "shell 1 is not closed" in result.problems
 
     def test_a_flipped_face(self):
-        faces = subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
-        result = verify(solid_of([faces[0].Reversed(), *faces[1:]]))
+        faces = list_subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
+        result = verify_shape(solid_of([faces[0].Reversed(), *faces[1:]]))
         assert not result.closed
         assert "shell 1 is not consistently oriented" in result.problems
 
@@ -174,7 +174,7 @@ class TestVerifyNotices:
         rim = part.faces(">Z").edges().val().wrapped
         pcurve = BRep_Tool.CurveOnSurface_s(rim, side, 0.0, 0.0)
         BRep_Builder().UpdateEdge(rim, pcurve.Translated(gp_Vec2d(0, -1e-4)), side, 1e-7)
-        result = verify(shape, [side])
+        result = verify_shape(shape, [side])
         assert not result.valid
         assert any("InvalidCurveOnSurface" in line for line in result.problems)
         assert any("faces are 0.0001 mm apart" in line for line in result.problems)
@@ -184,22 +184,22 @@ class TestVerifyNotices:
         first, second = (part.faces(which).val().wrapped for which in (">X", ">Z"))
         shared = part.edges(">X and >Z").val().wrapped
         BRep_Builder().Continuity(shared, first, second, GeomAbs_G1)
-        result = verify(wrapped(part))
+        result = verify_shape(wrapped(part))
         assert result.angle == pytest.approx(math.pi / 2)
         assert any("flagged smooth, but its faces meet at 1.6 rad" in line for line in result.problems)
 
     def test_a_stricter_angle(self):
         shape = wrapped(wavy(1.0))
-        assert verify(shape).ok
-        assert any("flagged smooth" in line for line in verify(shape, angular_tolerance=1e-9).problems)
+        assert verify_shape(shape).ok
+        assert any("flagged smooth" in line for line in verify_shape(shape, angular_tolerance=1e-9).problems)
 
     def test_faces_that_fold_back_on_each_other(self):
         """Two squares back to back, flagged smooth: to OCCT their angle is 0, as it ignores orientation."""
         wire = cq.Wire.makePolygon([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], close=True)
         front, back = (cq.Face.makeFromWires(wire).wrapped for _ in range(2))
-        for edge in subshapes(front, TopAbs_EDGE):
+        for edge in list_subshapes(front, TopAbs_EDGE):
             BRep_Builder().Continuity(edge, front, back, GeomAbs_G1)
-        result = verify(solid_of([front, TopoDS.Face_s(back.Reversed())]))
+        result = verify_shape(solid_of([front, TopoDS.Face_s(back.Reversed())]))
         assert result.angle == 0.0
         assert sum("fold back on each other" in line for line in result.problems) == 4
 
@@ -215,23 +215,23 @@ class TestVerifyRefuses:
     @pytest.mark.parametrize("wrong", [None, 7, "solid", cq.Workplane()])
     def test_what_is_no_shape(self, wrong):
         with pytest.raises(InputError, match="shape is"):
-            verify(wrong)
+            verify_shape(wrong)
 
     def test_a_shape_without_a_solid(self):
         with pytest.raises(InputError, match="no solid"):
-            verify(wrapped(cq.Workplane().box(1, 1, 1).faces(">Z")))
+            verify_shape(wrapped(cq.Workplane().box(1, 1, 1).faces(">Z")))
 
     def test_faces(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
-        face = subshapes(box, TopAbs_FACE)[0]
+        face = list_subshapes(box, TopAbs_FACE)[0]
         with pytest.raises(InputError, match="empty"):
-            verify(box, [])
+            verify_shape(box, [])
         with pytest.raises(InputError, match="iterable"):
-            verify(box, face)
+            verify_shape(box, face)
         with pytest.raises(InputError, match=r"faces\[1\] is of type edge"):
-            verify(box, [face, subshapes(box, TopAbs_EDGE)[0]])
+            verify_shape(box, [face, list_subshapes(box, TopAbs_EDGE)[0]])
         with pytest.raises(SelectionError, match=r"faces\[0\] is not a face"):
-            verify(box, subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE))
+            verify_shape(box, list_subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE))
 
 
 class TestCheckSolid:
@@ -268,21 +268,21 @@ class TestCheckSolid:
     def test_a_loose_new_edge(self):
         part = cq.Workplane().box(10, 10, 10)
         before, after = wrapped(part), wrapped(part.edges("|Z").fillet(2))
-        edge = next(e for e in subshapes(after, TopAbs_EDGE) if cq.Edge(e).geomType() == "CIRCLE")
+        edge = next(e for e in list_subshapes(after, TopAbs_EDGE) if cq.Edge(e).geomType() == "CIRCLE")
         assert check_solid(before, after, []) == []
         BRep_Builder().UpdateEdge(edge, 3e-4)
-        number = 1 + next(i for i, e in enumerate(subshapes(after, TopAbs_EDGE)) if e.IsSame(edge))
+        number = 1 + next(i for i, e in enumerate(list_subshapes(after, TopAbs_EDGE)) if e.IsSame(edge))
         assert check_solid(before, after, []) == [f"edge {number} has tolerance 0.0003 mm, above 1e-05"]
         assert check_solid(before, after, [], tolerance=1e-3) == []
 
     def test_a_new_face_that_is_not_there(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
-        other = subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE)[0]
+        other = list_subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE)[0]
         assert check_solid(box, box, [other]) == ["new face 1 is not in the result"]
 
     def test_a_hole_and_a_flip_and_an_inversion(self):
         box = wrapped(cq.Workplane().box(3, 4, 5))
-        faces = subshapes(box, TopAbs_FACE)
+        faces = list_subshapes(box, TopAbs_FACE)
         assert check_solid(box, solid_of(faces), []) == []
         assert check_solid(box, solid_of(faces[1:]), []) == ["shell 1 is not closed"]
         assert check_solid(box, solid_of([faces[0].Reversed(), *faces[1:]]), []) == [
@@ -300,19 +300,19 @@ class TestCheckSolid:
         """Nine turns of a thin helical strip: neighbours of a coarse grid look opposite ways, and yet it is smooth."""
         helix = cq.Wire.makeHelix(1, 9, 5)
         strip = cq.Workplane("XZ").center(5, 0).rect(0.2, 0.2).sweep(cq.Workplane(helix), isFrenet=True)
-        assert check_solid(wrapped(strip), wrapped(strip), subshapes(wrapped(strip), TopAbs_FACE)) == []
+        assert check_solid(wrapped(strip), wrapped(strip), list_subshapes(wrapped(strip), TopAbs_FACE)) == []
 
     def test_flaws_of_the_input_are_not_the_results(self):
         """A face far from the change was flawed before: tolerated, unless it is new."""
         part, before = flawed()
-        assert {flaw.status.name for flaw in flaws(before)} == {
+        assert {flaw.status.name for flaw in find_flaws(before)} == {
             "BRepCheck_InvalidCurveOnSurface",  # of the rim's REVERSED use
             "BRepCheck_InvalidSameParameterFlag",
             "BRepCheck_SelfIntersectingWire",
             "BRepCheck_UnorientableShape",
         }
         after = wrapped(part.edges("|Z and >X and >Y").fillet(2))
-        assert len(flaws(after)) > 0
+        assert len(find_flaws(after)) > 0
         assert check_solid(before, after, [], grows=False) == []
         sound = wrapped(cq.Workplane().box(10, 10, 10))
         assert any("SelfIntersectingWire" in line for line in check_solid(sound, after, []))
@@ -324,17 +324,17 @@ class TestCheckSolid:
         forward = TopoDS.Face_s(side.Oriented(TopAbs_FORWARD))
         old = BRepTools.OuterWire_s(forward)
         copy, wire = TopoDS.Face_s(forward.EmptyCopied()), old.Oriented(TopAbs_FORWARD).EmptyCopied()
-        for edge in children(old.Oriented(TopAbs_FORWARD)):
+        for edge in list_children(old.Oriented(TopAbs_FORWARD)):
             BRep_Builder().Add(wire, edge)
         wire.Closed(True)
         BRep_Builder().Add(copy, wire.Oriented(old.Orientation()))
         after = solid_of(
             [
                 TopoDS.Face_s(copy.Oriented(side.Orientation())) if face.IsSame(side) else face
-                for face in subshapes(before, TopAbs_FACE)
+                for face in list_subshapes(before, TopAbs_FACE)
             ]
         )
-        assert len(flaws(after)) > 0
+        assert len(find_flaws(after)) > 0
         assert check_solid(before, after, []) == []
 
 

@@ -59,7 +59,7 @@ def test_inverse_and_parts(seed):
     curve = Curve.bezier(rng.normal(size=(5, 2)))
     length = ArcLength(curve)
     s = np.linspace(0, length.length, 23)
-    t = length.inverse(s)
+    t = length.find_parameters(s)
     assert (np.diff(t) >= 0).all()
     assert np.abs(length(t) - s).max() <= 1e-13 * length.length
     rest = ArcLength(curve.clip(0.4, 1.0))
@@ -73,12 +73,12 @@ def test_curves_that_stop():
     assert abs(ArcLength(cusp).length - 2 * ArcLength(cusp.clip(0, 0.5)).length) < 1e-13
     start = ArcLength(Curve.bezier([[0.0, 0], [0, 0], [3, 4]]))  # s = 5 t^2
     np.testing.assert_allclose(start([0.0, 0.1, 1.0]), [0, 0.05, 5], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(start.inverse([0.0, 0.05, 9.0]), [0, 0.1, 1], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(start.find_parameters([0.0, 0.05, 9.0]), [0, 0.1, 1], rtol=0, atol=1e-13)
     point = ArcLength(Curve.bezier([[1.0, 2, 3]] * 3))
     assert point.length == 0
     assert point([0.0, 0.5]).tolist() == [0, 0]
     with pytest.raises(GeometryError, match="point"):
-        point.inverse(0.0)
+        point.find_parameters(0.0)
 
 
 def test_not_a_curve():

@@ -18,8 +18,8 @@ from developable_strips import (
 )
 
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.flatten.development import Motion, develop
-from cqblend.patterns.flatten.flat_strip import flatten
+from cqblend.patterns.flatten.development import RulingMotion, develop_rails
+from cqblend.patterns.flatten.flat_strip import flatten_rails
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.splines import Curve, Surface, change_of_parameter, hermite, reparameterise
 from cqblend.teapot import poles
@@ -55,7 +55,7 @@ def stretched(flat, rails, t, w, direction, h=1e-5):
 @pytest.mark.parametrize("name", DEVELOPABLE)
 def test_developables_are_laid_flat_isometrically(name):
     rails = DEVELOPABLE[name]
-    flat = flatten(rails, 1e-3)
+    flat = flatten_rails(rails, 1e-3)
     start, end = rails[0].domain
     rng = np.random.default_rng(1)
     t, w = rng.uniform(start + 1e-3, end - 1e-3, 300), rng.uniform(0.1, 0.9, 300)
@@ -69,8 +69,8 @@ def test_developables_are_laid_flat_isometrically(name):
 @pytest.mark.parametrize("name", DEVELOPABLE | TWISTED)
 def test_lengths_areas_and_outline(name):
     rails = (DEVELOPABLE | TWISTED)[name]
-    flat = flatten(rails, 1e-4)
-    first, second = flat.rail(0), flat.rail(1)
+    flat = flatten_rails(rails, 1e-4)
+    first, second = flat.make_rail_path(0), flat.make_rail_path(1)
     np.testing.assert_array_equal(first.points, flat.first)
     np.testing.assert_allclose([first.lengths, second.lengths], flat.lengths, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(flat(flat.nodes, 1.0), flat.second, rtol=0, atol=1e-13)
@@ -82,7 +82,7 @@ def test_lengths_areas_and_outline(name):
                 for n in (4 * 768, 8 * 768)
             ]
             assert abs((4 * sums[1] - sums[0]) / 3 - flat.lengths[side].sum()) <= 1e-11 * sums[1] + 1e-12
-    outline = Path.joined([first, Path.straight(np.stack([flat.first[-1], flat.second[-1]])), second.reversed()])
+    outline = Path.from_paths([first, Path.from_points(np.stack([flat.first[-1], flat.second[-1]])), second.reversed()])
     closing = np.concatenate([outline.points, outline.points[:1]])
     area = Path(closing, np.append(outline.bulges, 0.0)).area
     assert abs(area - flat.area_flat) <= flat.error * flat.lengths.sum() + 1e-12 * abs(area)
@@ -97,17 +97,17 @@ def test_lengths_areas_and_outline(name):
 
 
 def test_closed_forms():
-    flat = flatten(CYLINDER, 0.1)
+    flat = flatten_rails(CYLINDER, 0.1)
     assert abs(flat.area_flat / np.pi - 1) < 1e-15
     np.testing.assert_allclose(flat.second[-1], [np.pi / 2, 2], atol=1e-15)
     # a whole cone: apex 2 above the larger ring of radius 2, slant 2 sqrt(2); it winds by less than a turn
     rails = DEVELOPABLE["ring of a cone"]
-    flat = flatten(rails, 1e-3)
+    flat = flatten_rails(rails, 1e-3)
     np.testing.assert_allclose(flat.lengths.sum(axis=1), [4 * np.pi, 2 * np.pi], rtol=1e-14)
     assert abs(flat.area_space / (np.pi * 3 * np.sqrt(2)) - 1) < 1e-14
     # a flat one winds by almost a full turn: its chord is that of an arc of 2 pi cos
     low = circle(2, 0), circle(1, 0.1)
-    flat = flatten(low, 1e-3)
+    flat = flatten_rails(low, 1e-3)
     slant = np.hypot(1, 0.1)
     np.testing.assert_allclose(
         np.linalg.norm(flat.first[-1] - flat.first[0]), abs(2 * (2 * slant) * np.sin(np.pi / slant)), rtol=1e-11
@@ -115,7 +115,7 @@ def test_closed_forms():
     # tangent developable of a cubic of constant slope: dpsi = kappa ds = sqrt(2) / (1 + t^2)
     for a, b in ((0.5, 1.5), (0.0, 1.0)):
         strip = tangent_strip(a, b)
-        flat = flatten(strip, 1e-3)
+        flat = flatten_rails(strip, 1e-3)
         assert flat.kind == "tangent"
         assert abs(flat.area_space / (12 * np.sqrt(2) * (b * b - a * a)) - 1) < 1e-12
         turn = flat([0.0, 1.0], 1.0) - flat([0.0, 1.0], 0.0)
@@ -125,7 +125,7 @@ def test_closed_forms():
     radius, rise, a, b = 1.0, 0.4, 0.5, 2.0
     speed = np.hypot(radius, rise)
     kappa, s = radius / speed**2, 4 * speed
-    flat = flatten(DEVELOPABLE["helix"], 1e-3)
+    flat = flatten_rails(DEVELOPABLE["helix"], 1e-3)
     assert flat.kind == "tangent"
     np.testing.assert_allclose(
         flat.lengths.sum(axis=1), [s * np.sqrt(1 + (kappa * k * speed) ** 2) for k in (a, b)], rtol=1e-11
@@ -138,7 +138,7 @@ def test_one_formula_for_all(name):
     """The general integration agrees with the closed forms; a developable treated as twisted is still isometric."""
     rails = DEVELOPABLE[name]
     t, w = grid(rails)
-    known, general = flatten(rails, 1e-3)(t, w), flatten(rails, 1e-3, kind="twisted")(t, w)
+    known, general = flatten_rails(rails, 1e-3)(t, w), flatten_rails(rails, 1e-3, kind="twisted")(t, w)
     assert np.abs(known - general - (known - general)[0]).max() < 1e-12
 
 
@@ -155,7 +155,7 @@ def test_windings_of_more_than_a_turn():
         ]
         jets.append([np.column_stack([r, np.full(len(t), height if k == 0 else 0.0)]) for k, r in enumerate(rates)])
     rails = tuple(hermite(t, np.array(j)) for j in jets)
-    flat = flatten(rails, 1e-3, kind="cone")
+    flat = flatten_rails(rails, 1e-3, kind="cone")
     assert abs(flat.lengths[0].sum() / (12 * np.pi) - 1) < 1e-9
     slant = np.hypot(1.0, 0.3)
     centre = flat.first[0] + (flat.second[0] - flat.first[0]) * 2
@@ -173,20 +173,20 @@ def test_the_side_that_is_shown():
         start, end = rails[0].domain
         t, w, h = (start + end) / 2, 0.5, 1e-6
         for flip, sense in ((False, 1), (True, -1)):
-            flat = flatten(rails, 1e-2, flip=flip)
+            flat = flatten_rails(rails, 1e-2, flip=flip)
             du, dv = flat(t + h, w) - flat(t - h, w), flat(t, w + h) - flat(t, w - h)
             assert sense * (du[0] * dv[1] - du[1] * dv[0]) > 0
-        np.testing.assert_allclose(flat.first, flatten(rails, 1e-2).first * [-1, 1], atol=1e-14)
+        np.testing.assert_allclose(flat.first, flatten_rails(rails, 1e-2).first * [-1, 1], atol=1e-14)
 
 
 def test_nodes():
-    flat = flatten(CYLINDER, 1e-3, nodes=[0.3, 0.3 + 1e-15, 1.0, 0.77])
+    flat = flatten_rails(CYLINDER, 1e-3, nodes=[0.3, 0.3 + 1e-15, 1.0, 0.77])
     assert flat.nodes.tolist() == [0, 0.3, 0.77, 1]
-    assert len(flatten(CYLINDER, 1e-3).nodes) == 2  # its rails are straight
-    assert len(flatten(CONE, 1e-3).nodes) <= 3  # and these are arcs
-    rough, fine = (len(flatten(TWISTED["cubics"], e).nodes) for e in (1e-2, 1e-6))
+    assert len(flatten_rails(CYLINDER, 1e-3).nodes) == 2  # its rails are straight
+    assert len(flatten_rails(CONE, 1e-3).nodes) <= 3  # and these are arcs
+    rough, fine = (len(flatten_rails(TWISTED["cubics"], e).nodes) for e in (1e-2, 1e-6))
     assert rough < fine < 100
-    assert set(circle(2, 0).breaks) <= set(flatten(DEVELOPABLE["ring of a cone"], 1e-3).nodes)
+    assert set(circle(2, 0).breaks) <= set(flatten_rails(DEVELOPABLE["ring of a cone"], 1e-3).nodes)
 
 
 # -- twisted strips
@@ -195,7 +195,7 @@ def test_nodes():
 @pytest.mark.parametrize("name", TWISTED)
 def test_rails_and_rulings_of_twisted_strips_keep_their_lengths(name):
     rails = TWISTED[name]
-    flat = flatten(rails, 1e-3)
+    flat = flatten_rails(rails, 1e-3)
     assert flat.kind == "twisted"
     t, w = grid(rails)
     h = 1e-5
@@ -245,7 +245,7 @@ def both_triangulations(rails, n):
 @pytest.mark.parametrize("name", TWISTED)
 def test_triangles_along_both_diagonals_converge_to_the_flat_strip(name):
     rails = TWISTED[name]
-    flat = flatten(rails, 1e-3)
+    flat = flatten_rails(rails, 1e-3)
     errors = []
     for n in (64, 128, 256):
         t, results = both_triangulations(rails, n)
@@ -276,7 +276,7 @@ def to_triangles(points, corners):
 @pytest.mark.parametrize("name", ["saddle", "cubics", "rational"])
 def test_the_error_of_triangles_is_a_bound(name):
     rails = TWISTED[name]
-    flat = flatten(rails, 0.02, layout="triangles")
+    flat = flatten_rails(rails, 0.02, layout="triangles")
     a, b = rails[0](flat.nodes), rails[1](flat.nodes)
     corners = np.concatenate([np.stack([a[:-1], a[1:], b[1:]], axis=1), np.stack([a[:-1], b[1:], b[:-1]], axis=1)])
     t, w = grid(rails, 41, 9)
@@ -295,12 +295,12 @@ def test_teapot():
             (surface.isoparametric(v=0.4), surface.isoparametric(v=0.6)),
             (surface.isoparametric(u=0.4), surface.isoparametric(u=0.6)),
         ):
-            flat = flatten(rails, 1e-3)
+            flat = flatten_rails(rails, 1e-3)
             kinds.add(flat.kind)
             grown.append(flat.area_flat / flat.area_space - 1)
             assert flat.error <= 1e-3
             assert flat.ruling < 1e-13
-            for side, path in enumerate((flat.rail(0), flat.rail(1))):
+            for side, path in enumerate((flat.make_rail_path(0), flat.make_rail_path(1))):
                 np.testing.assert_allclose(path.lengths, flat.lengths[side], rtol=1e-12)
     assert "twisted" in kinds
     assert -1e-12 < min(grown) <= max(grown) < 2e-3
@@ -311,7 +311,7 @@ def test_teapot():
 
 def test_elber():
     rails = TWISTED["cubics"]
-    flat = flatten(rails, 5e-3, layout="triangles")
+    flat = flatten_rails(rails, 5e-3, layout="triangles")
     n = len(flat.nodes)
     assert np.ptp(np.diff(flat.nodes)) < 1e-15
     a, b = rails[0](flat.nodes), rails[1](flat.nodes)
@@ -324,7 +324,7 @@ def test_elber():
         np.linalg.norm(flat.second[1:] - flat.first[:-1], axis=1), np.linalg.norm(b[1:] - a[:-1], axis=1), rtol=1e-12
     )
     assert flat.ruling < 1e-14
-    assert not flat.rail(0).bulges.any()
+    assert not flat.make_rail_path(0).bulges.any()
     triangles = (
         np.linalg.norm(np.cross(a[1:] - a[:-1], b[1:] - a[:-1]), axis=1).sum()
         + np.linalg.norm(np.cross(b[1:] - a[:-1], b[:-1] - a[:-1]), axis=1).sum()
@@ -332,7 +332,7 @@ def test_elber():
     assert abs(flat.area_flat / triangles - 1) < 1e-12
     np.testing.assert_allclose(flat(flat.nodes, 0.0), flat.first, atol=1e-13)
     np.testing.assert_allclose(flat(flat.nodes, 1.0), flat.second, atol=1e-13)
-    mirrored = flatten(rails, 5e-3, layout="triangles", flip=True)
+    mirrored = flatten_rails(rails, 5e-3, layout="triangles", flip=True)
     np.testing.assert_allclose(mirrored.first, flat.first * [-1, 1], atol=1e-15)
     assert mirrored.area_flat == pytest.approx(flat.area_flat)
     assert n == 2 ** int(np.log2(n - 1)) + 1
@@ -346,7 +346,7 @@ def test_elber():
 @pytest.mark.parametrize("flip", [False, True])
 def test_fold(name, layout, flip):
     rails = (DEVELOPABLE | TWISTED)[name]
-    flat = flatten(rails, 3e-2, layout=layout, flip=flip)
+    flat = flatten_rails(rails, 3e-2, layout=layout, flip=flip)
     if layout == "smooth":
         t, w = grid(rails)
         assert np.abs(flat.fold(flat(t, w)) - ruled(rails, t, w)).max() < 1e-9
@@ -356,12 +356,12 @@ def test_fold(name, layout, flip):
 
 
 def test_cylinders_and_cones_rolled_by_hand():
-    flat = flatten(CYLINDER, 1e-2)
+    flat = flatten_rails(CYLINDER, 1e-2)
     t, w = grid(CYLINDER)
     x, y = flat(t, w).T
     np.testing.assert_allclose(np.stack([np.cos(x), np.sin(x), y], axis=1), ruled(CYLINDER, t, w), atol=1e-13)
     # the cone with its apex at (0, 0, -1) has the slant sqrt(2) times the radius: angles are divided by it
-    flat = flatten(CONE, 1e-2)
+    flat = flatten_rails(CONE, 1e-2)
     t, w = grid(CONE)
     apex = 2 * flat.first[0] - flat.second[0]
     x, y = (flat(t, w) - apex).T
@@ -374,7 +374,7 @@ def test_cylinders_and_cones_rolled_by_hand():
 @pytest.mark.parametrize("name", ["saddle", "cubics", "cone", "tangent"])
 def test_triangles_rolled_by_their_dihedral_angles(name):
     rails = (DEVELOPABLE | TWISTED)[name]
-    flat = flatten(rails, 3e-2, layout="triangles")
+    flat = flatten_rails(rails, 3e-2, layout="triangles")
     strip, plane = np.empty((2 * len(flat.nodes), 3)), np.zeros((2 * len(flat.nodes), 3))
     # b0, a0, b1, a1, ..: every three of them are a triangle
     strip[::2], strip[1::2] = rails[1](flat.nodes), rails[0](flat.nodes)
@@ -411,19 +411,19 @@ def test_triangles_rolled_by_their_dihedral_angles(name):
 def test_rails_that_meet_or_stop():
     rise = Curve.bezier([[0.0, 0, 1], [1, 0, 1], [1, 0, 0]])
     other = Curve.bezier([[0.0, 0, 1], [0.8, 0.4, 1.1], [0.9, 0.6, 0]])
-    flat = flatten((rise, other), 1e-4)
+    flat = flatten_rails((rise, other), 1e-4)
     np.testing.assert_allclose(flat.first[0], flat.second[0], atol=1e-15)
     assert abs(np.linalg.norm(flat.second[-1] - flat.first[-1]) - np.hypot(0.1, 0.6)) < 1e-13
     slow = change_of_parameter(0.0, 0.0)
     rails = TWISTED["cubics"]
     t = slow(0.37).item()
-    stopped = flatten(tuple(reparameterise(rail, slow) for rail in rails), 1e-3)
-    plain = flatten(rails, 1e-3)
+    stopped = flatten_rails(tuple(reparameterise(rail, slow) for rail in rails), 1e-3)
+    plain = flatten_rails(rails, 1e-3)
     np.testing.assert_allclose(stopped(0.37, [0.0, 0.4, 1.0]), plain(t, [0.0, 0.4, 1.0]), atol=1e-12)
 
 
 def test_motion_of_a_saddle():
-    length, e, v1, v2, along = Motion(SADDLE)(np.array([0.0, 0.5]))
+    length, e, v1, v2, along = RulingMotion(SADDLE)(np.array([0.0, 0.5]))
     np.testing.assert_allclose(length, [1, np.hypot(1, 0.25)])
     np.testing.assert_allclose(e[0], [0, 1, 0])
     np.testing.assert_allclose([v1[0], v2[0]], [[4, 0, 0], [4, 0, 0.5]])
@@ -433,25 +433,25 @@ def test_motion_of_a_saddle():
 def test_what_is_refused():
     for tolerance in (0, -1.0, np.nan, np.inf, "1"):
         with pytest.raises(InputError, match="tolerance"):
-            flatten(CYLINDER, tolerance)
+            flatten_rails(CYLINDER, tolerance)
     with pytest.raises(InputError, match="layout"):
-        flatten(CYLINDER, 1.0, layout="lscm")
+        flatten_rails(CYLINDER, 1.0, layout="lscm")
     for nodes in ([1.5], [np.nan]):
         with pytest.raises(InputError, match="nodes"):
-            flatten(CYLINDER, 1.0, nodes=nodes)
+            flatten_rails(CYLINDER, 1.0, nodes=nodes)
     with pytest.raises(InputError, match="cone"):
-        flatten(CYLINDER, 1.0, kind="cone")
+        flatten_rails(CYLINDER, 1.0, kind="cone")
     with pytest.raises(GeometryError, match="same curve"):
-        flatten((QUARTER, QUARTER), 1.0)
+        flatten_rails((QUARTER, QUARTER), 1.0)
     with pytest.raises(GeometryError, match="more than 20000"):
-        flatten(SADDLE, 1e-9, layout="triangles")
-    assert 1e-9 < flatten(SADDLE, 1e-9).error < 2e-4  # with as many triangles as are taken
+        flatten_rails(SADDLE, 1e-9, layout="triangles")
+    assert 1e-9 < flatten_rails(SADDLE, 1e-9).error < 2e-4  # with as many triangles as are taken
     through = QUARTER, moved(QUARTER * -1, [0, 0, 2])  # all rulings meet at (0, 0, 1)
     with pytest.raises(GeometryError, match=r"t = .*rulings meet"):
-        flatten(through, 1e-2)
+        flatten_rails(through, 1e-2)
     with pytest.raises(GeometryError, match=r"t = .*one point"):
-        develop(through, "cone")
+        develop_rails(through, "cone")
     with pytest.raises(GeometryError, match=r"t = .*narrower"):
-        flatten((SADDLE[0], Curve.bezier([[4.0, 1, 1], [0, 1, 1]])), 1e-2)
+        flatten_rails((SADDLE[0], Curve.bezier([[4.0, 1, 1], [0, 1, 1]])), 1e-2)
     with pytest.raises(InputError, match="plan"):
-        develop(CYLINDER, "plane")
+        develop_rails(CYLINDER, "plane")

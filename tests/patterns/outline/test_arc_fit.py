@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cqblend.errors import InputError
-from cqblend.patterns.outline.arc_fit import fitted
-from cqblend.patterns.outline.plane_path import Path, bulges
+from cqblend.patterns.outline.arc_fit import fit_arcs
+from cqblend.patterns.outline.plane_path import Path, solve_bulges
 
 
 def dense(path, count):
@@ -51,8 +51,8 @@ def wave(seed, count):
 def test_nothing_is_further_than_the_tolerance(seed, count, tolerance, bowed):
     points = wave(seed, count)
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    path = Path(points, bulges(chords, chords * 1.0005) if bowed else np.zeros(count - 1))
-    few = fitted(path, tolerance)
+    path = Path(points, solve_bulges(chords, chords * 1.0005) if bowed else np.zeros(count - 1))
+    few = fit_arcs(path, tolerance)
     assert deviation(path, few) <= tolerance
     assert (few.points[[0, -1]] == path.points[[0, -1]]).all()
     assert {tuple(p) for p in few.points} <= {tuple(p) for p in path.points}
@@ -60,33 +60,33 @@ def test_nothing_is_further_than_the_tolerance(seed, count, tolerance, bowed):
 
 def test_smooth_chains_become_few_arcs_of_the_same_length():
     angle = np.linspace(0.3, 2.1, 400)
-    path = Path.straight(200 * np.column_stack([np.cos(angle), 0.6 * np.sin(angle)]))
-    few = fitted(path, 2e-3)
+    path = Path.from_points(200 * np.column_stack([np.cos(angle), 0.6 * np.sin(angle)]))
+    few = fit_arcs(path, 2e-3)
     assert len(few.bulges) < 20
     assert few.length == pytest.approx(path.length, rel=1e-6)
 
 
 def test_circles_and_corners_stay():
-    assert fitted(cases.circle(10.0), 1e-3).bulges.tolist() == [1.0, 1.0]
-    square = Path.straight([[0, 0], [5, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
-    assert fitted(square, 0.5).points.tolist() == [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
+    assert fit_arcs(cases.circle(10.0), 1e-3).bulges.tolist() == [1.0, 1.0]
+    square = Path.from_points([[0, 0], [5, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    assert fit_arcs(square, 0.5).points.tolist() == [[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]
     angle = np.linspace(0, 2 * np.pi, 721)
     polygon = 50 * np.column_stack([np.cos(angle), np.sin(angle)])
     polygon[-1] = polygon[0]
-    few = fitted(Path.straight(polygon), 1e-2)
+    few = fit_arcs(Path.from_points(polygon), 1e-2)
     assert few.closed
     assert len(few.bulges) <= 3
     assert few.area == pytest.approx(np.pi * 2500, rel=1e-4)
 
 
 def test_out_and_back_is_not_smoothed_away():
-    path = Path.straight([[0, 0], [4, 0.001], [8, 0], [4, 0.002], [0.5, 0.003]])
-    assert deviation(path, fitted(path, 0.01)) <= 0.01
+    path = Path.from_points([[0, 0], [4, 0.001], [8, 0], [4, 0.002], [0.5, 0.003]])
+    assert deviation(path, fit_arcs(path, 0.01)) <= 0.01
 
 
 def test_no_tolerance_changes_nothing_and_bad_ones_are_refused():
-    path = Path.straight(wave(1, 30))
-    assert fitted(path, 0.0) is path
+    path = Path.from_points(wave(1, 30))
+    assert fit_arcs(path, 0.0) is path
     for bad in (-1.0, np.nan, np.inf, "a"):
         with pytest.raises(InputError):
-            fitted(path, bad)
+            fit_arcs(path, bad)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pieces_cases import arc, box, circle, cone, cylinder, frustum, gores, lattice, tower
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.outline.overlap import covered_wrongly, overlap
+from cqblend.patterns.outline.overlap import find_overlap, find_winding_errors
 from cqblend.patterns.outline.pieces import Piece, Run
 from cqblend.patterns.outline.plane_path import Path
 
@@ -18,18 +18,18 @@ from cqblend.patterns.outline.plane_path import Path
 def sector(radius: float, angle: float) -> Path:
     """A cone's development."""
     rim = arc(radius, 0, angle, max(2, int(angle)))
-    return Path.joined([Path.straight([[0, 0], rim.points[0]]), rim, Path.straight([rim.points[-1], [0, 0]])])
+    return Path.from_paths([Path.from_points([[0, 0], rim.points[0]]), rim, Path.from_points([rim.points[-1], [0, 0]])])
 
 
 def annulus(outer: float, inner: float, angle: float, pieces: int = 12) -> Path:
     """A frustum's development."""
     out, back = arc(outer, 0, angle, pieces), arc(inner, angle, 0, pieces)
-    return Path.joined(
+    return Path.from_paths(
         [
             out,
-            Path.straight([out.points[-1], back.points[0]]),
+            Path.from_points([out.points[-1], back.points[0]]),
             back,
-            Path.straight([back.points[-1], out.points[0]]),
+            Path.from_points([back.points[-1], out.points[0]]),
         ]
     )
 
@@ -37,7 +37,7 @@ def annulus(outer: float, inner: float, angle: float, pieces: int = 12) -> Path:
 @pytest.mark.parametrize("model", [box, cylinder, tower, frustum, cone, gores, lattice])
 def test_known_patterns_do_not_overlap(model):
     for piece in model().pieces:
-        found = overlap(piece)
+        found = find_overlap(piece)
         assert found.area == 0.0
         assert not found
         assert found.place is None
@@ -45,7 +45,7 @@ def test_known_patterns_do_not_overlap(model):
 
 @pytest.mark.parametrize("beyond", [0.05, 0.5, 2.0, 6.0])
 def test_a_cone_beyond_a_full_turn_covers_its_excess(beyond):
-    found = covered_wrongly([sector(10.0, 2 * np.pi + beyond)])
+    found = find_winding_errors([sector(10.0, 2 * np.pi + beyond)])
     assert found.area == pytest.approx(50 * beyond, rel=2e-5)
     angle = np.arctan2(*found.place[::-1]) % (2 * np.pi)
     assert 0 < angle < beyond
@@ -53,21 +53,21 @@ def test_a_cone_beyond_a_full_turn_covers_its_excess(beyond):
 
 
 def test_three_turns_count_twice():
-    found = covered_wrongly([annulus(10.0, 8.0, 6 * np.pi - 1)])
+    found = find_winding_errors([annulus(10.0, 8.0, 6 * np.pi - 1)])
     assert found.area == pytest.approx((4 * np.pi - 1) / 2 * (100 - 64), rel=2e-5)
 
 
 def test_a_spiral_ring_that_crosses_itself():
-    found = covered_wrongly([annulus(10.0, 8.0, 2 * np.pi + 0.3)])
+    found = find_winding_errors([annulus(10.0, 8.0, 2 * np.pi + 0.3)])
     assert found.area == pytest.approx(0.15 * 36, rel=2e-5)
     assert len(found.regions) == 1
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-12, 1e-10, -1e-10])
 def test_closed_exactly_is_no_overlap(gap):
-    assert not covered_wrongly([sector(10.0, 2 * np.pi + gap)])
-    assert not covered_wrongly([annulus(10.0, 9.0, 2 * np.pi + gap)])
-    assert not covered_wrongly([annulus(10.0, 9.99, 2 * np.pi + gap, 40)])
+    assert not find_winding_errors([sector(10.0, 2 * np.pi + gap)])
+    assert not find_winding_errors([annulus(10.0, 9.0, 2 * np.pi + gap)])
+    assert not find_winding_errors([annulus(10.0, 9.99, 2 * np.pi + gap, 40)])
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(1e-3, 1e4))
@@ -80,48 +80,48 @@ def test_rounding_of_touching_ends_gives_no_alarm(seed, size):
 
 
 def overlap_area(path: Path) -> float:
-    return covered_wrongly([path]).area
+    return find_winding_errors([path]).area
 
 
 def test_a_figure_of_eight_has_one_lobe_the_wrong_way():
-    eight = Path.straight([[0, 0], [1, -1], [1, 1], [-2, -2], [-2, 2], [0, 0]])
-    found = covered_wrongly([eight])
+    eight = Path.from_points([[0, 0], [1, -1], [1, 1], [-2, -2], [-2, 2], [0, 0]])
+    found = find_winding_errors([eight])
     assert found.area == pytest.approx(4.0)
 
 
 def test_holes_inside_across_outside_and_on_each_other():
-    outline = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    outline = Path.from_points([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
     within = circle(2.0, (5.0, 5.0), clockwise=True)
     across = circle(2.0, (10.0, 5.0), clockwise=True)
     outside = circle(2.0, (20.0, 5.0), clockwise=True)
-    assert not covered_wrongly([outline, within])
-    assert covered_wrongly([outline, across]).area == pytest.approx(2 * np.pi, rel=2e-5)
-    assert covered_wrongly([outline, outside]).area == pytest.approx(4 * np.pi, rel=2e-5)
-    assert covered_wrongly([outline, within, within]).area == pytest.approx(4 * np.pi, rel=2e-5)
-    assert covered_wrongly([outline, within.reversed()]).area == pytest.approx(4 * np.pi, rel=2e-5)
+    assert not find_winding_errors([outline, within])
+    assert find_winding_errors([outline, across]).area == pytest.approx(2 * np.pi, rel=2e-5)
+    assert find_winding_errors([outline, outside]).area == pytest.approx(4 * np.pi, rel=2e-5)
+    assert find_winding_errors([outline, within, within]).area == pytest.approx(4 * np.pi, rel=2e-5)
+    assert find_winding_errors([outline, within.reversed()]).area == pytest.approx(4 * np.pi, rel=2e-5)
 
 
 def test_a_hole_that_touches_the_outline():
     outline = circle(10.0)
-    assert not covered_wrongly([outline, circle(4.0, (6.0, 0.0), clockwise=True)])
-    square = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
-    notch = Path.straight([[0, 4], [4, 6], [10, 5], [0, 4]]).reversed()
-    assert not covered_wrongly([square, notch if notch.area < 0 else notch.reversed()])
+    assert not find_winding_errors([outline, circle(4.0, (6.0, 0.0), clockwise=True)])
+    square = Path.from_points([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    notch = Path.from_points([[0, 4], [4, 6], [10, 5], [0, 4]]).reversed()
+    assert not find_winding_errors([square, notch if notch.area < 0 else notch.reversed()])
 
 
 def test_clockwise_outline_counts_whole():
-    assert covered_wrongly([circle(3.0, clockwise=True)]).area == pytest.approx(9 * np.pi, rel=2e-5)
+    assert find_winding_errors([circle(3.0, clockwise=True)]).area == pytest.approx(9 * np.pi, rel=2e-5)
 
 
 def test_degenerate_and_bad_pieces():
-    point = Path.straight(np.ones((3, 2)))
-    assert covered_wrongly([point]).area == 0.0
-    line = Path.straight([[0, 0], [1, 0], [0, 0]])
-    assert not covered_wrongly([line])
+    point = Path.from_points(np.ones((3, 2)))
+    assert find_winding_errors([point]).area == 0.0
+    line = Path.from_points([[0, 0], [1, 0], [0, 0]])
+    assert not find_winding_errors([line])
     (piece, *_) = box().pieces
-    bad = replace(piece.loops[0][0], path=Path.straight([[0, 0], [np.nan, 0]]))
+    bad = replace(piece.loops[0][0], path=Path.from_points([[0, 0], [np.nan, 0]]))
     with pytest.raises(GeometryError, match=r"piece 1 .* not finite"):
-        overlap(Piece("1", ((bad, *piece.loops[0][1:]),)))
+        find_overlap(Piece("1", ((bad, *piece.loops[0][1:]),)))
 
 
 def test_saddle_ring_of_the_issue_is_found():
@@ -130,13 +130,13 @@ def test_saddle_ring_of_the_issue_is_found():
     inner = np.column_stack([np.cos(angles), np.sin(angles)]) * 20
     outer = inner * 1.3
     points = np.concatenate([outer, inner[::-1], outer[:1]])
-    run = Run(Path.straight(points), np.zeros((len(points), 3)), "rail")
-    found = overlap(Piece("1", ((run,),)))
+    run = Run(Path.from_points(points), np.zeros((len(points), 3)), "rail")
+    found = find_overlap(Piece("1", ((run,),)))
     assert found.area == pytest.approx((9 - 2 * np.pi) / 2 * 400 * (1.3**2 - 1), rel=1e-3)
 
 
 def test_three_hundred_pieces_in_a_moment():
     pieces = gores(30, segments=300).pieces * 10
     start = time.perf_counter()
-    assert not any(overlap(piece) for piece in pieces)
+    assert not any(find_overlap(piece) for piece in pieces)
     assert time.perf_counter() - start < 2.0

@@ -13,7 +13,14 @@ from pieces_cases import box, cone, cylinder, frustum, gores, lattice, tower
 from cqblend.errors import InputError
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.labels import GLYPHS, label_strokes, labels, text_strokes, text_width, underlined
+from cqblend.patterns.stock.labels import (
+    GLYPHS,
+    is_underlined,
+    make_label_strokes,
+    make_text_strokes,
+    measure_text_width,
+    place_labels,
+)
 
 MODELS = [box, cylinder, tower, frustum, cone, gores]
 
@@ -28,14 +35,14 @@ def hull(label) -> shapely.Geometry:
 
 
 def all_labels(pieces: Pieces, **options):
-    return [labels(piece, pieces.seams, **options) for piece in pieces.pieces]
+    return [place_labels(piece, pieces.seams, **options) for piece in pieces.pieces]
 
 
 def test_every_character_is_open_strokes_on_its_grid():
     assert set(string.digits + string.ascii_uppercase + ".-/+ ") <= set(GLYPHS)
     drawn = set()
     for letter, glyph in GLYPHS.items():
-        paths = text_strokes(letter, 6.0)
+        paths = make_text_strokes(letter, 6.0)
         assert len(paths) == len(glyph.split())
         for path in paths:
             assert not path.bulges.any()
@@ -46,21 +53,23 @@ def test_every_character_is_open_strokes_on_its_grid():
         drawn.add(glyph)
     assert len(drawn) == len(GLYPHS)
     for letter in string.digits + string.ascii_uppercase:
-        points = np.concatenate([path.points for path in text_strokes(letter, 6.0)])
+        points = np.concatenate([path.points for path in make_text_strokes(letter, 6.0)])
         assert points[:, 1].min() == 0
         assert points[:, 1].max() == 6
         assert points[:, 0].min() == 0
 
 
 def test_text_runs_to_the_right_and_scales():
-    small, large = text_strokes("S12.4-B/7+A", 1.5), text_strokes("S12.4-B/7+A", 3.0)
+    small, large = make_text_strokes("S12.4-B/7+A", 1.5), make_text_strokes("S12.4-B/7+A", 3.0)
     for a, b in zip(small, large, strict=True):
         np.testing.assert_allclose(2 * a.points, b.points)
     width = max(path.points[:, 0].max() for path in large)
-    assert width == pytest.approx(text_width("S12.4-B/7+A", 3.0))
-    assert [p.points.tolist() for p in text_strokes("ab", 2.0)] == [p.points.tolist() for p in text_strokes("AB", 2.0)]
+    assert width == pytest.approx(measure_text_width("S12.4-B/7+A", 3.0))
+    assert [p.points.tolist() for p in make_text_strokes("ab", 2.0)] == [
+        p.points.tolist() for p in make_text_strokes("AB", 2.0)
+    ]
     with pytest.raises(InputError, match=r"'É' in the label 'né'"):
-        text_strokes("né", 2.0)
+        make_text_strokes("né", 2.0)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -72,7 +81,7 @@ def test_labels_are_inside_apart_and_complete(model):
         wanted = [run.seam for *_, run in piece.runs() if run.seam is not None]
         assert [label.seam for label in found[1:]] == wanted
         assert [label.text for label in found[1:]] == [pieces.seams[k].label for k in wanted]
-        assert all(label.engraved for label in found)
+        assert all(label.is_engraved for label in found)
         hulls = [hull(label) for label in found]
         room = polygon(piece)
         assert all(room.contains(shape) for shape in hulls)
@@ -88,7 +97,7 @@ def test_a_seam_label_stands_on_its_run(model):
         for run, label in zip(runs, found[1:], strict=True):
             line = shapely.LineString(run.path.sampled(1e-4))
             ahead = np.array([np.cos(label.angle), np.sin(label.angle)])
-            foot = label.place + ahead * text_width(label.text, label.height) / 2
+            foot = label.place + ahead * measure_text_width(label.text, label.height) / 2
             along = line.project(shapely.Point(foot))
             tangent = np.subtract(line.interpolate(along + 0.01).coords[0], line.interpolate(along - 0.01).coords[0])
             assert tangent @ ahead / np.linalg.norm(tangent) > 0.98  # reads along the run
@@ -100,10 +109,10 @@ def test_a_seam_label_stands_on_its_run(model):
 
 def strip(length: float, width: float) -> Pieces:
     points = [[0, 0], [length, 0], [length, width], [0, width], [0, 0]]
-    below = Run(Path.straight(points[:2]), np.zeros((2, 3)), "rail", 0)
-    right = Run(Path.straight(points[1:3]), np.zeros((2, 3)), "end", 1)
-    above = Run(Path.straight(points[2:4]), np.zeros((2, 3)), "rail", 2)
-    left = Run(Path.straight(points[3:]), np.zeros((2, 3)), "end", 3)
+    below = Run(Path.from_points(points[:2]), np.zeros((2, 3)), "rail", 0)
+    right = Run(Path.from_points(points[1:3]), np.zeros((2, 3)), "end", 1)
+    above = Run(Path.from_points(points[2:4]), np.zeros((2, 3)), "rail", 2)
+    left = Run(Path.from_points(points[3:]), np.zeros((2, 3)), "end", 3)
     return replace(box(), pieces=(Piece("7.3", ((below, right, above, left),)),))
 
 
@@ -111,12 +120,12 @@ def test_small_pieces_have_small_labels_then_none():
     heights = []
     for width in (60.0, 12.0, 6.0, 3.0, 0.5):
         pieces = strip(200.0, width)
-        found = labels(pieces.pieces[0], pieces.seams, height=4.0)
+        found = place_labels(pieces.pieces[0], pieces.seams, height=4.0)
         assert len(found) == 5
         assert {label.text for label in found} == {"7.3", "1", "2", "3", "4"}
         heights.append([label.height for label in found])
         for label in found:
-            assert label.engraved == bool(label.strokes)
+            assert label.is_engraved == bool(label.strokes)
             assert label.height == 0 or label.height >= 1.0 - 1e-12
             if label.strokes:
                 assert polygon(pieces.pieces[0]).contains(hull(label))
@@ -131,35 +140,35 @@ def test_labels_move_with_their_piece():
     pieces = cylinder()
     turn, shift = 0.0, np.array([30.0, -12.0])
     for piece in pieces.pieces:
-        there = labels(piece.moved(turn, shift), pieces.seams, height=3.0)
-        for a, b in zip(labels(piece, pieces.seams, height=3.0), there, strict=True):
+        there = place_labels(piece.moved(turn, shift), pieces.seams, height=3.0)
+        for a, b in zip(place_labels(piece, pieces.seams, height=3.0), there, strict=True):
             np.testing.assert_allclose(a.moved(turn, shift).place, b.place, atol=1e-9)
-    label = labels(pieces.pieces[0], pieces.seams)[1]
+    label = place_labels(pieces.pieces[0], pieces.seams)[1]
     there = label.moved(0.7, shift)
-    for path, other in zip(there.strokes, text_strokes(label.text, label.height), strict=True):
+    for path, other in zip(there.strokes, make_text_strokes(label.text, label.height), strict=True):
         np.testing.assert_allclose(path.points, other.moved(there.angle, there.place).points, atol=1e-12)
 
 
 def test_degenerate_runs_and_pieces_are_not_engraved():
     pieces = strip(200.0, 60.0)
     piece = pieces.pieces[0]
-    point = Run(Path.straight([[0, 0], [0, 0]]), np.zeros((2, 3)), "end", 5)
-    found = labels(replace(piece, loops=((point, *piece.loops[0]),)), pieces.seams)
-    assert [label.engraved for label in found] == [True, False, True, True, True, True]
+    point = Run(Path.from_points([[0, 0], [0, 0]]), np.zeros((2, 3)), "end", 5)
+    found = place_labels(replace(piece, loops=((point, *piece.loops[0]),)), pieces.seams)
+    assert [label.is_engraved for label in found] == [True, False, True, True, True, True]
     flat = strip(200.0, 0.0)
-    assert not any(label.engraved for label in labels(flat.pieces[0], flat.seams))
+    assert not any(label.is_engraved for label in place_labels(flat.pieces[0], flat.seams))
 
 
 @pytest.mark.parametrize("bad", [0, -1.0, np.nan, np.inf, "4", None])
 def test_bad_heights(bad):
     pieces = box()
     with pytest.raises(InputError, match="the height of labels is a positive number of mm"):
-        labels(pieces.pieces[0], pieces.seams, height=bad)
+        place_labels(pieces.pieces[0], pieces.seams, height=bad)
     if bad is not None:
         with pytest.raises(InputError, match="the least height of labels is a positive number of mm"):
-            labels(pieces.pieces[0], pieces.seams, least=bad)
+            place_labels(pieces.pieces[0], pieces.seams, least=bad)
     with pytest.raises(InputError, match="the least height of labels, 5 mm, exceeds"):
-        labels(pieces.pieces[0], pieces.seams, least=5.0)
+        place_labels(pieces.pieces[0], pieces.seams, least=5.0)
 
 
 def test_a_thousand_seams_in_seconds():
@@ -167,7 +176,7 @@ def test_a_thousand_seams_in_seconds():
     start = time.perf_counter()
     found = all_labels(pieces, height=2.0)
     assert time.perf_counter() - start < 4.0
-    assert sum(label.engraved for each in found for label in each) == 500 + 2 * len(pieces.seams)
+    assert sum(label.is_engraved for each in found for label in each) == 500 + 2 * len(pieces.seams)
 
 
 @pytest.mark.parametrize(
@@ -176,11 +185,11 @@ def test_a_thousand_seams_in_seconds():
     + [(text, False) for text in ("69", "96", "1", "80", "11", "26", "96-4", "", "A6")],
 )
 def test_what_reads_otherwise_upside_down_is_underlined(text, wanted):
-    plain, found = text_strokes(text, 6.0), label_strokes(text, 6.0)
-    assert underlined(text) == wanted
+    plain, found = make_text_strokes(text, 6.0), make_label_strokes(text, 6.0)
+    assert is_underlined(text) == wanted
     assert len(found) - len(plain) == wanted
     if wanted:
-        np.testing.assert_allclose(found[-1].points, [[0.0, -1.0], [text_width(text, 6.0), -1.0]])
+        np.testing.assert_allclose(found[-1].points, [[0.0, -1.0], [measure_text_width(text, 6.0), -1.0]])
 
 
 def test_underlines_stay_inside_and_apart():
@@ -190,8 +199,8 @@ def test_underlines_stay_inside_and_apart():
         tuple(replace(seam, label="16") for seam in pieces.seams),
     )
     for piece, found in zip(renamed.pieces, all_labels(renamed, height=4.0), strict=True):
-        assert all(label.engraved for label in found)
-        assert [len(label.strokes) for label in found] == [len(label_strokes(label.text, 1.0)) for label in found]
+        assert all(label.is_engraved for label in found)
+        assert [len(label.strokes) for label in found] == [len(make_label_strokes(label.text, 1.0)) for label in found]
         hulls = [hull(label) for label in found]
         assert all(polygon(piece).contains(shape) for shape in hulls)
         for i, shape in enumerate(hulls):
@@ -200,6 +209,6 @@ def test_underlines_stay_inside_and_apart():
 
 def test_names_shrink_before_seams_lose_their_labels():
     pieces = strip(20.0, 8.0)
-    found = labels(pieces.pieces[0], pieces.seams, height=6.0, least=1.5)
-    assert all(label.engraved for label in found)
+    found = place_labels(pieces.pieces[0], pieces.seams, height=6.0, least=1.5)
+    assert all(label.is_engraved for label in found)
     assert found[0].height < 6.0

@@ -11,7 +11,7 @@ from cqblend.errors import GeometryError, InputError, InstallationError, SizeErr
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock import nesting
-from cqblend.patterns.stock.sheets import Sheets, arrange, verify
+from cqblend.patterns.stock.sheets import Sheets, arrange_pieces, verify_spacing
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores, cases.lattice]
 
@@ -20,7 +20,7 @@ def check(sheets, pieces):
     """Gaps and margins are kept; pieces are only moved."""
     for number in range(sheets.count):
         shapes = []
-        for piece in sheets.on(number):
+        for piece in sheets.pieces_on(number):
             shell, *holes = (path.sampled(1e-4) for path in piece.cuts)
             shapes.append(shapely.Polygon(shell, holes))
         for i, shape in enumerate(shapes):
@@ -37,7 +37,7 @@ def check(sheets, pieces):
 def rectangles(*sizes):
     pieces = []
     for k, (w, h) in enumerate(sizes):
-        path = Path.straight([[0, 0], [w, 0], [w, h], [0, h], [0, 0]])
+        path = Path.from_points([[0, 0], [w, 0], [w, h], [0, h], [0, 0]])
         pieces.append(Piece(str(k), ((Run(path, np.zeros((5, 3)), "trim"),),)))
     return Pieces(tuple(pieces), ())
 
@@ -46,32 +46,32 @@ def rectangles(*sizes):
 @pytest.mark.parametrize("sheet", [None, (210.0, 150.0)])
 def test_no_overlap(case, sheet):
     pieces = case()
-    sheets = arrange(pieces, sheet)
+    sheets = arrange_pieces(pieces, sheet)
     check(sheets, pieces)
     assert sheet in (None, sheets.size)
     if sheet is None:
         assert sheets.count == 1
-        assert sheets.used > 0.4
+        assert sheets.used_fraction > 0.4
 
 
 def test_pieces_may_fill_the_sheet_exactly():
-    sheets = arrange(rectangles((90.0, 50.0), (50.0, 90.0)), (100.0, 60.0))
+    sheets = arrange_pieces(rectangles((90.0, 50.0), (50.0, 90.0)), (100.0, 60.0))
     assert sheets.count == 2
     check(sheets, rectangles((90.0, 50.0), (50.0, 90.0)))
 
 
 def test_a_piece_that_fits_only_aslant_is_laid_aslant():
     long = rectangles((120.0, 5.0))
-    check(arrange(long, (110.0, 90.0)), long)
-    assert arrange(long, (110.0, 90.0)).count == 1
+    check(arrange_pieces(long, (110.0, 90.0)), long)
+    assert arrange_pieces(long, (110.0, 90.0)).count == 1
 
 
 def test_ring_sectors_lie_in_each_other():
     outer, inner = cases.arc(80.0, 0.0, np.pi / 2), cases.arc(70.0, np.pi / 2, 0.0)
-    ends = Path.straight([outer.points[-1], inner.points[0]]), Path.straight([inner.points[-1], outer.points[0]])
+    ends = Path.from_points([outer.points[-1], inner.points[0]]), Path.from_points([inner.points[-1], outer.points[0]])
     runs = tuple(Run(p, np.zeros((len(p.points), 3)), "rail") for p in (outer, ends[0], inner, ends[1]))
     pieces = Pieces(tuple(Piece(str(k), (runs,)) for k in range(6)), ())
-    sheets = arrange(pieces, margin=0.0)
+    sheets = arrange_pieces(pieces, margin=0.0)
     check(sheets, pieces)
     wide, high = 80 * np.sqrt(2), 80 - 70 * np.sqrt(0.5)
     assert np.prod(sheets.size) < 0.75 * 6 * wide * high
@@ -80,52 +80,52 @@ def test_ring_sectors_lie_in_each_other():
 def test_small_pieces_go_into_holes():
     plate = cases.tower(80.0, 30.0, 5.0).pieces[0]
     pieces = Pieces((plate, *rectangles((15.0, 15.0), (15.0, 15.0)).pieces), ())
-    sheets = arrange(pieces, (90.0, 90.0))
+    sheets = arrange_pieces(pieces, (90.0, 90.0))
     check(sheets, pieces)
     assert sheets.count == 1
 
 
 def test_the_fewest_sheets_for_squares():
-    assert arrange(cases.lattice(), (245.0, 245.0)).count == 1
-    assert arrange(cases.lattice(5, 4), (100.0, 130.0), gap=2.0).count == 1
+    assert arrange_pieces(cases.lattice(), (245.0, 245.0)).count == 1
+    assert arrange_pieces(cases.lattice(5, 4), (100.0, 130.0), gap=2.0).count == 1
 
 
 def test_what_does_not_fit_is_refused_by_name():
     with pytest.raises(SizeError, match=r"piece 0 is 300.0 x 20.0 mm and does not fit the 190 x 90 mm"):
-        arrange(rectangles((300.0, 20.0)), (200.0, 100.0))
+        arrange_pieces(rectangles((300.0, 20.0)), (200.0, 100.0))
     bad = [{"sheet": 5}, {"sheet": (0, 5)}, {"sheet": (9, 9)}, {"margin": -1}, {"gap": np.nan}, {"packer": "box"}]
     for wrong in bad:
         with pytest.raises(InputError):
-            arrange(cases.box(), **wrong)
+            arrange_pieces(cases.box(), **wrong)
     with pytest.raises(InputError, match="no pieces"):
-        arrange(Pieces((), ()))
+        arrange_pieces(Pieces((), ()))
 
 
 def test_the_check_finds_what_is_wrong():
     pieces = rectangles((20.0, 20.0), (20.0, 20.0))
     apart = Pieces((pieces.pieces[0].moved(0, np.array([5, 5])), pieces.pieces[1].moved(0, np.array([30, 5]))), ())
-    verify(Sheets((60.0, 40.0), apart, (0, 0), 5.0, 3.0))
+    verify_spacing(Sheets((60.0, 40.0), apart, (0, 0), 5.0, 3.0))
     with pytest.raises(VerificationError, match="pieces 0 and 1 are nearer than 6 mm on sheet 1"):
-        verify(Sheets((60.0, 40.0), apart, (0, 0), 5.0, 6.0))
+        verify_spacing(Sheets((60.0, 40.0), apart, (0, 0), 5.0, 6.0))
     with pytest.raises(VerificationError, match="leaves sheet 1"):
-        verify(Sheets((52.0, 40.0), apart, (0, 0), 5.0, 3.0))
+        verify_spacing(Sheets((52.0, 40.0), apart, (0, 0), 5.0, 3.0))
     twice = Pieces((apart.pieces[0], apart.pieces[0]), ())
     with pytest.raises(VerificationError):
-        verify(Sheets((60.0, 40.0), twice, (0, 0), 5.0, 0.0))
+        verify_spacing(Sheets((60.0, 40.0), twice, (0, 0), 5.0, 0.0))
 
 
 @pytest.mark.skipif(importlib.util.find_spec("spyrrow") is None, reason="an optional extra")
 @pytest.mark.parametrize("sheet", [None, (150.0, 100.0)])
 def test_spyrrow_packs(sheet):
     pieces = cases.box()
-    sheets = arrange(pieces, sheet, packer="spyrrow", seconds=1)
+    sheets = arrange_pieces(pieces, sheet, packer="spyrrow", seconds=1)
     check(sheets, pieces)
 
 
 def test_spyrrow_is_asked_for_by_name(monkeypatch):
     monkeypatch.setattr(nesting, "find_spec", lambda name: None)
     with pytest.raises(InstallationError, match=r"cqblend\[nesting\]"):
-        arrange(cases.box(), packer="spyrrow")
+        arrange_pieces(cases.box(), packer="spyrrow")
 
 
 def test_failures_of_the_other_process_are_told(monkeypatch, tmp_path):
@@ -134,10 +134,10 @@ def test_failures_of_the_other_process_are_told(monkeypatch, tmp_path):
     monkeypatch.setattr(nesting, "WORKER", worker)
     worker.write_text("raise RuntimeError('no luck')")
     with pytest.raises(GeometryError, match="no luck"):
-        arrange(cases.box(), packer="spyrrow")
+        arrange_pieces(cases.box(), packer="spyrrow")
     worker.write_text("import time; time.sleep(60)")
-    monkeypatch.setattr(nesting, "EXTRA", 0.2)
+    monkeypatch.setattr(nesting, "GRACE_SECONDS", 0.2)
     with pytest.raises(GeometryError, match="did not end"):
-        arrange(cases.box(), packer="spyrrow", seconds=0.3)
+        arrange_pieces(cases.box(), packer="spyrrow", seconds=0.3)
     with pytest.raises(InputError, match="seconds"):
-        arrange(cases.box(), packer="spyrrow", seconds=-1)
+        arrange_pieces(cases.box(), packer="spyrrow", seconds=-1)

@@ -9,7 +9,7 @@ import pytest
 from cqblend.errors import GeometryError, InputError, SizeError
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Score
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.split_pieces import split, within
+from cqblend.patterns.stock.split_pieces import split_piece, split_to_fit
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 
@@ -42,7 +42,7 @@ def total(pieces):
 @pytest.mark.parametrize("size", [(60.0, 45.0), (37.0, 23.0)])
 def test_parts_fit_and_nothing_is_lost(case, size):
     whole = case()
-    parts = within(whole, size)
+    parts = split_to_fit(whole, size)
     check(parts)
     assert total(parts) == pytest.approx(total(whole), rel=1e-12)
     for piece in parts.pieces:
@@ -59,7 +59,7 @@ def test_parts_fit_and_nothing_is_lost(case, size):
 def test_the_partner_is_divided_at_the_same_lengths():
     whole = cases.cylinder()
     index, line = 0, np.array([[3.0, 0.0], [3.0, 1.0]])  # through the bottom disc
-    parts = split(whole, index, line)
+    parts = split_piece(whole, index, line)
     check(parts)
     assert [piece.name for piece in parts.pieces] == ["BA", "BB", "T", "W"]
     wall = parts.pieces[3]
@@ -71,7 +71,7 @@ def test_the_partner_is_divided_at_the_same_lengths():
 
 
 def test_a_seam_of_a_piece_with_itself_is_divided_on_both_sides():
-    parts = split(cases.cylinder(), 2, np.array([[0.0, 20.0], [1.0, 20.0]]))
+    parts = split_piece(cases.cylinder(), 2, np.array([[0.0, 20.0], [1.0, 20.0]]))
     check(parts)
     assert [piece.name for piece in parts.pieces[2:]] == ["WA", "WB"]
     assert [piece.area for piece in parts.pieces[2:]] == pytest.approx([40 * np.pi * 30, 40 * np.pi * 20])
@@ -82,17 +82,17 @@ def test_a_seam_of_a_piece_with_itself_is_divided_on_both_sides():
 
 def test_holes_go_to_the_part_around_them_or_into_its_border():
     whole = cases.tower()
-    beside = split(whole, 0, np.array([[25.0, 0.0], [25.0, 1.0]]))
+    beside = split_piece(whole, 0, np.array([[25.0, 0.0], [25.0, 1.0]]))
     check(beside)
     assert [len(piece.loops) for piece in beside.pieces[:2]] == [2, 1]
-    through = split(whole, 0, np.array([[5.0, 0.0], [5.0, 1.0]]))
+    through = split_piece(whole, 0, np.array([[5.0, 0.0], [5.0, 1.0]]))
     check(through)
     assert [len(piece.loops) for piece in through.pieces[:2]] == [1, 1]
     assert sum(seam.label.startswith("C") for seam in through.seams) == 2
 
 
 def test_places_in_space_are_on_the_chords():
-    parts = split(cases.box(), 0, np.array([[10.0, 0.0], [10.0, 1.0]]))
+    parts = split_piece(cases.box(), 0, np.array([[10.0, 0.0], [10.0, 1.0]]))
     check(parts)
     for seam in parts.seams:
         first, second = (parts.run(side).space for side in seam.sides)
@@ -104,18 +104,18 @@ def test_places_in_space_are_on_the_chords():
 
 def test_a_comb_falls_into_several_parts():
     points = [[0, 0], [50, 0], [50, 30], [40, 30], [40, 10], [30, 10], [30, 30], [20, 30], [20, 10], [10, 10], [10, 30]]
-    path = Path.straight([*points, [0, 30], [0, 0]])
+    path = Path.from_points([*points, [0, 30], [0, 0]])
     comb = Pieces((Piece("1", ((Run(path, np.zeros((13, 3)), "trim"),),)),), ())
-    parts = split(comb, 0, np.array([[0.0, 20.0], [1.0, 20.0]]))
+    parts = split_piece(comb, 0, np.array([[0.0, 20.0], [1.0, 20.0]]))
     check(parts)
     assert sorted(piece.area for piece in parts.pieces) == pytest.approx([100.0, 100.0, 100.0, 800.0])
 
 
 def test_scores_are_cut_too():
-    square = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
-    score = Score(Path.straight([[0, 5], [10, 5]]), "mountain")
+    square = Path.from_points([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    score = Score(Path.from_points([[0, 5], [10, 5]]), "mountain")
     whole = Pieces((Piece("1", ((Run(square, np.zeros((5, 3)), "trim"),),), scores=(score,)),), ())
-    parts = split(whole, 0, np.array([[4.0, 0.0], [4.0, 1.0]]))
+    parts = split_piece(whole, 0, np.array([[4.0, 0.0], [4.0, 1.0]]))
     assert [piece.scores[0].path.length for piece in parts.pieces] == pytest.approx([4.0, 6.0])
 
 
@@ -124,7 +124,7 @@ def test_arcs_that_are_crossed_twice():
         np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [0.0, 10.0], [0.0, 0.0]]), np.array([-0.5, 0, 0, 0])
     )
     whole = Pieces((Piece("1", ((Run(sagitta, np.zeros((5, 3)), "trim"),),)),), ())  # notched from below, 5 deep
-    parts = split(whole, 0, np.array([[0.0, 3.0], [1.0, 3.0]]))
+    parts = split_piece(whole, 0, np.array([[0.0, 3.0], [1.0, 3.0]]))
     check(parts)
     assert len(parts.pieces) == 3
     assert total(parts) == pytest.approx(total(whole), rel=1e-12)
@@ -133,21 +133,21 @@ def test_arcs_that_are_crossed_twice():
 def test_what_cannot_be_cut_is_refused():
     whole = cases.box()
     with pytest.raises(InputError, match="does not cross piece 1"):
-        split(whole, 0, np.array([[100.0, 0.0], [100.0, 1.0]]))
+        split_piece(whole, 0, np.array([[100.0, 0.0], [100.0, 1.0]]))
     with pytest.raises(GeometryError, match="touches its boundary near"):
-        split(whole, 0, np.array([[0.0, 0.0], [1.0, 1.0]]))
+        split_piece(whole, 0, np.array([[0.0, 0.0], [1.0, 1.0]]))
     with pytest.raises(InputError, match="two different points"):
-        split(whole, 0, np.array([[1.0, 1.0], [1.0, 1.0]]))
+        split_piece(whole, 0, np.array([[1.0, 1.0], [1.0, 1.0]]))
     tabbed = Pieces((Piece("1", whole.pieces[0].loops, tabs=whole.pieces[0].outlines), *whole.pieces[1:]), whole.seams)
     with pytest.raises(InputError, match="before tabs"):
-        split(tabbed, 0, np.array([[10.0, 0.0], [10.0, 1.0]]))
+        split_piece(tabbed, 0, np.array([[10.0, 0.0], [10.0, 1.0]]))
     with pytest.raises(SizeError, match="1000 parts"):
-        within(whole, (0.5, 0.5))
+        split_to_fit(whole, (0.5, 0.5))
     with pytest.raises(InputError):
-        within(whole, (0.0, 10.0))
+        split_to_fit(whole, (0.0, 10.0))
 
 
 def test_pieces_that_fit_stay_as_they_are():
     whole = cases.box()
-    parts = within(whole, (60.0, 41.0))
+    parts = split_to_fit(whole, (60.0, 41.0))
     assert parts is whole

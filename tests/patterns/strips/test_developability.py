@@ -22,7 +22,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.strips.developability import apex, classify, ruling_direction, sigma, twist, twist_between
+from cqblend.patterns.strips.developability import (
+    bound_rail_twist,
+    bound_twist,
+    classify_strip,
+    compute_sigma,
+    find_apex,
+    find_ruling_direction,
+)
 from cqblend.splines import Curve, Surface, change_of_parameter, reparameterise
 
 
@@ -30,7 +37,7 @@ from cqblend.splines import Curve, Surface, change_of_parameter, reparameterise
 @pytest.mark.parametrize("rational", [False, True])
 def test_sigma_is_what_lemma_1_says(seed, rational):
     ruled = Surface.from_rows(random_strip(seed, rational), (-1.0, 2.0))
-    found = sigma(ruled)
+    found = compute_sigma(ruled)
     rng = np.random.default_rng(seed)
     t, v = rng.uniform(0, 1, 40), rng.uniform(-1, 2, 40)
     normal = np.cross(ruled(t, v, 1, 0), ruled(t, v, 0, 1))
@@ -59,7 +66,7 @@ def test_sigma_of_a_tangent_developable_vanishes_in_fractions_and_here():
         cross = [a[i - 2] * d1[i - 1] - a[i - 1] * d1[i - 2] for i in range(3)]
         assert sum(x * y for x, y in zip(cross, b, strict=True)) == 0
     strip = tangent_strip(0.5, 1.5)
-    assert np.abs(sigma(Surface.from_rows(strip)).coefs).max() < 1e-13 * np.abs(strip[1].coefs).max() ** 3
+    assert np.abs(compute_sigma(Surface.from_rows(strip)).coefs).max() < 1e-13 * np.abs(strip[1].coefs).max() ** 3
 
 
 def sampled_twist(rails, count=4001):
@@ -74,22 +81,22 @@ def sampled_twist(rails, count=4001):
 def test_twist_is_a_bound_and_not_much_more(seed, rational):
     rails = random_strip(seed, rational)
     largest = sampled_twist(rails).max()
-    assert largest <= twist_between(rails) <= 1.11 * largest
+    assert largest <= bound_rail_twist(rails) <= 1.11 * largest
 
 
 def test_twist_has_no_scale_and_knows_gaussian_curvature():
     ruled = Surface.from_rows(SADDLE)
-    value = twist(ruled)
+    value = bound_twist(ruled)
     for other in (
         ruled * 1e-4,
         ruled * 1e5,
         Surface.from_rows(SADDLE, (0, 7)),
         Surface.from_rows([r.reparametrized(3, 9) for r in SADDLE]),
     ):
-        assert twist(other) == pytest.approx(value, rel=1e-12)
+        assert bound_twist(other) == pytest.approx(value, rel=1e-12)
     change = change_of_parameter(2.0, 0.3)
     again = reparameterise(SADDLE[0], change), reparameterise(SADDLE[1], change)
-    assert twist_between(again) == pytest.approx(value, rel=0.11)
+    assert bound_rail_twist(again) == pytest.approx(value, rel=0.11)
     # |D| sqrt(-K) of z = x y / 8 in the middle of the ruling at x: f_xy = 1/8, K = - f_xy^2 / (1 + f_x^2 + f_y^2)^2
     x = np.linspace(0, 4, 4001)
     closed = np.sqrt(1 + (x / 8) ** 2) / 8 / (1 + (x / 8) ** 2 + (0.5 / 8) ** 2)
@@ -126,42 +133,42 @@ def test_twist_has_no_scale_and_knows_gaussian_curvature():
 def test_kinds(kind, rails):
     for scale in (1.0, 1e-3, 1e4):
         scaled = tuple(rail * scale for rail in rails)
-        assert classify(scaled) == kind
-        assert classify((scaled[1].reverse(), scaled[0].reverse())) == kind
-    assert classify(tuple(moved(rail, [30, -20, 10]) for rail in rails)) == kind
+        assert classify_strip(scaled) == kind
+        assert classify_strip((scaled[1].reverse(), scaled[0].reverse())) == kind
+    assert classify_strip(tuple(moved(rail, [30, -20, 10]) for rail in rails)) == kind
 
 
 def test_directions_and_apexes():
-    np.testing.assert_allclose(ruling_direction(CYLINDER), [0, 0, 1], atol=1e-15)
-    np.testing.assert_allclose(apex(CONE), [0, 0, -1], atol=1e-14)
-    assert ruling_direction(CONE) is None
-    assert apex(SADDLE) is None
+    np.testing.assert_allclose(find_ruling_direction(CYLINDER), [0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(find_apex(CONE), [0, 0, -1], atol=1e-14)
+    assert find_ruling_direction(CONE) is None
+    assert find_apex(SADDLE) is None
 
 
 def test_gores_and_rails_that_stop():
     """Rails that meet, or stop, where the bound is a quotient of zeros."""
     rise = Curve.bezier([[0.0, 0, 1], [1, 0, 1], [1, 0, 0]])
     other = Curve.bezier([[0.0, 0, 1], [0.8, 0.4, 1.1], [0.9, 0.6, 0]])
-    value = twist_between((rise, other))
+    value = bound_rail_twist((rise, other))
     assert sampled_twist((rise, other)).max() <= value < 1.11 * sampled_twist((rise, other)).max()
     slow = change_of_parameter(0.0, 1.0)
     stopped = tuple(reparameterise(rail, slow) for rail in random_strip(5))
-    assert sampled_twist(stopped).max() <= twist_between(stopped) < 1.11 * sampled_twist(stopped).max()
+    assert sampled_twist(stopped).max() <= bound_rail_twist(stopped) < 1.11 * sampled_twist(stopped).max()
 
 
 def test_what_is_refused():
     point = Curve.bezier([[1.0, 1, 1]] * 2)
     with pytest.raises(GeometryError, match="same curve"):
-        classify((QUARTER, QUARTER))
+        classify_strip((QUARTER, QUARTER))
     with pytest.raises(GeometryError, match="points"):
-        classify((point, moved(point, [1, 0, 0])))
+        classify_strip((point, moved(point, [1, 0, 0])))
     for rails in ((QUARTER,), (QUARTER, 3), (QUARTER, Curve.bezier([[0.0, 0], [1, 1]]))):
         with pytest.raises(InputError, match="rail"):
-            classify(rails)
+            classify_strip(rails)
     with pytest.raises(InputError, match="weight"):
-        classify((QUARTER, Curve.bezier([[0.0, 0, 1], [1, 1, 1]], [1.0, -1.0])))
+        classify_strip((QUARTER, Curve.bezier([[0.0, 0, 1], [1, 1, 1]], [1.0, -1.0])))
     with pytest.raises(InputError, match="domain"):
-        classify((QUARTER, moved(QUARTER.reparametrized(0, 2), [0, 0, 1])))
+        classify_strip((QUARTER, moved(QUARTER.reparametrized(0, 2), [0, 0, 1])))
     for value in (QUARTER, Surface.from_rows([QUARTER] * 3), Surface.from_rows(CYLINDER)[:2]):
         with pytest.raises(InputError, match="ruled surface"):
-            sigma(value)
+            compute_sigma(value)

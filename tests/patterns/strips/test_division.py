@@ -11,7 +11,7 @@ from spline_witness import surface_jet
 import cqblend
 from benchmarks.strips import diagonal, models, patches, pawn, revolved, sphere, torus
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.strips.division import divide
+from cqblend.patterns.strips.division import divide_surface
 from cqblend.splines import Curve, Surface
 
 BEZIER = {degree: np.repeat([0.0, 1.0], degree + 1) for degree in (1, 2, 3)}
@@ -82,7 +82,7 @@ def assert_kept(division, tolerance, **samples):
 def test_rings_of_a_sphere_are_as_few_as_inscribed_chords_can_be():
     for share in (0.1, 0.03, 0.01, 0.003, 0.001):
         tolerance = share * 20 * math.sqrt(3)
-        division = divide(sphere(), tolerance, direction="v")
+        division = divide_surface(sphere(), tolerance, direction="v")
         assert len(division.strips) == math.ceil(math.pi / (2 * math.acos(1 - tolerance / 10)))
         assert division.ideal == pytest.approx(math.pi * math.sqrt(10 / (8 * tolerance)), rel=1e-5)
 
@@ -93,7 +93,7 @@ def test_elber_needs_more_strips_and_never_fewer(name):
     size = diagonal(surface)
     ratios = []
     for share in (3e-2, 1e-2, 3e-3):
-        found = [divide(surface, share * size, direction=way) for way in "uv"]
+        found = [divide_surface(surface, share * size, direction=way) for way in "uv"]
         for one in found:
             assert len(one.strips) <= one.elber
             assert one.bound <= share * size
@@ -104,7 +104,7 @@ def test_elber_needs_more_strips_and_never_fewer(name):
 def test_teapot_patches_take_as_many_strips_as_sampled_deviations_allow():
     poles = cqblend.teapot.poles().reshape(-1, 3)
     tolerance = 1e-3 * float(np.linalg.norm(np.ptp(poles, axis=0)))
-    counts = {way: sum(len(divide(one, tolerance, direction=way).strips) for one in patches()) for way in "uv"}
+    counts = {way: sum(len(divide_surface(one, tolerance, direction=way).strips) for one in patches()) for way in "uv"}
     assert counts == {"u": 234, "v": 158}
 
 
@@ -112,7 +112,7 @@ def test_faces_of_cadquery():
     import cadquery as cq
 
     surface = cqblend.to_surface(cq.Workplane().sphere(1).faces().val())
-    division = divide(surface, 0.01 * diagonal(surface))
+    division = divide_surface(surface, 0.01 * diagonal(surface))
     assert (division.direction, len(division.strips)) == ("v", 6)
     assert_kept(division, 0.01 * diagonal(surface))
 
@@ -125,12 +125,12 @@ def test_faces_of_cadquery():
 def test_models_keep_to_the_tolerance(name, method):
     surface = models()[name]
     tolerance = 0.01 * diagonal(surface)
-    assert_kept(divide(surface, tolerance, method=method), tolerance, along=41, across=21)
+    assert_kept(divide_surface(surface, tolerance, method=method), tolerance, along=41, across=21)
 
 
 def test_bounds_are_within_two_per_cent_of_what_is_taken():
     for surface in (sphere(), bumpy(3), bumpy(4, rational=True)):
-        for strip in divide(surface, 0.05, direction="v").strips[:-1]:
+        for strip in divide_surface(surface, 0.05, direction="v").strips[:-1]:
             there, _ = witnessed(strip, across=101, along=41)
             assert there >= 0.9 * strip.bound or there == pytest.approx(same_u(strip), rel=0.02)
             assert same_u(strip) >= 0.98 * strip.bound
@@ -139,7 +139,7 @@ def test_bounds_are_within_two_per_cent_of_what_is_taken():
 def same_u(strip):
     """Largest sampled distance between points of surface and strip at the same u and fraction."""
     u, v = np.meshgrid(np.linspace(*strip.surface.domain[0], 101), np.linspace(*strip.span, 101), indexing="ij")
-    w = strip.fraction(u, v)[..., None]
+    w = strip.find_fractions(u, v)[..., None]
     on_strip = (1 - w) * strip.rails[0](u) + w * strip.rails[1](u)
     return np.linalg.norm(strip.surface(u, v) - on_strip, axis=-1).max()
 
@@ -156,11 +156,11 @@ def same_u(strip):
 )
 def test_random_surfaces_keep_to_the_tolerance(seed, p, q, rational, share, way, method):
     surface = bumpy(seed, (p, q), rational)
-    division = divide(surface, 10 * share, direction=way, method=method)
+    division = divide_surface(surface, 10 * share, direction=way, method=method)
     assert_kept(division, 10 * share, across=21, along=31)
     for strip in division.strips:
         u, v = np.meshgrid(np.linspace(0, 1, 13), np.linspace(*strip.span, 41), indexing="ij")
-        w = strip.fraction(u, v)
+        w = strip.find_fractions(u, v)
         assert (w[:, 0] == 0).all()
         assert (w[:, -1] == 1).all()
         assert np.diff(w, axis=1).min() >= -1e-9
@@ -171,7 +171,7 @@ def test_a_control_row_that_folds_back_keeps_to_the_tolerance():
     surface = extruded([(0, 0), (-5, 0), (10, 0)])
     for method in ("longest", "elber"):
         for tolerance in (2.0, 0.5, 0.1, 0.01):
-            division = divide(surface, tolerance, direction="v", method=method)
+            division = divide_surface(surface, tolerance, direction="v", method=method)
             assert len(division.strips) <= 3
             assert_kept(division, tolerance, across=101)
 
@@ -181,7 +181,7 @@ def test_weights_that_are_no_product_keep_to_the_tolerance():
     poles[:, 1, 2] = 1.0
     surface = Surface.from_bspline((1, 2), (BEZIER[1], BEZIER[2]), poles, np.array([[1, 0.05, 1], [1, 20, 1]]))
     for method in ("longest", "elber"):
-        division = divide(surface, 0.02, direction="v", method=method)
+        division = divide_surface(surface, 0.02, direction="v", method=method)
         assert len(division.strips) > 1
         assert_kept(division, 0.02)
 
@@ -189,15 +189,15 @@ def test_weights_that_are_no_product_keep_to_the_tolerance():
 def test_elber_s_bound_is_the_largest_coefficient_of_the_difference():
     # one strip; rows at 0, 1/2, 1 by projection; the middle one is 3 above the chord
     surface = extruded([(0, 0), (4, 3), (8, 0)])
-    division = divide(surface, 3.001, direction="v", method="elber")
+    division = divide_surface(surface, 3.001, direction="v", method="elber")
     assert (len(division.strips), division.bound) == (1, pytest.approx(3.0, rel=1e-12))
     # below it the strip is halved: the middle row is at (2, 3/2), the chord goes to (4, 3/2)
-    assert len(divide(surface, 2.999, direction="v", method="elber").strips) == 2
-    assert divide(surface, 2.999, direction="v", method="elber").bound == pytest.approx(
+    assert len(divide_surface(surface, 2.999, direction="v", method="elber").strips) == 2
+    assert divide_surface(surface, 2.999, direction="v", method="elber").bound == pytest.approx(
         3 / math.hypot(4, 1.5), rel=1e-12
     )
     # the true deviation is half of that: ours needs one strip
-    assert divide(surface, 2.999, direction="v").bound == pytest.approx(1.5, rel=1e-2)
+    assert divide_surface(surface, 2.999, direction="v").bound == pytest.approx(1.5, rel=1e-2)
 
 
 def test_elber_projects_the_middle_column():
@@ -205,8 +205,8 @@ def test_elber_projects_the_middle_column():
     poles = np.stack([rows * [2, 1, 1], rows + np.array([0, 5, 0]), rows * [2, 1, 1] + np.array([0, 10, 0])])
     poles[0, 1, 0] = poles[2, 1, 0] = 6.0  # elsewhere 3/4
     surface = Surface.from_bspline((2, 2), (BEZIER[2], BEZIER[2]), poles)
-    strip = divide(surface, 5.0, direction="v", method="elber").strips[0]
-    assert strip.fraction(0.3, 0.5) == pytest.approx(2 * 0.25 * 0.25 + 0.25)
+    strip = divide_surface(surface, 5.0, direction="v", method="elber").strips[0]
+    assert strip.find_fractions(0.3, 0.5) == pytest.approx(2 * 0.25 * 0.25 + 0.25)
     assert strip.bound == pytest.approx(4.0)  # 6 against a quarter of 8
 
 
@@ -216,11 +216,11 @@ def test_elber_projects_the_middle_column():
 def test_kinks_divide_and_speeds_do_not():
     knots = np.array([0, 0, 0, 1, 1, 2, 2, 2], float)
     bent = extruded([(0, 0), (1, 0), (2, 0), (3, 1), (4, 2)], knots=knots)
-    assert [one.span for one in divide(bent, 1e-2, direction="v").strips] == [(0.0, 1.0), (1.0, 2.0)]
+    assert [one.span for one in divide_surface(bent, 1e-2, direction="v").strips] == [(0.0, 1.0), (1.0, 2.0)]
     faster = extruded([(0, 0), (1, 0), (2, 0), (12, 0), (22, 0)], knots=knots)
-    assert len(divide(faster, 1e-2, direction="v").strips) == 1
+    assert len(divide_surface(faster, 1e-2, direction="v").strips) == 1
     # arcs whose knots are C1 only, and no kinks: the fewest strips do not end there
-    ends = {one.span[1] for one in divide(sphere(), 0.05, direction="v").strips}
+    ends = {one.span[1] for one in divide_surface(sphere(), 0.05, direction="v").strips}
     assert 1.0 not in ends
 
 
@@ -229,7 +229,7 @@ def test_curvature_divides_at_the_ridges_of_figure_5():
     z = np.where((np.arange(13) == 4) | (np.arange(13) == 8), 6.0, 0.0)
     knots = np.concatenate([[0] * 4, np.arange(1, 10), [10] * 4]).astype(float)
     surface = extruded(np.column_stack([y, z]), 3, knots)
-    division = divide(surface, 0.05, direction="v", method="curvature")
+    division = divide_surface(surface, 0.05, direction="v", method="curvature")
     ends = [one.span[1] for one in division.strips]
     jets = surface.jet(0.5, np.linspace(0, 10, 20001), 2)
     bend = np.abs(np.cross(jets[0, 1], jets[0, 2])[:, 0]) / np.linalg.norm(jets[0, 1], axis=-1) ** 3
@@ -243,10 +243,10 @@ def test_curvature_divides_at_the_ridges_of_figure_5():
 def test_even_strips_are_as_many_and_deviate_alike():
     for surface in (sphere(), bumpy(5), pawn()):
         tolerance = 0.01 * diagonal(surface)
-        plain, even = (divide(surface, tolerance, direction="v", even=flag) for flag in (False, True))
+        plain, even = (divide_surface(surface, tolerance, direction="v", even=flag) for flag in (False, True))
         assert len(plain.strips) == len(even.strips)
         assert_kept(even, tolerance)
-    bounds = [one.bound for one in divide(bumpy(5), 0.05, direction="v", even=True).strips]
+    bounds = [one.bound for one in divide_surface(bumpy(5), 0.05, direction="v", even=True).strips]
     assert max(bounds) <= 1.05 * min(bounds)
 
 
@@ -259,68 +259,68 @@ def test_a_least_width_makes_strips_even_and_then_refuses():
             for one in division.strips
         ]
 
-    plain = divide(surface, 0.06, direction="v")
-    narrow, even = min(widths(plain)), min(widths(divide(surface, 0.06, direction="v", even=True)))
+    plain = divide_surface(surface, 0.06, direction="v")
+    narrow, even = min(widths(plain)), min(widths(divide_surface(surface, 0.06, direction="v", even=True)))
     assert narrow < even
-    allowed = divide(surface, 0.06, direction="v", least_width=(narrow + even) / 2)
+    allowed = divide_surface(surface, 0.06, direction="v", least_width=(narrow + even) / 2)
     assert len(allowed.strips) == len(plain.strips)
     with pytest.raises(GeometryError, match=r"strip from v = .* to .* is .* wide, less than least_width=9"):
-        divide(surface, 0.06, direction="v", least_width=9)
+        divide_surface(surface, 0.06, direction="v", least_width=9)
 
 
 def test_the_direction_with_fewer_strips_then_rings_then_the_simpler_one():
     cylinder = revolved(1, np.array([0.0, 0, 1, 1]), np.array([(5.0, 0.0), (5.0, 20.0)]))
-    assert (divide(cylinder, 0.1).direction, len(divide(cylinder, 0.1).strips)) == ("v", 1)
-    assert divide(cylinder.transpose(), 0.1).direction == "u"
-    assert divide(cylinder.transpose(), 0.1).strips[0].transposed
+    assert (divide_surface(cylinder, 0.1).direction, len(divide_surface(cylinder, 0.1).strips)) == ("v", 1)
+    assert divide_surface(cylinder.transpose(), 0.1).direction == "u"
+    assert divide_surface(cylinder.transpose(), 0.1).strips[0].transposed
     sheet = Surface.from_bspline((1, 1), (BEZIER[1], BEZIER[1]), [[(0, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0)]])
-    assert len(divide(sheet.elevate(0, 1), 0.1).strips) == 1
-    assert divide(sheet.elevate(0, 1), 0.1).direction == "u"
-    assert divide(sheet.elevate(1, 0), 0.1).direction == "v"
+    assert len(divide_surface(sheet.elevate(0, 1), 0.1).strips) == 1
+    assert divide_surface(sheet.elevate(0, 1), 0.1).direction == "u"
+    assert divide_surface(sheet.elevate(1, 0), 0.1).direction == "v"
     # a long tube of large waves: rings are more, but it is what is asked for
     waves = np.column_stack([5 + 0.4 * (-1.0) ** np.arange(23), np.arange(23.0) * 3])
     tube = revolved(3, np.concatenate([[0] * 4, np.arange(1, 20), [20] * 4]).astype(float), waves)
-    rings = divide(tube, 0.05, direction="rings")
+    rings = divide_surface(tube, 0.05, direction="rings")
     assert rings.direction == "v"
-    assert len(divide(tube, 0.05).strips) <= len(rings.strips)
-    assert divide(torus(), 1.0, direction="rings").direction == divide(torus(), 1.0).direction
-    assert divide(bumpy(1), 1.0, direction="rings").direction == divide(bumpy(1), 1.0).direction
+    assert len(divide_surface(tube, 0.05).strips) <= len(rings.strips)
+    assert divide_surface(torus(), 1.0, direction="rings").direction == divide_surface(torus(), 1.0).direction
+    assert divide_surface(bumpy(1), 1.0, direction="rings").direction == divide_surface(bumpy(1), 1.0).direction
 
 
 # -- singular and bad input
 
 
 def test_poles_are_rails():
-    division = divide(sphere(), 0.5, direction="v")
+    division = divide_surface(sphere(), 0.5, direction="v")
     first, last = division.strips[0].rails[0], division.strips[-1].rails[1]
     t = np.linspace(*first.domain, 9)
     assert np.abs(first(t) - [0, 0, -10]).max() <= 1e-14
     assert np.abs(last(t) - [0, 0, 10]).max() <= 1e-14
     # even if the tolerance allows a single strip: it would be a line
-    assert len(divide(sphere(), 15.0, direction="v").strips) > 1
-    assert_kept(divide(sphere(), 15.0, direction="v"), 15.0)
+    assert len(divide_surface(sphere(), 15.0, direction="v").strips) > 1
+    assert_kept(divide_surface(sphere(), 15.0, direction="v"), 15.0)
 
 
 def test_strips_may_pinch_out_at_a_side_that_is_a_point():
     poles = bumpy(8).to_bspline()[2].copy()
     poles[0] = poles[0, 0]
     surface = Surface.from_bspline((3, 3), (BEZIER[3], BEZIER[3]), poles)
-    assert_kept(divide(surface, 0.05, direction="v"), 0.05)
-    assert_kept(divide(surface, 0.05, direction="u"), 0.05)
+    assert_kept(divide_surface(surface, 0.05, direction="v"), 0.05)
+    assert_kept(divide_surface(surface, 0.05, direction="u"), 0.05)
 
 
 def test_a_ruled_surface_is_one_strip():
     surface = bumpy(2, (3, 1))
-    strip = divide(surface, 1e-6, direction="v").strips[0]
+    strip = divide_surface(surface, 1e-6, direction="v").strips[0]
     assert strip.bound <= 1e-12
     u, v = np.random.default_rng(0).uniform(size=(2, 20))
-    assert np.abs(strip.fraction(u, v) - v).max() <= 1e-12
+    assert np.abs(strip.find_fractions(u, v) - v).max() <= 1e-12
 
 
 def test_rails_of_the_same_control_points_and_other_weights_are_not_the_same():
     poles = np.repeat(np.array([(0, 0, 0), (5, 0, 0), (10, 4, 0)], float)[:, None], 2, axis=1)
     surface = Surface.from_bspline((2, 1), (BEZIER[2], BEZIER[1]), poles, np.array([[3, 0.4], [2, 4], [0.5, 0.4]]))
-    division = divide(surface, 0.1, direction="v")
+    division = divide_surface(surface, 0.1, direction="v")
     assert len(division.strips) == 1
     assert_kept(division, 0.1)
 
@@ -328,20 +328,20 @@ def test_rails_of_the_same_control_points_and_other_weights_are_not_the_same():
 @pytest.mark.parametrize("tolerance", [0, -1.0, math.nan, math.inf, "wide", None, True])
 def test_tolerances_are_positive_numbers(tolerance):
     with pytest.raises(InputError, match="tolerance"):
-        divide(sphere(), tolerance)
+        divide_surface(sphere(), tolerance)
 
 
 def test_bad_arguments():
     with pytest.raises(InputError, match="direction='w'"):
-        divide(sphere(), 1.0, direction="w")
+        divide_surface(sphere(), 1.0, direction="w")
     with pytest.raises(InputError, match="method='best'"):
-        divide(sphere(), 1.0, method="best")
+        divide_surface(sphere(), 1.0, method="best")
     with pytest.raises(InputError, match="least_width=nan"):
-        divide(sphere(), 1.0, least_width=math.nan)
+        divide_surface(sphere(), 1.0, least_width=math.nan)
     with pytest.raises(InputError, match="only a Surface"):
-        divide(Curve.bezier([[0, 0, 0], [1, 0, 0]]), 1.0)
+        divide_surface(Curve.bezier([[0, 0, 0], [1, 0, 0]]), 1.0)
     with pytest.raises(InputError, match="dim 3"):
-        divide(sphere()[0], 1.0)
+        divide_surface(sphere()[0], 1.0)
 
 
 def test_degenerate_surfaces():
@@ -352,11 +352,11 @@ def test_degenerate_surfaces():
     )
     for surface in (point, line, between_points):
         with pytest.raises(GeometryError, match="degenerate"):
-            divide(surface, 0.1)
+            divide_surface(surface, 0.1)
 
 
 def test_tolerances_out_of_reach():
     with pytest.raises(GeometryError, match=r"tolerance=1e-08 takes more than 10000 strips"):
-        divide(sphere(), 1e-8, direction="v")
+        divide_surface(sphere(), 1e-8, direction="v")
     with pytest.raises(GeometryError, match=r"tolerance=1e-16 is within the rounding"):
-        divide(sphere(), 1e-16)
+        divide_surface(sphere(), 1e-16)

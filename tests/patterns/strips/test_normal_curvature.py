@@ -6,7 +6,7 @@ from spline_witness import dot, norm, normal, surface_jet
 
 from benchmarks.strips import revolved, sphere, torus
 from cqblend.errors import GeometryError
-from cqblend.patterns.strips.normal_curvature import maxima, squared_curvature
+from cqblend.patterns.strips.normal_curvature import find_curvature_maxima, squared_curvature
 from cqblend.splines import Surface
 
 KNOTS = np.array([0, 0, 0, 0, 0.4, 1, 1, 1, 1])
@@ -43,8 +43,8 @@ def test_torus_and_sphere_are_constant():
     u, v = np.random.default_rng(3).uniform(size=(2, 50))
     assert squared_curvature(torus(30, 10))(4 * u, 4 * v)[:, 0] == pytest.approx(0.01, rel=1e-11)
     assert squared_curvature(sphere(5))(4 * u, 0.1 + 1.8 * v)[:, 0] == pytest.approx(0.04, rel=1e-9)
-    assert len(maxima(torus())) == 0
-    assert len(maxima(sphere())) == 0
+    assert len(find_curvature_maxima(torus())) == 0
+    assert len(find_curvature_maxima(sphere())) == 0
 
 
 def test_limits_from_both_sides_of_a_knot_line():
@@ -75,7 +75,7 @@ def dense(surface, count=151):
 @pytest.mark.parametrize("rational", [False, True])
 def test_all_interior_maxima_are_found_and_nothing_else(seed, rational):
     surface = bumpy(seed, rational)
-    found, curvature = maxima(surface), squared_curvature(surface)
+    found, curvature = find_curvature_maxima(surface), squared_curvature(surface)
     step = np.linspace(-0.02, 0.02, 41)
     for u, v in dense(surface):
         around = curvature(np.clip(u + step[:, None], 0, 1), np.clip(v + step, 0, 1))[..., 0]
@@ -95,13 +95,13 @@ def test_a_ridge_of_a_surface_of_revolution_is_one_place():
     v = np.linspace(0, 4, 4001)
     square = witness(surface, np.column_stack([np.full(4001, 0.3), v])).astype(float) ** 2
     peaks = v[1:-1][(square[1:-1] > square[:-2]) & (square[1:-1] > square[2:])]
-    assert maxima(surface) == pytest.approx(peaks, abs=1e-3)
+    assert find_curvature_maxima(surface) == pytest.approx(peaks, abs=1e-3)
 
 
 def test_a_plane_has_none_and_a_line_no_curvature():
     ends = np.array([0.0, 0, 1, 1])
     sheet = Surface.from_bspline((1, 1), (ends, ends), [[(0, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0)]])
-    assert len(maxima(sheet)) == 0
+    assert len(find_curvature_maxima(sheet)) == 0
     line = Surface.from_bspline((1, 1), (ends, ends), [[(0, 0, 0), (1, 0, 0)], [(0, 0, 0), (1, 0, 0)]])
     with pytest.raises(GeometryError, match="degenerate"):
         squared_curvature(line)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cqblend.errors import InputError
-from cqblend.patterns.trim.bare_surface import natural
+from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.splines import Surface
 
 LINE = [0.0, 0.0, 1.0, 1.0]
@@ -44,7 +44,7 @@ def assert_sound(skin):
 
 def test_an_open_surface_has_four_edges():
     net = [[[0, 0, 0], [0, 2, 0]], [[3, 0, 0], [3, 2, 1]]]
-    skin = natural(Surface.from_bspline((1, 1), (LINE, LINE), net))
+    skin = make_surface_shell(Surface.from_bspline((1, 1), (LINE, LINE), net))
     assert_sound(skin)
     assert len(skin.edges) == 4
     assert all(edge.faces == (1,) and not edge.degenerate for edge in skin.edges.values())
@@ -52,7 +52,7 @@ def test_an_open_surface_has_four_edges():
 
 
 def test_a_closed_surface_meets_itself():
-    skin = natural(circles((2, 3), (0, 5)))
+    skin = make_surface_shell(circles((2, 3), (0, 5)))
     assert_sound(skin)
     assert len(skin.edges) == 3
     (seam,) = [edge for edge in skin.edges.values() if len(edge.faces) == 2]
@@ -62,7 +62,7 @@ def test_a_closed_surface_meets_itself():
 
 @pytest.mark.parametrize(("radii", "poles"), [((0, 3), 1), ((3, 0), 1)])
 def test_a_pole_is_a_degenerate_edge(radii, poles):
-    skin = natural(circles(radii, (0, 5)))
+    skin = make_surface_shell(circles(radii, (0, 5)))
     assert_sound(skin)
     assert sum(edge.degenerate for edge in skin.edges.values()) == poles
     assert all(edge.curve is None for edge in skin.edges.values() if edge.degenerate)
@@ -70,7 +70,7 @@ def test_a_pole_is_a_degenerate_edge(radii, poles):
 
 def test_two_sides_at_one_point_are_two_poles():
     net = [[[0, 0, 0], [0, 0, 1], [0, 0, 2]], [[0, 0, 0], [1, 0, 1], [0, 0, 2]]]
-    skin = natural(Surface.from_bspline((1, 2), (LINE, [0, 0, 0, 1, 1, 1]), net))
+    skin = make_surface_shell(Surface.from_bspline((1, 2), (LINE, [0, 0, 0, 1, 1, 1]), net))
     assert_sound(skin)
     assert len([edge for edge in skin.edges.values() if edge.degenerate]) == 2
 
@@ -78,4 +78,4 @@ def test_two_sides_at_one_point_are_two_poles():
 def test_a_surface_of_the_plane_is_refused():
     net = [[[0, 0], [0, 1]], [[1, 0], [1, 1]]]
     with pytest.raises(InputError, match="dimension 2"):
-        natural(Surface.from_bspline((1, 1), (LINE, LINE), net))
+        make_surface_shell(Surface.from_bspline((1, 1), (LINE, LINE), net))

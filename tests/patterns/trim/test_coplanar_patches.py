@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 import shapely
 
-from cqblend.patterns.trim.coplanar_patches import in_plane, merged, planar_patch, polygon
-from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse, Frame, Patch, Skin
+from cqblend.patterns.trim.coplanar_patches import (
+    make_planar_patch,
+    merge_coplanar_patches,
+    project_to_plane,
+    sample_loop_polygon,
+)
+from cqblend.patterns.trim.trimmed_patch import EdgeUse, Patch, PatchEdge, PatchShell, PlaneFrame
 from cqblend.splines import Curve
 
 TILT = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
@@ -30,7 +35,9 @@ def tiles(cells, *, lift=lambda cell: 0.0, size=1.0):
         z = lift(cell)
         ring = [(cell[0] + a, cell[1] + b, z) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))]
         quarter = np.array([[0, 1], [-1, 0]]) if i % 2 else np.eye(2)
-        frame = Frame(TILT @ [size * cell[0], size * cell[1], z], TILT[:, :2] @ quarter[0], TILT[:, :2] @ quarter[1])
+        frame = PlaneFrame(
+            TILT @ [size * cell[0], size * cell[1], z], TILT[:, :2] @ quarter[0], TILT[:, :2] @ quarter[1]
+        )
         loop = []
         for start, stop in pairwise(ring):
             along = start < stop
@@ -40,16 +47,16 @@ def tiles(cells, *, lift=lambda cell: 0.0, size=1.0):
             points = Curve.bezier(ends)
             for end, place in zip((low, high), ends, strict=True):
                 vertices[number(corners, end)] = place
-            edges[index] = Edge(
+            edges[index] = PatchEdge(
                 index, points, np.array([0.0, 1.0]), points, same, (corners[low], corners[high]), (), 0.0, 0.0
             )
-            loop.append(EdgeUse(index, along, in_plane(frame, points), np.array([0.0, 1.0])))
-        patches.append(planar_patch((i + 1,), frame, [tuple(loop)]))
-    return Skin(tuple(patches), edges, vertices)
+            loop.append(EdgeUse(index, along, project_to_plane(frame, points), np.array([0.0, 1.0])))
+        patches.append(make_planar_patch((i + 1,), frame, [tuple(loop)]))
+    return PatchShell(tuple(patches), edges, vertices)
 
 
 def outline(patch):
-    return shapely.Polygon(polygon(patch.loops[0]), [polygon(loop) for loop in patch.loops[1:]])
+    return shapely.Polygon(sample_loop_polygon(patch.loops[0]), [sample_loop_polygon(loop) for loop in patch.loops[1:]])
 
 
 RING = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
@@ -68,7 +75,7 @@ RING = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
     ids=["two", "four", "ring", "pinched ring", "holes that touch", "holes that touch the outside"],
 )
 def test_tiles_become_one_piece(cells, holes):
-    (patch,) = merged(tiles(cells)).patches
+    (patch,) = merge_coplanar_patches(tiles(cells)).patches
     assert patch.faces == tuple(range(1, len(cells) + 1))
     assert len(patch.loops) == 1 + holes
     shape = outline(patch)
@@ -80,7 +87,7 @@ def test_tiles_become_one_piece(cells, holes):
 
 
 def test_edges_between_merged_patches_are_dropped_and_others_kept():
-    skin = merged(tiles(RING))
+    skin = merge_coplanar_patches(tiles(RING))
     found = Counter(use.edge for loop in skin.patches[0].loops for use in loop)
     assert set(found) == set(skin.edges)
     assert set(found.values()) == {1}
@@ -89,29 +96,29 @@ def test_edges_between_merged_patches_are_dropped_and_others_kept():
 
 def test_a_step_is_no_neighbour():
     skin = tiles([(0, 0), (1, 0), (2, 0)], lift=lambda cell: float(cell[0] == 2))
-    assert [patch.faces for patch in merged(skin).patches] == [(1, 2), (3,)]
+    assert [patch.faces for patch in merge_coplanar_patches(skin).patches] == [(1, 2), (3,)]
 
 
 def test_planes_that_differ_by_more_than_rounding_stay_apart():
     skin = tiles([(0, 0), (1, 0)])
     first, second = skin.patches
     turned = np.array([np.cos(1e-6), 0.0, np.sin(1e-6)])
-    frame = Frame(second.frame.origin, TILT @ turned, second.frame.y * 0 + TILT[:, 1])
+    frame = PlaneFrame(second.frame.origin, TILT @ turned, second.frame.y * 0 + TILT[:, 1])
     tilted = Patch(second.faces, "plane", second.surface, True, second.loops, frame)
-    assert len(merged(Skin((first, tilted), skin.edges, skin.vertices)).patches) == 2
+    assert len(merge_coplanar_patches(PatchShell((first, tilted), skin.edges, skin.vertices)).patches) == 2
 
 
 def test_a_patch_folded_back_onto_its_neighbour_stays_apart():
     skin = tiles([(0, 0), (1, 0)])
     first, second = skin.patches
-    turned = planar_patch(
+    turned = make_planar_patch(
         second.faces,
-        Frame(second.frame.origin, second.frame.y, second.frame.x),
-        [tuple(use.reversed for use in loop[::-1]) for loop in second.loops],
+        PlaneFrame(second.frame.origin, second.frame.y, second.frame.x),
+        [tuple(use.reversed_use for use in loop[::-1]) for loop in second.loops],
     )
-    assert len(merged(Skin((first, turned), skin.edges, skin.vertices)).patches) == 2
+    assert len(merge_coplanar_patches(PatchShell((first, turned), skin.edges, skin.vertices)).patches) == 2
 
 
 def test_nothing_changes_where_nothing_is_shared():
     skin = tiles([(0, 0), (2, 2)])
-    assert merged(skin).patches == skin.patches
+    assert merge_coplanar_patches(skin).patches == skin.patches

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.trim.domain_cells import Lines
-from cqblend.patterns.trim.shared_vertices import SNAP, crossings, merged, refined, sample, snapped
-from cqblend.patterns.trim.trimmed_patch import Edge, EdgeUse
+from cqblend.patterns.trim.domain_cells import CutLines
+from cqblend.patterns.trim.shared_vertices import (
+    LINE_SNAP_SHARE,
+    find_crossings,
+    merge_parameters,
+    refine_parameters,
+    sample_edge,
+    snap_to_lines,
+)
+from cqblend.patterns.trim.trimmed_patch import EdgeUse, PatchEdge
 
-NO_LINES = Lines(1, np.array([]))
+NO_LINES = CutLines(1, np.array([]))
 UNIT = (1.0, 1.0)
 
 
@@ -23,7 +30,7 @@ def helix(t):
 
 
 def edge(points, start=0.0, stop=1.0, degenerate=False):
-    return Edge(1, points, np.array([start, stop]), None, lambda t: t, (1, 2), (1, 2), np.nan, 0.0, degenerate)
+    return PatchEdge(1, points, np.array([start, stop]), None, lambda t: t, (1, 2), (1, 2), np.nan, 0.0, degenerate)
 
 
 def use(pcurve, start=0.0, stop=1.0, degenerate=False):
@@ -52,20 +59,20 @@ def worst_distance_from_arcs(points, t):
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
 def test_arcs_follow_the_curve(tolerance):
-    t = refined(helix, np.array([0.0, 1.0]), tolerance, np.inf)
+    t = refine_parameters(helix, np.array([0.0, 1.0]), tolerance, np.inf)
     assert worst_distance_from_arcs(helix, t) <= 1.6 * tolerance
     assert (np.diff(t) > 0).all()
 
 
 def test_a_circle_takes_few_arcs_and_keeps_to_its_chords():
-    t = refined(circle, np.linspace(0, 2 * np.pi, 3), 1e-2, np.inf)
+    t = refine_parameters(circle, np.linspace(0, 2 * np.pi, 3), 1e-2, np.inf)
     assert 6 <= len(t) - 1 <= 16
-    t = refined(circle, np.linspace(0, 2 * np.pi, 3), 1e-2, 1e-4)
+    t = refine_parameters(circle, np.linspace(0, 2 * np.pi, 3), 1e-2, 1e-4)
     assert 5 * (1 - np.cos(np.diff(t).max() / 2)) <= 1e-4
 
 
 def test_a_straight_line_takes_no_vertices():
-    t = refined(lambda t: np.stack([t, 2 * t, -t], axis=-1), np.array([0.0, 0.3, 1.0]), 1e-9, 1e-9)
+    t = refine_parameters(lambda t: np.stack([t, 2 * t, -t], axis=-1), np.array([0.0, 0.3, 1.0]), 1e-9, 1e-9)
     assert t.tolist() == [0.0, 0.3, 1.0]
 
 
@@ -74,22 +81,28 @@ def test_too_many_vertices_are_refused():
         return np.stack([t, np.sin(1e5 * t), np.zeros_like(t)], axis=-1)
 
     with pytest.raises(GeometryError, match=r"vertices .* loosen the tolerance"):
-        refined(rough, np.linspace(0, 1, 5000), 1e-9, np.inf)
+        refine_parameters(rough, np.linspace(0, 1, 5000), 1e-9, np.inf)
 
 
 def test_points_next_to_a_line_are_put_on_it():
-    lines = Lines(1, np.array([0.25, 0.5]), {0: [0.75]})
-    uv = np.array([[0.75 + SNAP / 2, 0.25 - SNAP / 2], [0.75 + 2 * SNAP, 0.5 + 2 * SNAP], [0.1, 0.1]])
-    found = snapped(uv, lines, UNIT)
+    lines = CutLines(1, np.array([0.25, 0.5]), {0: [0.75]})
+    uv = np.array(
+        [
+            [0.75 + LINE_SNAP_SHARE / 2, 0.25 - LINE_SNAP_SHARE / 2],
+            [0.75 + 2 * LINE_SNAP_SHARE, 0.5 + 2 * LINE_SNAP_SHARE],
+            [0.1, 0.1],
+        ]
+    )
+    found = snap_to_lines(uv, lines, UNIT)
     assert found[0].tolist() == [0.75, 0.25]
     assert np.array_equal(found[1:], uv[1:])
-    assert snapped(uv, lines, (1.0, 10.0))[1, 1] == 0.5  # relative to the extent
+    assert snap_to_lines(uv, lines, (1.0, 10.0))[1, 1] == 0.5  # relative to the extent
 
 
 def test_crossings_are_found_to_rounding():
-    lines = Lines(1, np.array([0.2, 0.6]), {1: [0.5]})
+    lines = CutLines(1, np.array([0.2, 0.6]), {1: [0.5]})
     curve = use(lambda t: np.stack([t, t**2], axis=-1))
-    at, axis, value = crossings(curve, lines, UNIT, np.linspace(0, 1, 8))
+    at, axis, value = find_crossings(curve, lines, UNIT, np.linspace(0, 1, 8))
     order = np.argsort(at)
     assert at[order] == pytest.approx([np.sqrt(0.2), 0.5, np.sqrt(0.6)], abs=1e-14)
     assert axis[order].tolist() == [1, 0, 1]
@@ -98,43 +111,45 @@ def test_crossings_are_found_to_rounding():
 
 def test_a_sample_on_a_line_is_a_crossing_once():
     curve = use(lambda t: np.stack([t, t], axis=-1))
-    at, _, value = crossings(curve, Lines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
+    at, _, value = find_crossings(curve, CutLines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
     assert at.tolist() == [0.5]
     assert value.tolist() == [0.5]
 
 
 def test_an_edge_along_a_line_does_not_cross_it():
     curve = use(lambda t: np.stack([t, np.full_like(t, 0.5)], axis=-1))
-    at, *_ = crossings(curve, Lines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
+    at, *_ = find_crossings(curve, CutLines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
     assert len(at) == 0
 
 
 def test_close_parameters_are_merged_and_ends_kept():
-    found = merged(np.array([1e-9, 0.5, 0.5 + 1e-9, 0.7, 1 - 1e-9]), 1e-6, np.array([0.0, 1.0]))
+    found = merge_parameters(np.array([1e-9, 0.5, 0.5 + 1e-9, 0.7, 1 - 1e-9]), 1e-6, np.array([0.0, 1.0]))
     assert found.tolist() == [0.0, 0.5, 0.7, 1.0]
 
 
 def test_both_uses_have_vertices_where_either_crosses():
-    lines = Lines(1, np.array([0.3])), Lines(0, np.array([0.6]))
+    lines = CutLines(1, np.array([0.3])), CutLines(0, np.array([0.6]))
     uses = use(lambda t: np.stack([t, t], axis=-1)), use(lambda t: np.stack([1 - t, t * t], axis=-1))
     line = edge(lambda t: np.stack([t, t, t], axis=-1))
-    found = sample(line, [(one, at, UNIT) for one, at in zip(uses, lines, strict=True)], 1e-3, 1e-3)
-    assert found.t[found.stops] == pytest.approx([0, 0.3, 0.4, 1], abs=1e-12)
-    assert found.uv[0][found.stops[1]].tolist()[1] == 0.3  # exactly
-    assert found.uv[1][found.stops[2]].tolist()[0] == 0.6
+    found = sample_edge(line, [(one, at, UNIT) for one, at in zip(uses, lines, strict=True)], 1e-3, 1e-3)
+    assert found.t[found.strip_breaks] == pytest.approx([0, 0.3, 0.4, 1], abs=1e-12)
+    assert found.uv[0][found.strip_breaks[1]].tolist()[1] == 0.3  # exactly
+    assert found.uv[1][found.strip_breaks[2]].tolist()[0] == 0.6
     assert all(len(uv) == len(found.t) for uv in found.uv)
 
 
 def test_a_pole_has_vertices_at_the_lines_only():
     pole = edge(lambda t: np.zeros((len(t), 3)), degenerate=True)
     around = use(lambda t: np.stack([t, np.zeros_like(t)], axis=-1), degenerate=True)
-    found = sample(pole, [(around, Lines(0, np.array([0.25, 0.75])), UNIT)], 1e-3, 1e-3)
+    found = sample_edge(pole, [(around, CutLines(0, np.array([0.25, 0.75])), UNIT)], 1e-3, 1e-3)
     assert found.t == pytest.approx([0, 0.25, 0.75, 1], abs=1e-12)
     assert found.uv[0][:, 0].tolist() == pytest.approx([0, 0.25, 0.75, 1], abs=1e-12)
 
 
 def test_a_curved_edge_has_vertices_close_enough():
     line = edge(circle, 0.0, 2.0)
-    found = sample(line, [(use(lambda t: np.stack([t / 2, t * 0], axis=-1), 0.0, 2.0), NO_LINES, UNIT)], 1e-6, 1e-3)
-    assert found.stops.tolist() == [0, len(found.t) - 1]
+    found = sample_edge(
+        line, [(use(lambda t: np.stack([t / 2, t * 0], axis=-1), 0.0, 2.0), NO_LINES, UNIT)], 1e-6, 1e-3
+    )
+    assert found.strip_breaks.tolist() == [0, len(found.t) - 1]
     assert 5 * (1 - np.cos(np.diff(found.t).max() / 2)) <= 1e-3

@@ -17,12 +17,12 @@ import cqblend
 from cqblend.errors import InputError
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.labels import label_strokes
-from cqblend.patterns.stock.sheets import arrange
-from cqblend.patterns.stock.split_pieces import within
-from cqblend.patterns.write.drawing import FIT, Layer, beside, draw
-from cqblend.patterns.write.pattern_files import export
-from cqblend.patterns.write.pdf_file import PAPERS, printable, write_pdf
+from cqblend.patterns.stock.labels import make_label_strokes
+from cqblend.patterns.stock.sheets import arrange_pieces
+from cqblend.patterns.stock.split_pieces import split_to_fit
+from cqblend.patterns.write.drawing import ARC_FIT_TOLERANCE, Layer, draw_sheets, join_drawings
+from cqblend.patterns.write.pattern_files import export_sheets
+from cqblend.patterns.write.pdf_file import PAPERS, find_printable_size, write_pdf
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 POINT = 25.4 / 72
@@ -153,7 +153,7 @@ def expected(pieces):
     return sorted(path.area for piece in pieces.pieces for path in piece.outlines)
 
 
-def same_areas(loops, pieces, fit=FIT):
+def same_areas(loops, pieces, fit=ARC_FIT_TOLERANCE):
     areas = sorted(area(points) for _, points in loops)
     length = max(run.path.length for piece in pieces.pieces for *_, run in piece.runs()) * 4
     assert np.allclose(areas, expected(pieces), rtol=1e-4, atol=fit * length)
@@ -170,9 +170,9 @@ def none_twice(loops):
 @pytest.mark.parametrize("case", ALL)
 def test_dxf_and_svg(case, tmp_path):
     pieces = case()
-    sheets = arrange(pieces)
-    dxf = from_dxf(export(sheets, tmp_path / "a.dxf"))
-    svg, size = from_svg(export(sheets, tmp_path / "a.svg"))
+    sheets = arrange_pieces(pieces)
+    dxf = from_dxf(export_sheets(sheets, tmp_path / "a.dxf"))
+    svg, size = from_svg(export_sheets(sheets, tmp_path / "a.svg"))
     assert size == pytest.approx(sheets.size, abs=1e-8)
     for found in (dxf, svg):
         loops = found["CUT"]
@@ -194,11 +194,11 @@ def test_dxf_and_svg(case, tmp_path):
 
 
 def test_true_size(tmp_path):
-    sheets = arrange(cases.box(40.0, 30.0, 20.0))
+    sheets = arrange_pieces(cases.box(40.0, 30.0, 20.0))
     lengths = Counter({40.0: 8, 30.0: 8, 20.0: 8})
-    dxf = from_dxf(export(sheets, tmp_path / "a.dxf"))["CUT"]
-    svg = from_svg(export(sheets, tmp_path / "a.svg"))[0]["CUT"]
-    pages = pypdf.PdfReader(export(sheets, tmp_path / "a.pdf", page="a3")).pages
+    dxf = from_dxf(export_sheets(sheets, tmp_path / "a.dxf"))["CUT"]
+    svg = from_svg(export_sheets(sheets, tmp_path / "a.svg"))[0]["CUT"]
+    pages = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf", page="a3")).pages
     pdf = [
         (c, p[:-1] if p[0] == p[-1] else p) for page in pages for k, _, c, p in from_pdf(page) if k == (255, 0, 0) and c
     ]
@@ -223,12 +223,12 @@ def clusters(strokes, distance):
 
 
 def test_labels_are_twice_per_seam(tmp_path):
-    sheets = arrange(cases.box())
-    layers = from_dxf(export(sheets, tmp_path / "a.dxf"))
+    sheets = arrange_pieces(cases.box())
+    layers = from_dxf(export_sheets(sheets, tmp_path / "a.dxf"))
     texts = [seam.label for seam in sheets.pieces.seams for _ in range(2)] + [p.name for p in sheets.pieces.pieces]
     wanted = Counter()
     for text in texts:
-        paths = label_strokes(text, 4.0)
+        paths = make_label_strokes(text, 4.0)
         wanted[signature([(path.closed, (path.points @ [1, 1j])) for path in paths])] += 1
     assert Counter(map(signature, clusters(layers["ENGRAVE"], 1.7))) == wanted
     assert len(texts) == 2 * 12 + 6
@@ -237,15 +237,15 @@ def test_labels_are_twice_per_seam(tmp_path):
     for _, points in layers["ENGRAVE"]:
         line = shapely.linestrings(np.column_stack([points.real, points.imag]))
         assert sum(piece.contains(line) for piece in pieces) == 1
-    assert "ENGRAVE" not in from_dxf(export(sheets, tmp_path / "b.dxf", height=None))
+    assert "ENGRAVE" not in from_dxf(export_sheets(sheets, tmp_path / "b.dxf", height=None))
 
 
 def test_pdf_pages_have_true_size_and_say_where_they_belong(tmp_path):
-    sheets = arrange(cases.cylinder(60.0, 200.0))
-    (drawing,) = draw(sheets)
-    file = export(sheets, tmp_path / "a.pdf", page="a4")
+    sheets = arrange_pieces(cases.cylinder(60.0, 200.0))
+    (drawing,) = draw_sheets(sheets)
+    file = export_sheets(sheets, tmp_path / "a.pdf", page="a4")
     reader = pypdf.PdfReader(file)
-    tile = np.array(printable("a4"))
+    tile = np.array(find_printable_size("a4"))
     texts = [page.extract_text() for page in reader.pages]
     rows, columns = (int(x) for x in re.search(r"row \d+ of (\d+), column \d+ of (\d+)", texts[0]).groups())
     assert 1 < len(reader.pages) <= rows * columns
@@ -270,36 +270,36 @@ def test_pdf_pages_have_true_size_and_say_where_they_belong(tmp_path):
         for colour, _, closed, points in strokes:
             if colour == (255, 0, 0) and closed:
                 places = points + shift
-                ends = np.concatenate([path.points for path in drawing.on(Layer.CUT)]) @ [1, 1j]
+                ends = np.concatenate([path.points for path in drawing.paths_on(Layer.CUT)]) @ [1, 1j]
                 assert np.abs(places[0] - ends).min() < 1e-3
         total = max(total, max(abs(area(p)) for colour, _, closed, p in strokes if closed and colour == (255, 0, 0)))
     assert total == pytest.approx(2 * np.pi * 60 * 200, rel=1e-4)
 
 
 def test_a_sheet_that_fits_a_page_is_not_tiled(tmp_path):
-    sheets = arrange(cases.gores(), printable("a4"))
-    reader = pypdf.PdfReader(export(sheets, tmp_path / "a.pdf"))
+    sheets = arrange_pieces(cases.gores(), find_printable_size("a4"))
+    reader = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf"))
     assert len(reader.pages) == sheets.count
     assert "row" not in reader.pages[0].extract_text()
     loops = [(c, p) for page in reader.pages for k, _, c, p in from_pdf(page) if k == (255, 0, 0) and c]
     same_areas(loops, sheets.pieces)
-    plotter = pypdf.PdfReader(export(sheets, tmp_path / "b.pdf", page=None)).pages[0]
+    plotter = pypdf.PdfReader(export_sheets(sheets, tmp_path / "b.pdf", page=None)).pages[0]
     assert float(plotter.mediabox.width) * POINT == pytest.approx(sheets.size[0] + 20.0, abs=1e-3)
 
 
 def test_labels_without_room_are_listed_on_a_page(tmp_path):
-    sheets = arrange(cases.box(40.0, 40.0, 1.0))
-    (drawing,) = draw(sheets)
-    text = pypdf.PdfReader(export(sheets, tmp_path / "a.pdf")).pages[-1].extract_text()
+    sheets = arrange_pieces(cases.box(40.0, 40.0, 1.0))
+    (drawing,) = draw_sheets(sheets)
+    text = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf")).pages[-1].extract_text()
     assert drawing.notes
     assert all(note in text for note in drawing.notes)
 
 
 @pytest.mark.parametrize("case", ALL)
 def test_json_holds_everything(case, tmp_path):
-    pieces = within(case(), (70.0, 60.0))
-    sheets = arrange(pieces, (80.0, 70.0))
-    file = export(sheets, tmp_path / "a.json", report={"area": np.float64(2.0), "worst": np.nan, "list": (1, 2)})
+    pieces = split_to_fit(case(), (70.0, 60.0))
+    sheets = arrange_pieces(pieces, (80.0, 70.0))
+    file = export_sheets(sheets, tmp_path / "a.json", report={"area": np.float64(2.0), "worst": np.nan, "list": (1, 2)})
     found = json.loads(file.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(name))
     assert found["schema"] == "cqblend.pattern/1"
     assert found["report"] == {"area": 2.0, "worst": None, "list": [1, 2]}
@@ -328,66 +328,69 @@ def test_json_holds_everything(case, tmp_path):
 
 
 def test_kerf_has_its_twin_in_every_drawing(tmp_path):
-    sheets = arrange(cases.tower())
+    sheets = arrange_pieces(cases.tower())
     for found in (
-        from_dxf(export(sheets, tmp_path / "a.dxf", kerf=0.3)),
-        from_svg(export(sheets, tmp_path / "a.svg", kerf=0.3))[0],
+        from_dxf(export_sheets(sheets, tmp_path / "a.dxf", kerf=0.3)),
+        from_svg(export_sheets(sheets, tmp_path / "a.svg", kerf=0.3))[0],
     ):
         same_areas(found["GUIDE"], sheets.pieces)
         assert sum(area(p) for _, p in found["CUT"]) > sum(area(p) for _, p in found["GUIDE"])
 
 
 def test_the_same_pattern_gives_the_same_files(tmp_path):
-    sheets = arrange(cases.cone())
+    sheets = arrange_pieces(cases.cone())
     for suffix in ("dxf", "svg", "pdf", "json"):
-        first, second = (export(sheets, tmp_path / f"{k}.{suffix}").read_bytes() for k in "ab")
+        first, second = (export_sheets(sheets, tmp_path / f"{k}.{suffix}").read_bytes() for k in "ab")
         assert first == second
 
 
 def test_arcs_beyond_half_a_turn(tmp_path):
     wide = Path(np.array([[10.0, 0.0], [0.0, -10.0], [10.0, 0.0]]), np.array([np.tan(3 * np.pi / 8), 0.0]))
-    sheets = arrange(Pieces((Piece("1", ((Run(wide, np.zeros((3, 3)), "trim"),),)),), ()))
+    sheets = arrange_pieces(Pieces((Piece("1", ((Run(wide, np.zeros((3, 3)), "trim"),),)),), ()))
     three_quarters = 100 * np.pi * 3 / 4 + 50
-    for found in (from_dxf(export(sheets, tmp_path / "a.dxf")), from_svg(export(sheets, tmp_path / "a.svg"))[0]):
+    for found in (
+        from_dxf(export_sheets(sheets, tmp_path / "a.dxf")),
+        from_svg(export_sheets(sheets, tmp_path / "a.svg"))[0],
+    ):
         assert area(found["CUT"][0][1]) == pytest.approx(three_quarters, rel=1e-4)
 
 
 def test_files_are_whole_or_not_there(tmp_path, monkeypatch):
-    sheets = arrange(cases.box())
+    sheets = arrange_pieces(cases.box())
     target = tmp_path / "a.svg"
-    export(sheets, target)
+    export_sheets(sheets, target)
     before = target.read_bytes()
     monkeypatch.setattr(
         "cqblend.patterns.write.pattern_files.write_svg", lambda drawing, path: path.write_text("x") and 1 / 0
     )
     with pytest.raises(ZeroDivisionError):
-        export(sheets, target)
+        export_sheets(sheets, target)
     assert target.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["a.svg"]
 
 
 def test_what_cannot_be_written_is_refused(tmp_path):
-    sheets = arrange(cases.box())
+    sheets = arrange_pieces(cases.box())
     with pytest.raises(InputError, match=r"\.dxf, \.svg, \.pdf, \.json, not to 'a.png'"):
-        export(sheets, tmp_path / "a.png")
+        export_sheets(sheets, tmp_path / "a.png")
     with pytest.raises(InputError, match="does not exist: make it first"):
-        export(sheets, tmp_path / "none" / "a.dxf")
+        export_sheets(sheets, tmp_path / "none" / "a.dxf")
     with pytest.raises(InputError, match="paper is one of a0"):
-        export(sheets, tmp_path / "a.pdf", page="a9")
+        export_sheets(sheets, tmp_path / "a.pdf", page="a9")
     with pytest.raises(InputError, match="too small"):
-        write_pdf(draw(sheets), tmp_path / "a.pdf", page=(100.0, 100.0))
+        write_pdf(draw_sheets(sheets), tmp_path / "a.pdf", page=(100.0, 100.0))
     with pytest.raises(InputError):
-        export(sheets, 5)
+        export_sheets(sheets, 5)
     assert not list(tmp_path.iterdir())
 
 
 def test_several_sheets_are_beside_each_other(tmp_path):
-    sheets = arrange(cases.box(), (100.0, 60.0))
-    found, size = from_svg(export(sheets, tmp_path / "a.svg"))
-    assert size == pytest.approx(beside(draw(sheets)).size)
+    sheets = arrange_pieces(cases.box(), (100.0, 60.0))
+    found, size = from_svg(export_sheets(sheets, tmp_path / "a.svg"))
+    assert size == pytest.approx(join_drawings(draw_sheets(sheets)).size)
     assert len(found["GUIDE"]) == sheets.count == 3
     same_areas(found["CUT"], sheets.pieces)
-    assert len(pypdf.PdfReader(export(sheets, tmp_path / "a.pdf")).pages) == 3
+    assert len(pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf")).pages) == 3
 
 
 def test_patterns_keep_their_gap_beside_the_kerf(tmp_path):
