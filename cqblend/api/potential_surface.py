@@ -40,8 +40,8 @@ from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import check_number, to_finite_array
-from cqblend.surfaces.primaries import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""

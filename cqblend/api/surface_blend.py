@@ -37,8 +37,8 @@ from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import check_integer, to_float_array
-from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face

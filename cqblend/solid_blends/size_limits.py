@@ -12,7 +12,7 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 ContactSolverFactory = Callable[[Joint, BlendRequest], ContactSolver]
 """What finds the contacts of a blend."""

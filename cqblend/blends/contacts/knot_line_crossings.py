@@ -11,7 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import ContactSolver
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, shift_to_period
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 LEAST_SMOOTH_CONTINUITY = 3  # continuity, below which a knot line makes corners
 SEARCH_STATIONS, SECANT_STEPS = 129, 30  # contacts between which crossings are looked for, and steps to find them

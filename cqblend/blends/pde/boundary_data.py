@@ -19,8 +19,9 @@ from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]
 BoundaryFunction: TypeAlias = Curve | Callable[[Array], Any] | Sequence[ComponentFunction]

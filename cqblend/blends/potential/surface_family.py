@@ -27,9 +27,12 @@ from cqblend.blends.checks import call_user_function
 from cqblend.blends.contacts.contact_solver import differentiate_normal
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
 from cqblend.splines.knots import check_integer, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, cross_product, normalise_vectors
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 AmountFunction = Callable[[Array], Any]
 

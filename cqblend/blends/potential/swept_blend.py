@@ -25,7 +25,9 @@ from cqblend.blends.rails import rail_fit
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, TensorSurface, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 TABLE_STATIONS, TABLE_STEPS = 65, 17  # of the table from which solutions start
 CLOSING_POINTS = 8  # points by which a closed branch is continued before it is interpolated

@@ -18,15 +18,11 @@ from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering, find_pins
 from cqblend.splines import Curve, fit
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import NEAR_BREAKS, SAME_BREAK, merge_breaks
-from cqblend.surfaces.primaries import (
-    Array,
-    Primary,
-    TensorSurface,
-    cross_product,
-    normalise_vectors,
-    to_tangent_coordinates,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 INITIAL_SPANS = 16  # spans of a cubic fit
 SHORTEST_SPAN_BY_ORDER = (1 / 512, 1 / 512, 1 / 128, 1 / 64)

@@ -19,8 +19,10 @@ import numpy as np
 
 from cqblend.blends.rails.ribbon import evaluate_space_jets
 from cqblend.splines import Curve, fit
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """From contacts to ribbons: fits the two rails that a blend runs between, and its directions along them.
 
-Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.surfaces.primaries`), the only place where a
+Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.surfaces.primary`), the only place where a
 blend approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
 Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
@@ -32,14 +32,10 @@ from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, Parametri
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, Steering, SteeringPin, find_pins
 from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import (
-    Array,
-    Primary,
-    cross_product,
-    normalise_vectors,
-    shift_to_period,
-    unwrap_parameters,
-)
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 OVERLAP_STATIONS = (
     24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n

@@ -44,23 +44,13 @@ from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_map
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import (
-    Array,
-    Cone,
-    Cylinder,
-    KnotCrossing,
-    LocalFrame,
-    Plane,
-    Primary,
-    Quadric,
-    RevolvedEllipse,
-    RevolvedSpline,
-    Sphere,
-    TensorSurface,
-    shift_to_period,
-    to_tangent_coordinates,
-    unwrap_parameters,
-)
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
+from cqblend.surfaces.primary import KnotCrossing, Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Quadric, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
 PCURVE_TOLERANCE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
 

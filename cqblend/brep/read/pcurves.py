@@ -24,9 +24,9 @@ from cqblend.brep.read.spline_conversion import ConicArcs, ParameterMap, to_surf
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface, fit
+from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array
 
 PCURVE_TOLERANCE = 1e-11
 """Largest error of a fitted curve in the parameter plane."""

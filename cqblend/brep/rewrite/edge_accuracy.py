@@ -24,7 +24,7 @@ from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
 from cqblend.splines import fit
-from cqblend.surfaces.primaries import to_tangent_coordinates
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 TOLERANCE_MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
 REFIT_DEVIATION = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again

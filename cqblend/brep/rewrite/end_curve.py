@@ -13,7 +13,9 @@ from cqblend.brep.read import spline_arrays
 from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit

@@ -15,7 +15,9 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, build_section
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Cylinder, LocalFrame, Plane, Sphere, TensorSurface, to_tangent_coordinates
+from cqblend.surfaces.quadrics import Cylinder, Plane, Sphere
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
 EVERY = [name for name in pairs() if "left-handed" not in name]
 every = pytest.mark.parametrize("name", EVERY)

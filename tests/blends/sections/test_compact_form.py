@@ -20,7 +20,8 @@ from cqblend.blends.sections.blend_surface import build_section
 from cqblend.blends.sections.compact_form import CURVATURE_TOLERANCE, compact_jets
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Primary, TensorSurface
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 sys.path.insert(0, str(BENCHMARKS))
 import irit_table
