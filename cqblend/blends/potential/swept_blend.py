@@ -26,6 +26,7 @@ from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
@@ -132,14 +133,12 @@ class Sweep:
 
     def _find_domain_exit(self, inside: float, outside: float) -> float:
         """Return the last t, from inside on, at which all curves are on both surfaces."""
-        for _ in range(TRIM_BISECTIONS):
-            middle = (inside + outside) / 2
-            q = self.solve_parameters(np.full(len(self.x), middle), self.x)
-            if self.curves.family_pair.measure_outside(q).max() <= DOMAIN_TOLERANCE / 2:
-                inside = middle
-            else:
-                outside = middle
-        return inside
+
+        def is_on_surfaces(t: float) -> bool:
+            q = self.solve_parameters(np.full(len(self.x), t), self.x)
+            return bool(self.curves.family_pair.measure_outside(q).max() <= DOMAIN_TOLERANCE / 2)
+
+        return bisect_interval(is_on_surfaces, inside, outside, TRIM_BISECTIONS)[0]
 
     def _explain_roughness(self) -> str:
         """Say why rails cannot be fitted: they run next to a singular point, or a surface is not smooth enough."""
