@@ -46,12 +46,12 @@ def test_nothing_imports_scipy_or_numba(module):
 
 @pytest.mark.parametrize("module", [module for module in MODULES if "/" in module])
 def test_layers(module):
-    below = {"errors", "certificate", "blend_options", "installation", "whole_files"}
+    below = {"errors", "checks", "certificate", "blend_options", "installation", "whole_files"}
     allowed = {
-        "splines": {"errors"},
-        "surfaces": {"splines", "errors"},
-        "blends": {"surfaces", "splines", "errors"},
-        "patterns": {"splines", "errors", "whole_files"},
+        "splines": {"errors", "checks"},
+        "surfaces": {"splines", "errors", "checks"},
+        "blends": {"surfaces", "splines", "errors", "checks"},
+        "patterns": {"splines", "errors", "checks", "whole_files"},
         "brep": {"blends", "surfaces", "patterns", "splines"} | below - {"blend_options"},
         "solid_blends": {"brep", "blends", "surfaces", "splines"} | below,
         "api": {"solid_blends", "brep", "blends", "patterns", "surfaces", "splines"} | below,

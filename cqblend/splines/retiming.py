@@ -10,8 +10,8 @@ K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, sec
 
 import numpy as np
 
+from cqblend.checks import check_interval, check_number
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import knots as door
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import find_value_below
@@ -124,7 +124,7 @@ def change_of_parameter(
     >>> change_of_parameter(100, 1)
     <rational Curve of degree 2, dim 1, 1 pieces on [0, 1]>
     """
-    (first, last), (low, high) = door.check_interval("domain", domain), door.check_interval("onto", onto)
+    (first, last), (low, high) = check_interval("domain", domain), check_interval("onto", onto)
     start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     mean = (high - low) / (last - first)
     a, b = start / mean, end / mean
@@ -172,7 +172,7 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
         raise InputError(f"a curve is a Curve, not {shown(curve)}")
     ends = curve.domain
     if domain is not None:
-        domain = door.check_interval("domain", domain)
+        domain = check_interval("domain", domain)
     start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     slopes = []
     for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
@@ -186,7 +186,7 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
 def _check_end_speed(name: str, value: object) -> float:
     """Return a derivative, or a speed, that is not negative."""
     try:
-        rate = door.check_number(name, value)
+        rate = check_number(name, value)
     except InputError:
         rate = -1.0
     if rate < 0:

@@ -13,10 +13,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.checks import check_integer, check_number, to_finite_array, to_float_array
 from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import EPSILON, Array
-from cqblend.splines.knots import SMOOTH, check_integer, check_number, to_finite_array, to_float_array
+from cqblend.splines.knots import SMOOTH
 
 MAX_DERIVATIVE, MAX_ELEVATION = 100, 500
 """Largest order of a derivative, and largest degree to which a spline is raised: doubles hold nothing beyond."""

@@ -19,14 +19,14 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.checks import check_integer, check_number
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines import knots as door
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.fit import hermite
 from cqblend.splines.hulls import enclose_values
-from cqblend.splines.knots import SMOOTH
+from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
 
 NormaliseMethod = Literal["hermite", "schoenberg"]
@@ -144,7 +144,7 @@ def _check_arguments(field: object, tolerance: object, method: object, knots: ob
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
     if knots is not None:
         try:
-            door.check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
+            check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
         except InputError as error:
             raise InputError(
                 f"knots={shown(knots)}: a number of knots to insert, {MAX_PIECES} at most, for method='schoenberg'"
@@ -162,7 +162,7 @@ def _bound_length(field: Curve, length: float | Curve) -> float:
         reach = float(max(-low[0], high[0]))
     else:
         try:
-            reach = abs(door.check_number("length", length))
+            reach = abs(check_number("length", length))
         except InputError:
             reach = nan
     if not isfinite(reach) or reach == 0:
@@ -405,7 +405,7 @@ def _insert_simple_knots(field: Curve, knots: Array) -> Curve:
 def _fit_schoenberg_factor(field: Curve) -> Curve | None:
     """Replace each pole k of <T, T> by 1/sqrt(k); None if there is one that is not positive."""
     squared = field.dot(field)
-    knots, poles = door.assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
+    knots, poles = assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
     if poles.min() <= 0:
         return None
     return Curve.from_bspline(squared.degree, knots, 1 / np.sqrt(poles))

@@ -14,13 +14,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
 from cqblend.surfaces.tensor_surface import TensorSurface
 
 ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]

@@ -18,11 +18,10 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cqblend.blends.checks import call_user_function
+from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
 from cqblend.splines import Curve, fit
 from cqblend.splines.bracketing import bisect_intervals
-from cqblend.splines.knots import check_number, to_finite_array, to_float_array
 
 Array = NDArray[Any]
 RelationInput: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"

@@ -23,13 +23,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.contacts.contact_solver import differentiate_normal
+from cqblend.checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface, fit
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.splines.knots import check_integer, check_number, to_float_array
 from cqblend.surfaces.primary import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors

@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch

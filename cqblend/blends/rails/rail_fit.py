@@ -16,9 +16,9 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.rails.cross_fields import CrossField, RailStations, compute_unit_directions, perpendicular_field
 from cqblend.blends.rails.direction_fit import (
     DIRECTION_TOLERANCE,

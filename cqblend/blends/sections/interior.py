@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE
 from cqblend.blends.pde.solution import Solution
 from cqblend.blends.sections.cross_basis import evaluate_bubbles

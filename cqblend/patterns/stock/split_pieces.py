@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.bounding_boxes import (
     find_convex_hull,
     find_fitting_angle,
