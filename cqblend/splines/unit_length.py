@@ -24,8 +24,8 @@ from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
-from cqblend.splines.fit import hermite
 from cqblend.splines.hulls import enclose_values
+from cqblend.splines.interpolation import hermite
 from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.splines import SMOOTH, Curve, Surface, bernstein, fit
+from cqblend.splines import SMOOTH, Curve, Surface, bernstein, interpolation
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.breaks import SAME_BREAK, align_breaks
 from cqblend.splines.composition import cut_at_knot_lines
@@ -350,7 +350,7 @@ def _level_weight(jets: Sequence[Curve]) -> tuple[Curve, ...]:
     one = np.zeros_like(weight)
     one[0, 0] = 1
     inverse = dehomogenise_derivatives(np.stack([one, weight], axis=2))[:, :, 0]
-    factors = [fit.hermite(breaks, inverse[:, k, ..., None]) for k in range(len(jets))]
+    factors = [interpolation.hermite(breaks, inverse[:, k, ..., None]) for k in range(len(jets))]
     level = np.zeros(len(breaks) - 2, int)
     result = []
     for k in range(len(jets)):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_surfaces import ORIGIN, SIZE, Pair, pairs, sample_parameters, seeded_random
 
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
 from cqblend.surfaces.quadrics import Cone, Plane, Quadric, Sphere
 from cqblend.surfaces.tensor_surface import TensorSurface
 
@@ -40,12 +40,12 @@ def rail(pair: Pair, spans: int = 6) -> Curve:
         x, y, z = pair.primary.frame.axes @ pair.primary.pole
         uv = np.array([math.atan2(y, x), math.asin(z)]) + 0.5 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1)
     c = pair.primary.scale_weight(pair.primary.lift_points(uv), draw.uniform(0.5, 2, len(uv)))
-    return fit.interpolate(np.linspace(0, 1, spans + 1), c)
+    return interpolation.interpolate(np.linspace(0, 1, spans + 1), c)
 
 
 def field(pair: Pair, c: Curve) -> Curve:
     """Return any lifted direction at all, on the rail's own breaks."""
-    return fit.interpolate(c.breaks, seeded_random(pair).normal(size=(len(c.breaks), c.dim)))
+    return interpolation.interpolate(c.breaks, seeded_random(pair).normal(size=(len(c.breaks), c.dim)))
 
 
 def rounding(curve: Curve, k: int) -> float:
@@ -277,7 +277,7 @@ def test_patch_boundaries_are_crossed_both_ways_and_along_a_whole_lap():
     pair = pairs()["closed spline 3 x 2"]
     t = np.linspace(0, 1, 40)
     uv = np.stack([-0.4 + 2.2 * t, 0.5 + 0.3 * np.sin(9 * t)], -1)
-    c = fit.interpolate(t, pair.primary.lift_points(uv))
+    c = interpolation.interpolate(t, pair.primary.lift_points(uv))
     dense = np.linspace(0, 1, 700)
     wanted = pair.jet(native(pair, c(dense)))[0]
     found = pair.primary.compose_position(c)(dense)

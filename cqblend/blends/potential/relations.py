@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve
+from cqblend.splines.approximation import approximate_to_rounding
 from cqblend.splines.bracketing import bisect_intervals
 
 Array = NDArray[Any]
@@ -263,7 +264,7 @@ def to_relation(given: Any) -> Relation:
         return out
 
     try:
-        curve = fit.approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
+        curve = approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
     except InputError:
         raise
     except CqblendError as error:

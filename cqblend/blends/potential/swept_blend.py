@@ -24,7 +24,7 @@ from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.rails import rail_fit
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
 from cqblend.surfaces.tensor_surface import TensorSurface
@@ -276,11 +276,11 @@ def _restart_off_knots(meeting: FamilyPair, branch: IntersectionBranch) -> Inter
 def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     """Interpolate points along a branch: C4, round a closed one too, whose parameters may go on by a period."""
     if not closed:
-        return fit.interpolate(t, values, degree=5 if len(t) > 5 else 3)
+        return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
     lap, k = values[-1] - values[0], min(CLOSING_POINTS, len(t) - 1)
     before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
     long = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
-    return fit.interpolate(long, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
+    return interpolation.interpolate(long, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 
 
 def _find_steady_parameter(meeting: FamilyPair, branch: IntersectionBranch, at: Curve) -> int | None:

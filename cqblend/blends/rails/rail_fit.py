@@ -31,7 +31,7 @@ from cqblend.blends.rails.direction_fit import (
 from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, ParametricKinks
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, Steering, SteeringPin, find_pins
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
 from cqblend.surfaces.primary import Primary
@@ -412,7 +412,7 @@ class _CubicFit:
 
         def make_spline(values: Array, kinks: KinkData | None, corners: Array, sharp: Array) -> Curve:
             if not len(corners):
-                return fit.interpolate(nodes, values[::3])
+                return interpolation.interpolate(nodes, values[::3])
             pieces = np.unique([0, *corners, len(nodes) - 1])
             return interpolate_with_corners(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
 

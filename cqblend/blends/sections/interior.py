@@ -26,9 +26,9 @@ from cqblend.blends.sections.cross_basis import evaluate_bubbles
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.approximation import approximate_curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.fit import approximate_curve
 from cqblend.splines.knots import extract_pieces
 
 MOST_DEGREE_ACROSS = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
