@@ -52,7 +52,9 @@ from cqblend.errors import (
 )
 from cqblend.solid_blends import size_limits
 from cqblend.solid_blends.end_plan import EndAttempts, EndPlan, plan_ends, record_ends
-from cqblend.surfaces.primaries import Array, TensorSurface, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import normalise_vectors
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape

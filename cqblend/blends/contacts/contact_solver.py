@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.errors import GeometryError, SizeError
-from cqblend.surfaces.primaries import Array, Primary, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 SMOOTH_EDGE_SINE = 1e-3  # sine of the angle between the faces below which it does not tell convex from concave
 NEWTON_STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts

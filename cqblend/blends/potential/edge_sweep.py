@@ -21,7 +21,7 @@ from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course, OffsetFamily
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 UNBOUNDED_DOMAINS = np.tile([-np.inf, np.inf], (4, 1))
 

@@ -37,7 +37,8 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
 
 SMOOTH_ANGLE = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
 CAP_PROBE_SHARE, CAP_PROBE_STEP = (

@@ -13,7 +13,9 @@ from cqblend.blends.rails import rail_fit
 from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Cone, Cylinder, LocalFrame, Plane, Primary, Sphere
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
+from cqblend.surfaces.vectors import LocalFrame
 
 FRAME = LocalFrame(np.zeros(3), np.eye(3))
 WALL = LocalFrame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
