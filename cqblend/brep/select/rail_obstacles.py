@@ -58,7 +58,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
         inside = state == TopAbs_IN or (state == TopAbs_ON and one.is_at_seam(uv))
         low, high = (middle, high) if inside else (low, middle)
     point = one.face_primary.jet((start + low * (stop - start))[None])[0, 0]
-    wide = float(np.linalg.norm(point - stations.point[0]))
+    wide = float(np.linalg.norm(point - stations.points[0]))
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
     bounds = [
         use
