@@ -277,8 +277,8 @@ def _align_to_joint(joint: Joint, blend: BlendSurface) -> BlendSurface:
     t = np.linspace(*first.c.domain, 257)
     point, rate = dehomogenise_jets(first.primary.compose_position(first.c).jet(t, 1))
     stations = joint.locate_stations(np.linspace(0.02, 0.98, 33))
-    nearest = np.linalg.norm(stations.point[:, None] - point, axis=2).argmin(axis=1)
-    if (rate[nearest] * stations.direction).sum() < 0:
+    nearest = np.linalg.norm(stations.points[:, None] - point, axis=2).argmin(axis=1)
+    if (rate[nearest] * stations.tangents).sum() < 0:
         first, second = (
             replace(
                 one,

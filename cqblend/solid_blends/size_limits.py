@@ -40,7 +40,7 @@ def _space_stations(joint: Joint) -> Array:
 def _measure_rail_distances(joint: Joint, contacts: Contacts) -> Array:
     """Return how far the contacts on both sides are from the edge, (2, n), mm."""
     points = [primary.jet(uv)[0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return np.linalg.norm(np.stack(points) - contacts.point, axis=2)
+    return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
 
 
 def measure_reach(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> float:
@@ -60,7 +60,7 @@ def check_size(joint: Joint, request: BlendRequest, solver: ContactSolverFactory
         raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
     contacts = solver(joint, request)(_space_stations(joint))
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
+        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
             raise SizeError(
                 f"size {size:g} is too large: the rail turns back at t = {contacts.t[np.argmin(ahead)]:.3g}, where the "

@@ -160,8 +160,10 @@ class Sweep:
     def _check_sides(self) -> None:
         """Raise GeometryError where the blend would set out to the other side of a rail than elsewhere."""
         contacts = self.solve_contacts(self.t)
-        assert contacts.vectors is not None
-        for side, (uv, vectors, size) in enumerate(zip(contacts.uv, contacts.vectors, contacts.reach, strict=True)):
+        assert contacts.cross_vectors is not None
+        for side, (uv, vectors, size) in enumerate(
+            zip(contacts.uv, contacts.cross_vectors, contacts.cross_lengths, strict=True)
+        ):
             jet = self.curves.family_pair.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
             across = (cross_product(rate, vectors) * normalise_vectors(cross_product(jet[1], jet[2]))).sum(axis=1)

@@ -158,14 +158,14 @@ def _fit_ribbon(
         bends = ParametricKinks.from_rail(primary, c, uv, t, np.stack([turning, turning]))
     point, rate = dehomogenise_jets(primary.compose_position(c).jet(t, 1))
     if wanted.given_derivatives:
-        assert solved.vectors is not None
-        asked = solved.vectors[side]
+        assert solved.cross_vectors is not None
+        asked = solved.cross_vectors[side]
     else:
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = compute_unit_directions(
-            wanted.fields[side], RailStations(t, jet, rate, solved.point - jet[0], other - jet[0])
+            wanted.fields[side], RailStations(t, jet, rate, solved.edge_points - jet[0], other - jet[0])
         )
-        asked = asked * (wanted.bulges[side](t) * solved.reach[side])[:, None]
+        asked = asked * (wanted.bulges[side](t) * solved.cross_lengths[side])[:, None]
     made, turned, ratio = fit_directions(primary, c, uv, t, asked, wanted.orders[side], turn or make, steering, bends)
     domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])

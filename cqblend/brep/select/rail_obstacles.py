@@ -59,7 +59,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
 
     low, _ = bisect_interval(is_inside_face, 0.0, 1.0, BISECTION_STEPS)
     point = one.face_primary.jet((start + low * (stop - start))[None])[0, 0]
-    wide = float(np.linalg.norm(point - stations.point[0]))
+    wide = float(np.linalg.norm(point - stations.points[0]))
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
     bounds = [
         use

@@ -213,7 +213,7 @@ def deviations(rail: Ribbon, jet: np.ndarray, exact: Contacts, t: np.ndarray) ->
     wanted = np.cross(rate, n)
     found = fields(rail, t)
     angle = np.arctan2(np.linalg.norm(np.cross(found, wanted), axis=1), np.abs((found * wanted).sum(1)))
-    return np.maximum(angle - 1e-8, 0), np.abs(np.linalg.norm(found, axis=1) / exact.reach[0] - 1)
+    return np.maximum(angle - 1e-8, 0), np.abs(np.linalg.norm(found, axis=1) / exact.cross_lengths[0] - 1)
 
 
 def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():
