@@ -13,14 +13,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.pde.tolerances import PDE_TOLERANCES
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, TensorSurface
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]
 BoundaryFunction: TypeAlias = Curve | Callable[[Array], Any] | Sequence[ComponentFunction]
@@ -210,7 +211,7 @@ def _to_curve(component: ComponentFunction, dim: int, domain: tuple[float, float
         return component
     if callable(component):
         function = _wrap_function(component, dim)
-        return fit.approximate_to_rounding(function, domain, closed=_is_function_periodic(function, domain))
+        return approximate_to_rounding(function, domain, closed=_is_function_periodic(function, domain))
     return Curve(domain, np.full((1, 1, 1), float(component)))
 
 

@@ -22,9 +22,9 @@ from typing import TypeAlias
 import numpy as np
 
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
+from cqblend.checks import check_number
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import check_number
 
 COEFFICIENT_NAMES = "abcd"
 

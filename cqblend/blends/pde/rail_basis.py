@@ -14,8 +14,8 @@ import numpy as np
 
 from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array
 
 LEAST_SPLINE_DEGREE = 5  # of splines along: with simple knots they are C4
 

@@ -32,7 +32,7 @@ from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
 from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from cqblend.blends.potential.family_pair import format_point
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface, bernstein
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 def find_candidates(first: Surface, second: Surface, tolerance: float) -> tuple[Array, Array]:

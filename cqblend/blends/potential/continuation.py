@@ -17,7 +17,8 @@ from cqblend.blends.contacts.contact_solver import solve_damped_newton
 from cqblend.blends.potential.family_pair import FamilyPair, Reshaped
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 
 class CutCondition(Protocol):

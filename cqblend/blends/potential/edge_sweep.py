@@ -26,7 +26,7 @@ from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 UNBOUNDED_DOMAINS = np.tile([-np.inf, np.inf], (4, 1))
 
@@ -64,7 +64,7 @@ class EdgeSweep:
         """Return parameters q (n, m, 4) at t (n,) and x (m,), ascending; the stations, and the curves there."""
         edge_t = self.edge_parameter_at(t)
         stations = self.stations_at(np.mod(edge_t, 1.0) if self.closed else edge_t)
-        cut = PlaneCut(lambda _: (stations.point, stations.direction))
+        cut = PlaneCut(lambda _: (stations.points, stations.tangents))
         from_edge = IntersectionCurves(self.continuation_pair, cut)
         curves = IntersectionCurves(self.family_pair, cut)
         edge_q = np.concatenate(stations.uv, axis=1)
@@ -72,7 +72,7 @@ class EdgeSweep:
             middle_q = from_edge.continue_solutions(edge_q, stations.t, 0.0, np.array([0.0, 1.0]))[:, 1]
             q = curves.continue_solutions(middle_q, stations.t, 0.5, np.asarray(x, dtype=np.float64))
         except GeometryError as error:
-            raise SizeError(str(error)) from error
+            raise SizeError(error.message, kind=error.kind, place=error.place, value=error.value) from error
         return q, stations, curves
 
     def evaluate_points(self, t: Array, x: Array) -> Array:
@@ -99,10 +99,10 @@ class EdgeSweep:
             curves.evaluate_cross_derivatives(q[:, 0], stations.t, np.zeros(len(t)), 1),
         ]
         distances = [
-            np.linalg.norm(side.primary.jet(uv)[0] - stations.point, axis=1)
+            np.linalg.norm(side.primary.jet(uv)[0] - stations.points, axis=1)
             for side, uv in zip(self.family_pair.families, rails, strict=True)
         ]
-        return Contacts(t, stations.point, rails, np.stack(distances), np.stack(vectors))
+        return Contacts(t, stations.points, rails, np.stack(distances), np.stack(vectors))
 
 
 def sweep_from_edge(

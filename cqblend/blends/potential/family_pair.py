@@ -13,7 +13,7 @@ import numpy as np
 from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course, Family, ReshapedSurface
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 Reshaped = TypeVar("Reshaped", bound=ReshapedSurface, covariant=True)
 

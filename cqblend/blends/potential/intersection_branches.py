@@ -18,7 +18,8 @@ from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)

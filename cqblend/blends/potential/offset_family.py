@@ -23,11 +23,15 @@ from cqblend.blends.potential.surface_family import (
     split_by_group,
 )
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
+from cqblend.checks import check_number
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, fit
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.splines.knots import check_number
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, cross_product, normalise_vectors
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ class OffsetFamily(Family):
             state = State(values, rates, uv, uv)  # an offset has no reference: uv stands for one
             return self.jet(uv, state)[0].reshape(len(u), len(v), 3)
 
-        return fit.approximate_surface(
+        return approximate_surface(
             evaluate_offset_grid,
             surface.breaks,
             self.tolerance * float(np.abs(amounts).max()) if tolerance is None else tolerance,

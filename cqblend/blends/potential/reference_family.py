@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.potential.surface_family import (
     AmountFunction,
     Course,
@@ -27,10 +26,13 @@ from cqblend.blends.potential.surface_family import (
     split_by_group,
 )
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
+from cqblend.checks import call_user_function, check_number, to_float_array
 from cqblend.errors import InputError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import check_number, to_float_array
-from cqblend.surfaces.primaries import Array, TensorSurface, cross_product
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class ReferenceFamily(Family):
             As :meth:`Family.course`.
         """
         amounts = super().course(s, which).amounts
-        return Course(amounts, fit.approximate_to_rounding(lambda x: self._evaluate_reference(s(x)[:, 0]), (0.0, 1.0)))
+        return Course(amounts, approximate_to_rounding(lambda x: self._evaluate_reference(s(x)[:, 0]), (0.0, 1.0)))
 
     def _evaluate_reference(self, s: Array) -> Array:
         """Return the reference points (n, 3)."""

@@ -18,12 +18,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
+from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
-from cqblend.splines import Curve, fit
-from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import check_number, to_finite_array, to_float_array
+from cqblend.splines import Curve
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import EPSILON, Array
+from cqblend.splines.bracketing import bisect_intervals
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ class Relation:
         s = values.ravel()
         x = np.linspace(0, 1, POTENTIAL_LIMITS.root_samples)
         excess = self.curve(x)[:, 1 - wanted] - s[:, None]
-        noise = 4 * np.finfo(float).eps * max(self.a, self.b)
+        noise = 4 * EPSILON * max(self.a, self.b)
         before, after = excess[:, :-1], excess[:, 1:]
         has_root = (before * after <= 0) | (np.abs(before) <= noise) | (np.abs(after) <= noise)
         if not has_root.any(axis=1).all():
@@ -149,10 +150,7 @@ class Relation:
         i = has_root.argmax(axis=1)
         low, high = x[i], x[i + 1]
         sign = np.sign(excess[np.arange(len(s)), i + 1] - excess[np.arange(len(s)), i])
-        for _ in range(POTENTIAL_LIMITS.root_bisections):
-            middle = (low + high) / 2
-            past = (self.curve(middle)[:, 1 - wanted] - s) * sign >= 0
-            low, high = np.where(past, low, middle), np.where(past, middle, high)
+        low, high = bisect_intervals(lambda x: ~((self.curve(x)[:, 1 - wanted] - s) * sign >= 0), low, high)
         errors = [np.abs(self.curve(end)[:, 1 - wanted] - s) for end in (low, high)]
         return self.curve(np.where(errors[0] <= errors[1], low, high))[:, wanted].reshape(values.shape)
 
@@ -261,7 +259,7 @@ def to_relation(given: Any) -> Relation:
         return out
 
     try:
-        curve = fit.approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
+        curve = approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
     except InputError:
         raise
     except CqblendError as error:

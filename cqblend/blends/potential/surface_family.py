@@ -21,12 +21,14 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
+from cqblend.checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.errors import InputError, shown
-from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import check_integer, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 AmountFunction = Callable[[Array], Any]
 
@@ -158,7 +160,7 @@ class Family(ABC):
             raise InputError(f"s is a Curve of dim 1 over [0, 1], not {shown(s)}")
         if not isinstance(which, str):
             raise InputError(f"which surface it is, is said by a text, not {shown(which)}")
-        amounts = fit.approximate_to_rounding(lambda x: self._evaluate_amounts(s(x)[:, 0], which), (0.0, 1.0))
+        amounts = approximate_to_rounding(lambda x: self._evaluate_amounts(s(x)[:, 0], which), (0.0, 1.0))
         end = 0.0 if abs(s(0.0)[0]) < abs(s(1.0)[0]) else 1.0
         largest = float(np.abs(amounts(np.linspace(0, 1, 65))).max())
         if not largest > 0:

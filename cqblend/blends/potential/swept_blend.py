@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
@@ -26,8 +26,10 @@ from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLE
 from cqblend.blends.rails import rail_fit
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 
 @dataclass(frozen=True)
@@ -132,14 +134,12 @@ class Sweep:
 
     def _find_domain_exit(self, inside: float, outside: float) -> float:
         """Return the last t, from ``inside`` to ``outside``, at which all curves are on both surfaces, by bisection."""
-        for _ in range(POTENTIAL_LIMITS.trim_bisections):
-            middle = (inside + outside) / 2
-            q = self.solve_parameters(np.full(len(self.x), middle), self.x)
-            if self.curves.family_pair.measure_outside(q).max() <= POTENTIAL_TOLERANCES.domain / 2:
-                inside = middle
-            else:
-                outside = middle
-        return inside
+
+        def is_on_surfaces(t: float) -> bool:
+            q = self.solve_parameters(np.full(len(self.x), t), self.x)
+            return bool(self.curves.family_pair.measure_outside(q).max() <= POTENTIAL_TOLERANCES.domain / 2)
+
+        return bisect_interval(is_on_surfaces, inside, outside, POTENTIAL_LIMITS.trim_bisections)[0]
 
     def _explain_roughness(self) -> str:
         """Return the reason why rails cannot be fitted: a singular point next to one, or too little continuity."""
@@ -222,7 +222,7 @@ class Sweep:
                 corners=kinks[orders < LEAST_SMOOTH_CONTINUITY],
             )
         except TooManySpansError as error:
-            raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error
+            raise TooManySpansError(error.finding, self._explain_roughness()) from error
         return replace(first_ribbon, fades=True), replace(second_ribbon, fades=True)
 
 
@@ -275,11 +275,11 @@ def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     If the branch is ``closed``, so is the curve, up to periods of its parameters: points are repeated beyond both ends.
     """
     if not closed:
-        return fit.interpolate(t, values, degree=5 if len(t) > 5 else 3)
+        return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
     lap, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
     before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
     extended = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
-    return fit.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
+    return interpolation.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 
 
 def _find_steady_parameter(

@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
@@ -19,7 +19,7 @@ from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.interior import FilledSection
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 Result = TypeVar("Result")
 

@@ -101,9 +101,6 @@ class PotentialLimits:
     root_samples: int = 513
     """Samples of a relation among which roots are bracketed."""
 
-    root_bisections: int = 60
-    """Bisections of a bracketed root."""
-
     subdivision: int = 48
     """Subdivision of surfaces stops at parts whose diagonal is the common box's over this number."""
 
