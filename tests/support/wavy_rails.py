@@ -4,7 +4,7 @@ import numpy as np
 
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 
 def wavy_pair() -> tuple[Ribbon, Ribbon]:
