@@ -46,7 +46,7 @@ def realign_sphere(side: SupportFace, rail: Ribbon, joint: list[TopoDS_Edge]) ->
     None if the face is not a sphere, has other edges than those of the joint, or the rail does not run around its axis.
     """
     sphere = side.primary
-    if not isinstance(sphere, Sphere) or not sphere.spinning:
+    if not isinstance(sphere, Sphere) or not sphere.follows_latitude:
         return None
     own = [*find_seam_edges(side.face), *joint]
     for use in explore_subshapes(side.face, TopAbs_EDGE):
