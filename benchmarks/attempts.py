@@ -23,7 +23,7 @@ from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from cqblend.blend_options import BlendRequest
+from cqblend.blend_options import BlendOptions
 from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.brep.verification.soundness import check_solid, list_subshapes, make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
@@ -73,7 +73,7 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendRequest.from_options(radius, form=form))[:2]
+        return blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())[:2]
 
     return run
 

@@ -22,8 +22,10 @@ from types import FrameType
 from typing import Any
 
 from cqblend import __version__
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation import build_interpreter_command
+from cqblend.option_records import collect_options
 
 OK, FAILED, USAGE, INTERRUPTED, OUTPUT_CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
@@ -211,18 +213,22 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
-    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
+    blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
         type=_parse_orders,
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
+    blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
+    blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
-        "--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT_HELP}"
+        "--steer",
+        type=float,
+        metavar="S",
+        default=BLEND_DEFAULTS.steer,
+        help="largest turn next to knot lines, rad; default: %(default).2g",
     )
-    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT_HELP)
-    blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
     blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
     continuity = _add_command(
@@ -342,23 +348,13 @@ def _attach_points(arguments: Sequence[str]) -> list[str]:
 
 
 def _run_blend(options: argparse.Namespace) -> None:
-    from cqblend.blend_options import BlendRequest
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.edge_blend import blend_shape
 
-    request = BlendRequest.from_options(
-        options.radius,
-        width=options.width,
-        continuity=options.continuity,
-        ends=options.ends,
-        form=options.form,
-        section="potential" if options.potential else "hermite" if options.order is None else "pde",
-        order=options.order,
-        crease=options.crease,
-        **({} if options.steer is None else {"steer": options.steer}),
-        **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
-    )
+    section = "potential" if options.potential else "hermite" if options.order is None else "pde"
+    relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
+    request = collect_options(BlendOptions, {**vars(options), "section": section, **relation}).to_request()
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)

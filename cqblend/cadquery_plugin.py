@@ -8,47 +8,49 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from cqblend.blend_options import DEFAULT_STEER
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
 from cqblend.checks import check_callback
 from cqblend.errors import SelectionError
+from cqblend.option_records import collect_options, document_options
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern
     from cqblend.api.solid_blend import BlendResult
 
 
+@document_options(BlendOptions)
 def blend(
     self: Any,
     radius: float | None = None,
     *,
     width: float | tuple[float, float] | None = None,
     continuity: str | tuple[str, str] | None = None,
-    tangents: str | tuple[str, str] = "perpendicular",
-    bulge: float | tuple[float, float] = 1.0,
-    steer: float = DEFAULT_STEER,
+    tangents: str | tuple[str, str] = BLEND_DEFAULTS.tangents,
+    bulge: float | tuple[float, float] = BLEND_DEFAULTS.bulge,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
-    section: str = "hermite",
+    section: str = BLEND_DEFAULTS.section,
     a: float | None = None,
     b: float | None = None,
     lam: float | None = None,
     order: int | tuple[int, int, int] | None = None,
     parameters: Any = None,
-    terms: int | str = "auto",
-    form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
-    ends: str | tuple[str, str] = "auto",
+    terms: int | str = BLEND_DEFAULTS.terms,
+    form: str = BLEND_DEFAULTS.form,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:
     """Blend the selected edges of the solid in the chain.
 
     As `Workplane.fillet`: the edges of all objects on the stack are blended, and the solid that they belong to must be
-    on the stack or in its parents. The parameters are those of `cqblend.blend_edges`; give either `radius` or `width`,
-    or `a` and `b`.
+    on the stack or in its parents.
 
     Parameters
     ----------
+    ... : the options of `BlendOptions`
     report : callable, optional
         Is called with the `cqblend.BlendResult`: shape, blend faces and certificate.
 
@@ -72,35 +74,14 @@ def blend(
     exact
     1
     """
-    from cqblend.api.solid_blend import blend_edges
+    options = collect_options(BlendOptions, locals())
+    from cqblend.api.solid_blend import blend_with_options
 
     check_callback("report", report, "the result")
     edges = self.edges().vals()
     if not edges:
         raise SelectionError("no edge is selected: put .edges(...) before .blend(...)")
-    result = blend_edges(
-        self,
-        edges,
-        radius,
-        width=width,
-        continuity=continuity,
-        tangents=tangents,
-        bulge=bulge,
-        steer=steer,
-        crease=crease,
-        section=section,
-        a=a,
-        b=b,
-        lam=lam,
-        order=order,
-        parameters=parameters,
-        terms=terms,
-        form=form,
-        tolerance=tolerance,
-        angular_tolerance=angular_tolerance,
-        ends=ends,
-        first=first,
-    )
+    result = blend_with_options(self, edges, options)
     if report is not None:
         report(result)
     return self.newObject([result.shape])

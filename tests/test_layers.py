@@ -46,7 +46,7 @@ def test_nothing_imports_scipy_or_numba(module):
 
 @pytest.mark.parametrize("module", [module for module in MODULES if "/" in module])
 def test_layers(module):
-    below = {"errors", "checks", "certificate", "blend_options", "installation", "whole_files"}
+    below = {"errors", "checks", "certificate", "blend_options", "option_records", "installation", "whole_files"}
     allowed = {
         "splines": {"errors", "checks"},
         "surfaces": {"splines", "errors", "checks"},
