@@ -16,12 +16,12 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
@@ -226,7 +226,7 @@ class Sweep:
                 corners=at[orders < LEAST_SMOOTH_CONTINUITY],
             )
         except TooManySpansError as error:
-            raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error
+            raise TooManySpansError(error.finding, self._explain_roughness()) from error
         return replace(one, fades=True), replace(two, fades=True)
 
 

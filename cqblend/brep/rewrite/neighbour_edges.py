@@ -104,8 +104,8 @@ def trim_neighbour_edges(surgery: ShellEdit, cuts: Iterable[EdgeTrim]) -> None:
                     beyond.append(_make_extension_edge(cut))
                     continue
             except SizeError as error:
-                name = surgery.name_part(edge)
-                raise BlendEndError(cut.end, SizeError(f"{name} next to the blend: {error}")) from error
+                cause = error.with_details(before=f"{surgery.name_part(edge)} next to the blend: ")
+                raise BlendEndError(cut.end, cause) from error
             span[which], vertices[which] = at, cut.corner
         if (
             np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1])) < 100 * CONFUSION
