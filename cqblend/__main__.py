@@ -19,13 +19,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, get_args
 
 from cqblend import __version__
 from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation import build_interpreter_command
 from cqblend.option_records import collect_options
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Method, UnrollOptions
 
 OK, FAILED, USAGE, INTERRUPTED, OUTPUT_CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
@@ -260,8 +261,10 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
         action="append",
         help="only the face nearest to this point, mm; may be repeated",
     )
-    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT_HELP)
-    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT_HELP)
+    unroll.add_argument("--method", choices=get_args(Method), default=UNROLL_DEFAULTS.method, help=_DEFAULT_HELP)
+    unroll.add_argument(
+        "--direction", choices=get_args(Direction), default=UNROLL_DEFAULTS.direction, help=_DEFAULT_HELP
+    )
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
@@ -384,7 +387,7 @@ def _run_continuity(options: argparse.Namespace) -> None:
 
 
 def _run_unroll(options: argparse.Namespace) -> None:
-    from cqblend.api.flat_pattern import unroll
+    from cqblend.api.flat_pattern import unroll_with_options
     from cqblend.brep.select.nearest import find_nearest_face
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.patterns.write.pattern_files import check_pattern_path
@@ -401,15 +404,8 @@ def _run_unroll(options: argparse.Namespace) -> None:
         picked = find_nearest_face(shape, point)
         print(f"face {picked.index}, {picked.distance:.3g} mm from the point")
         faces.append(picked.face)
-    pattern = unroll(
-        faces or shape,
-        options.tolerance,
-        method=options.method,
-        direction=options.direction,
-        developable=options.developable,
-        least_width=options.least_width,
-        progress=_ProgressPrinter(),
-    )
+    wanted = collect_options(UnrollOptions, vars(options))
+    pattern = unroll_with_options(faces or shape, wanted, _ProgressPrinter())
     if options.tabs:
         with _announce_step("adding tabs"):
             width = _TAB_WIDTH if options.tab_width is None else options.tab_width

@@ -12,6 +12,7 @@ from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
 from cqblend.checks import check_callback
 from cqblend.errors import SelectionError
 from cqblend.option_records import collect_options, document_options
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern
@@ -87,16 +88,17 @@ def blend(
     return self.newObject([result.shape])
 
 
+@document_options(UnrollOptions)
 def unroll(
     self: Any,
     tolerance: float,
     *,
-    method: str = "longest",
-    direction: str = "auto",
-    layout: str = "smooth",
-    strain: float = 0.01,
-    developable: bool = False,
-    even: bool = False,
+    method: Method = UNROLL_DEFAULTS.method,
+    direction: Direction = UNROLL_DEFAULTS.direction,
+    layout: Layout = UNROLL_DEFAULTS.layout,
+    strain: float = UNROLL_DEFAULTS.strain,
+    developable: bool = UNROLL_DEFAULTS.developable,
+    even: bool = UNROLL_DEFAULTS.even,
     least_width: float | None = None,
     flat_tolerance: float | None = None,
     progress: Callable[[float, str], object] | None = None,
@@ -104,10 +106,11 @@ def unroll(
 ) -> Any:
     """Unroll the faces, shells or solids on the stack to planar faces on XY, for a cutter.
 
-    The parameters are those of `cqblend.unroll`.
-
     Parameters
     ----------
+    ... : the options of `UnrollOptions`
+    progress : callable, optional
+        Is called with the part of the work done, 0 to 1, and a word on what is next.
     report : callable, optional
         Is called with the `cqblend.Pattern`: pieces, seams and report; it writes files, too.
 
@@ -129,22 +132,11 @@ def unroll(
     3 seams
     3
     """
-    from cqblend.api import flat_pattern
+    options = collect_options(UnrollOptions, locals())
+    from cqblend.api.flat_pattern import unroll_with_options
 
     check_callback("report", report, "the pattern")
-    pattern = flat_pattern.unroll(
-        self,
-        tolerance,
-        method=method,  # type: ignore[arg-type]
-        direction=direction,  # type: ignore[arg-type]
-        layout=layout,  # type: ignore[arg-type]
-        strain=strain,
-        developable=developable,
-        even=even,
-        least_width=least_width,
-        flat_tolerance=flat_tolerance,
-        progress=progress,
-    )
+    pattern = unroll_with_options(self, options, progress)
     if report is not None:
         report(pattern)
     return self.newObject(pattern.faces())

@@ -1,19 +1,14 @@
 """Every option is checked at the door: by type, by range, and against what is built."""
 
-import inspect
 import math
 import re
-from dataclasses import fields
 from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-import cqblend
-from cqblend import __main__ as cli
-from cqblend import cadquery_plugin
-from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, OPTION_LIMITS, BlendOptions
+from cqblend.blend_options import OPTION_LIMITS, BlendOptions
 from cqblend.errors import InputError, SizeError, UnsupportedError
 
 
@@ -155,60 +150,3 @@ def test_what_goes_by_side_comes_as_a_pair():
     assert request.bulge == (1.0, 1.5)
     assert checked(1).continuity == ("G1", "G1")
     assert checked(1, steer=0).steer == 0
-
-
-# one record for the function, the method and the command line
-
-
-def keywords(function):
-    """Return the keyword arguments of a function that are options of a blend, with their defaults."""
-    given = inspect.signature(function).parameters.values()
-    return {one.name: one.default for one in given if one.name not in ("self", "shape", "edges", "report")}
-
-
-RECORD = {option.name: getattr(BLEND_DEFAULTS, option.name) for option in fields(BlendOptions)}
-NOT_IN_THE_COMMAND = {"tangents", "bulge", "parameters", "terms", "tolerance", "angular_tolerance", "first"}
-
-
-@pytest.mark.parametrize("function", [cqblend.blend_edges, cadquery_plugin.blend])
-def test_functions_have_the_options_of_the_record_in_its_order_with_its_defaults_and_types(function):
-    assert list(keywords(function).items()) == list(RECORD.items())
-    positional = [one.name for one in inspect.signature(function).parameters.values() if one.kind is one.KEYWORD_ONLY]
-    assert positional[: len(RECORD) - 1] == list(RECORD)[1:]
-    given = {name: kind for name, kind in function.__annotations__.items() if name in RECORD}
-    assert given == {name: kind for name, kind in BlendOptions.__annotations__.items() if name in RECORD}
-
-
-def test_the_command_line_has_options_of_the_record_with_its_defaults_and_choices():
-    (commands,) = (action.choices for action in cli._build_parser()._actions if isinstance(action.choices, dict))
-    known = {action.dest: action for action in commands["blend"]._actions if action.dest in RECORD}
-    implied = {"section", "a", "b", "lam"}  # by --potential and --order
-    assert [name for name in RECORD if name not in NOT_IN_THE_COMMAND | implied] == [
-        name for name in RECORD if name in known
-    ]
-    assert {name: action.default for name, action in known.items()} == {name: RECORD[name] for name in known}
-    choices = {name: action.choices for name, action in known.items() if action.choices}
-    assert choices == {"continuity": CONTINUITIES, "ends": ENDS, "form": FORMS}
-
-
-@pytest.mark.parametrize("function", [cqblend.blend_edges, cadquery_plugin.blend])
-def test_every_option_is_documented_with_its_default_in_help(function):
-    text = function.__doc__
-    assert inspect.getdoc(BlendOptions).partition("----------")[2].strip() in text
-    assert "... :" not in text
-    headers = [line for line in text.splitlines() if re.match(r"[a-z_, ]+ : ", line)]
-    documented = {name: line for line in headers for name in line.partition(" : ")[0].split(", ")}
-    assert [name for name in documented if name in RECORD] == list(RECORD)
-    for name, default in RECORD.items():
-        number = isinstance(default, float) and name not in ("bulge",)
-        text = f"{default:.3g}" if number else f'"{default}"' if isinstance(default, str) else str(default)
-        assert documented[name].endswith("optional" if default is None else f"default {text}"), documented[name]
-
-
-def test_options_of_one_section_are_said_to_be_so():
-    """The record itself says which section an option belongs to, and its documentation says the same."""
-    paragraphs = re.split(r"\n(?=[a-z_, ]+ : )", inspect.getdoc(BlendOptions))
-    for option in fields(BlendOptions):
-        (text,) = (one for one in paragraphs if re.match(rf"([a-z_]+, )*{option.name}\b.* : ", one.partition("\n")[0]))
-        section = option.metadata.get("section")
-        assert (f"Of the {section} section" in text) == (section is not None), option.name

@@ -20,7 +20,7 @@ MAP = re.compile(r"(?<=first lines of the modules -->\n).*?(?=<!-- end of the ma
 ROOMS = (
     ("errors",),
     ("checks", "option_records"),
-    ("installation", "whole_files"),
+    ("installation", "whole_files", "unroll_options"),
     ("splines",),
     ("surfaces",),
     ("blends.contacts",),
