@@ -6,7 +6,6 @@ back shapes of the same library, or files. Must not compute anything.
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
@@ -29,7 +28,8 @@ from cqblend.patterns.flatten.flat_face import UnrollOptions
 from cqblend.patterns.flatten.flat_strip import Layout
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
-from cqblend.patterns.stock.tabs import Tabs, TabStyle, fit_tabs
+from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
+from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.strips.division import Direction, Method
 from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.patterns.write import pattern_files
@@ -78,7 +78,7 @@ class Pattern:
     tabs: Tabs | None
     _unrolled: UnrollResult
     _model: Any
-    _fit: Callable[[Pieces], Tabs] | None = None
+    _tab_options: TabOptions | None = None
 
     @property
     def strips(self) -> tuple[Piece, ...]:
@@ -185,9 +185,9 @@ class Pattern:
             refuse_ignored_options(
                 "on an allowance, which has no teeth", taper=(taper, DEFAULT_TAPER), pitch=(pitch, None)
             )
-        fit = partial(fit_tabs, style=style, width=width, taper=taper, pitch=pitch)
-        tabs = fit(self._unrolled.pieces)
-        return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
+        options = TabOptions(style=style, width=width, taper=taper, pitch=pitch)
+        tabs = fit_tabs(self._unrolled.pieces, options)
+        return replace(self, pieces=tabs.pieces, tabs=tabs, _tab_options=options)
 
     def export(
         self,
@@ -291,7 +291,7 @@ class Pattern:
         bare = split_pieces.split_to_fit(
             self._unrolled.pieces, inner, lambda piece, points: sources[piece].map_to_face(points)
         )
-        return self._fit(bare).pieces if self._fit else bare
+        return fit_tabs(bare, self._tab_options).pieces if self._tab_options else bare
 
 
 def _check_rulings_paired(unrolled: UnrollResult) -> None:

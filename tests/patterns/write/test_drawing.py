@@ -12,7 +12,8 @@ from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.kerf import compensate_kerf
 from cqblend.patterns.stock.sheets import arrange_pieces
-from cqblend.patterns.stock.tabs import add_tabs
+from cqblend.patterns.stock.tab_options import TabOptions
+from cqblend.patterns.stock.tabs import fit_tabs
 from cqblend.patterns.write.drawing import ARC_FIT_TOLERANCE, STYLES, Layer, draw_sheets, join_drawings
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
@@ -100,7 +101,7 @@ def test_labels_without_room_are_noted_and_written_above():
 
 
 def test_scores_of_tabs_are_on_their_layers():
-    pieces = add_tabs(cases.valley(), width=5.0)
+    pieces = fit_tabs(cases.valley(), TabOptions(width=5.0)).pieces
     (drawing,) = draw_sheets(arrange_pieces(pieces))
     scores = [score for piece in pieces.pieces for score in piece.scores]
     assert scores
