@@ -39,7 +39,7 @@ class TabLimits:
     lowering_ratio
         Ratio by which the height of a flap that does not fit is reduced.
     inset_ratio
-        Relative to the width of tabs: flaps are inset by this when they are tested, so that touching ones do not overlap.
+        Relative to the width of tabs: inset of flaps when they are tested, so that those that touch do not overlap.
     """
 
     steepest_leg: float = float(np.radians(75.0))

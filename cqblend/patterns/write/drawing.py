@@ -18,8 +18,9 @@ from cqblend.patterns.outline.overlap import find_winding_errors
 from cqblend.patterns.outline.pieces import Piece, Seam, close_loop
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.kerf import compensate_kerf
-from cqblend.patterns.stock.labels import make_text_strokes, measure_text_width, place_labels
+from cqblend.patterns.stock.labels import place_labels
 from cqblend.patterns.stock.sheets import Sheets
+from cqblend.patterns.stock.stroke_font import make_text_strokes, measure_text_width
 from cqblend.splines.bernstein import Array
 
 ARC_FIT_TOLERANCE = 2e-3
