@@ -28,12 +28,12 @@ from cqblend.patterns.flatten.flat_face import UnrollOptions
 from cqblend.patterns.flatten.flat_strip import Layout
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
+from cqblend.patterns.stock.limits import LABEL_LIMITS
 from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
 from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.strips.division import Direction, Method
 from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.patterns.write import pattern_files
-from cqblend.patterns.write.drawing import LABEL_HEIGHT
 from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
@@ -197,7 +197,7 @@ class Pattern:
         margin: float = 5.0,
         gap: float = 3.0,
         kerf: float = 0.0,
-        labels: float | None = LABEL_HEIGHT,
+        labels: float | None = LABEL_LIMITS.height,
         fit: float | None = None,
         page: str | tuple[float, float] | None = DEFAULT_PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
@@ -256,7 +256,7 @@ class Pattern:
             refuse_ignored_options(f"on {suffix}, which has no pages", page=(page, DEFAULT_PAGE))
         if suffix == ".json":
             refuse_ignored_options(
-                "on .json, which has the pieces themselves", labels=(labels, LABEL_HEIGHT), fit=(fit, None)
+                "on .json, which has the pieces themselves", labels=(labels, LABEL_LIMITS.height), fit=(fit, None)
             )
         if is_default(packer, "grid"):
             refuse_ignored_options('on packer="grid"', seconds=(seconds, DEFAULT_PACKING_SECONDS))
@@ -274,15 +274,10 @@ class Pattern:
         pieces = self.pieces if sheet is None else self._split_to_sheet(sheet, margin)
         placed = sheets.arrange_pieces(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
         write = pattern_files.export_each_sheet if per_sheet else pattern_files.export_sheets
-        return write(
-            placed,
-            target,
-            kerf=kerf,
-            fit=fit,
-            height=labels,
-            page=page,
-            report=asdict(self.report),
+        options = pattern_files.ExportOptions(
+            kerf=kerf, arc_tolerance=fit, label_height=labels, page=page, report=asdict(self.report)
         )
+        return write(placed, target, options)
 
     def _split_to_sheet(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""

@@ -19,8 +19,6 @@ import shapely
 from cqblend.errors import GeometryError, InputError, InstallationError, shown
 from cqblend.patterns.stock.limits import PACKING_LIMITS
 from cqblend.patterns.stock.placement import Placement, SheetSize
-from cqblend.splines.bernstein import Array
-
 
 WORKER = File(__file__).with_name("nesting_worker.py")
 """The script that runs in the other process."""

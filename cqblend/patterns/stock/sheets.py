@@ -57,12 +57,6 @@ class Sheets:
         """Return the pieces on a sheet, given by its index."""
         return tuple(piece for piece, own in zip(self.pieces.pieces, self.numbers, strict=True) if own == number)
 
-    @property
-    def used_fraction(self) -> float:
-        """Area of the pieces, tabs included, over the area of all sheets."""
-        cut = sum(path.area for piece in self.pieces.pieces for path in piece.cuts)
-        return cut / max(self.count * self.size[0] * self.size[1], np.finfo(float).tiny)
-
 
 def arrange_pieces(
     pieces: Pieces,
