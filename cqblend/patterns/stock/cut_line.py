@@ -11,6 +11,7 @@ from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.limits import CUTTING_LIMITS
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 
 class CutLine:
@@ -93,9 +94,9 @@ class CutLine:
         """Return the part of segment k at which it crosses the line; the distance is monotone from `low` to `high`."""
         segment = np.array([k])
         rising = self.signed_distances(path.at(segment, np.array([high])))[0] > 0
-        while low < (middle := (low + high) / 2) < high:
-            if (self.signed_distances(path.at(segment, np.array([middle])))[0] > 0) == rising:
-                high = middle
-            else:
-                low = middle
-        return middle
+
+        def is_before_line(part: float) -> bool:
+            return bool((self.signed_distances(path.at(segment, np.array([part])))[0] > 0) != rising)
+
+        low, high = bisect_interval(is_before_line, low, high)
+        return (low + high) / 2

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, SizeError, VerificationError, shown
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.bounding_boxes import find_fitting_angle, find_flattest_angle, measure_rotated_extents
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.pieces import Piece, Pieces

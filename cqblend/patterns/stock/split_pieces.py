@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.bounding_boxes import (
     find_convex_hull,
     find_fitting_angle,

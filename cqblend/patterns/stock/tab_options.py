@@ -5,8 +5,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, shown
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.stock.limits import TAB_LIMITS
 
 TabStyle = Literal["one", "alternating", "both", "strips", "allowance"]
