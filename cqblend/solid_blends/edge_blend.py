@@ -31,8 +31,9 @@ from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
 from cqblend.brep.read.face_surface import SupportFace
+from cqblend.brep.rewrite.blend_placement import place_blend
 from cqblend.brep.rewrite.end_curve import BlendEndError
-from cqblend.brep.rewrite.shell_edit import ProposedSolid, RailsTooShortError, ShellEdit
+from cqblend.brep.rewrite.shell_edit import ProposedSolid, RailsTooShortError, blend_closed_edge, blend_open_edge
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.selection import PendingEdges
 from cqblend.brep.select.united_faces import unify_faces
@@ -243,9 +244,9 @@ def _insert_at_joint(
 ) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
     fitted = _align_to_joint(joint, blend)
-    surgery = ShellEdit(joint.solid, joint.spine, joint.sides, fitted, joint.name_part)
-    natural = EndPlan.from_domain(surgery.domain)
-    proposal = surgery.blend_closed_edge() if joint.spine.closed else surgery.blend_open_edge(natural.caps)
+    placement = place_blend(joint.solid, joint.spine, joint.sides, fitted, joint.name_part)
+    natural = EndPlan.from_domain(placement.domain)
+    proposal = blend_closed_edge(placement) if joint.spine.closed else blend_open_edge(placement, natural.caps)
     limit = max(EDGE_TOLERANCE, 2 * joint.tolerance)
     problems = check_solid(
         joint.solid, proposal.solid, [proposal.blend_face], grows=not joint.is_convex, tolerance=limit
@@ -372,9 +373,9 @@ def _propose_solid(
         check_creases(
             blend, _get_crease_limits(request), (f"face {first}", f"face {second}"), steers=request.relation is None
         )
-        surgery = ShellEdit(joint.solid, joint.spine, joint.sides, blend, joint.name_part)
+        placement = place_blend(joint.solid, joint.spine, joint.sides, blend, joint.name_part)
         try:
-            proposal = surgery.blend_closed_edge() if joint.spine.closed else surgery.blend_open_edge(caps)
+            proposal = blend_closed_edge(placement) if joint.spine.closed else blend_open_edge(placement, caps)
             break
         except RailsTooShortError as short:
             slack = 0.1 * (short.needed_domain[1] - short.needed_domain[0])
