@@ -23,8 +23,10 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blend_options import BlendRequest
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
-from cqblend.brep.verification.soundness import check_solid, make_skew_plane, measure_volume
+from cqblend.brep.verification.edge_continuity import measure_continuity_between
+from cqblend.brep.verification.edge_sides import find_edge_sides
+from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.edge_blend import blend_shape
 

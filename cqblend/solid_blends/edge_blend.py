@@ -38,8 +38,9 @@ from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.selection import PendingEdges
 from cqblend.brep.select.united_faces import unify_faces
 from cqblend.brep.topology import replace_solid
+from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.certify import certify_blend
-from cqblend.brep.verification.soundness import check_solid, is_valid
+from cqblend.brep.verification.soundness import check_solid
 from cqblend.certificate import Certificate, EndRecord
 from cqblend.errors import (
     CqblendError,
