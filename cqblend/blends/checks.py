@@ -11,7 +11,17 @@ from cqblend.splines.knots import to_float_array
 
 
 class TooManySpansError(GeometryError):
-    """A fit within a tolerance takes more spans than there may be."""
+    """A fit within a tolerance takes more spans than there may be.
+
+    Attributes
+    ----------
+    finding : str
+        What was found.
+    """
+
+    def __init__(self, finding: str, advice: str) -> None:
+        super().__init__(f"{finding}: {advice}", kind="spans")
+        self.finding = finding
 
 
 def to_point(value: object) -> NDArray[np.float64] | None:

@@ -226,7 +226,7 @@ class Sweep:
                 corners=at[orders < LEAST_SMOOTH_CONTINUITY],
             )
         except TooManySpansError as error:
-            raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error
+            raise TooManySpansError(error.finding, self._explain_roughness()) from error
         return replace(one, fades=True), replace(two, fades=True)
 
 

@@ -374,8 +374,8 @@ class _CubicFit:
         missed = max(float(errors.across.max()) for errors in measured)
         if missed > 10 * wanted.position:
             raise TooManySpansError(
-                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
-                "not smooth enough for this size; try a smaller one"
+                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations",
+                "the edge or its faces are not smooth enough for this size; try a smaller one",
             )
         return breaks, built
 

@@ -95,8 +95,8 @@ class FilledSection(ABC):
         else:
             raise TooManySpansError(
                 f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
-                f"{int(SPANS_PER_POINT * points)} spans "
-                f"across: ask for a larger tolerance, or {self.advice[0]}"
+                f"{int(SPANS_PER_POINT * points)} spans across",
+                f"ask for a larger tolerance, or {self.advice[0]}",
             )
 
         def sample_coefficients(t: Array) -> Array:
@@ -152,8 +152,8 @@ class FilledSection(ABC):
             except GeometryError as error:
                 last = error
         raise TooManySpansError(
-            f"the interior between the rails cannot be approximated along them: {last}; ask for a larger tolerance, or "
-            f"{self.advice[1]}"
+            "the interior between the rails cannot be approximated along them",
+            f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
     def _choose_across_basis(self, v: Array, found: Array) -> _AcrossBasis | None:

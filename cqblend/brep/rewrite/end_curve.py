@@ -21,7 +21,7 @@ class BlendEndError(CqblendError):
     """One end of a blend cannot be built: ``end`` is 0 or 1, and ``cause`` is why."""
 
     def __init__(self, end: int, cause: CqblendError) -> None:
-        super().__init__(str(cause))
+        super().__init__(str(cause), kind=cause.kind, place=float(end), value=cause.value)
         self.end = end
         self.cause = cause
 

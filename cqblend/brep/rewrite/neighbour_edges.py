@@ -104,8 +104,8 @@ def _trim_edge(edge: TopoDS_Edge, trims: Sequence[EdgeTrim], placement: BlendPla
                 extensions.append(_make_extension_edge(trim))
                 continue
         except SizeError as error:
-            name = placement.name_part(edge)
-            raise BlendEndError(trim.end, SizeError(f"{name} next to the blend: {error}")) from error
+            cause = error.with_details(before=f"{placement.name_part(edge)} next to the blend: ")
+            raise BlendEndError(trim.end, cause) from error
         span[which], vertices[which] = parameter, trim.corner
     distance = np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1]))
     if distance < 100 * CONFUSION or span[0] >= span[1]:
