@@ -24,8 +24,8 @@ from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
-from cqblend.splines import fit
-from cqblend.surfaces.primaries import to_tangent_coordinates
+from cqblend.splines import interpolation
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 def measure_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
@@ -79,7 +79,7 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float
     off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
     if not off < deviation / 2 or not moved < 4 * deviation:  # the face is far from the curve, or a foot has jumped
         return deviation
-    degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
+    degree, knots, poles, _ = interpolation.interpolate(t, uv).to_bspline()
     BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
     deviation_now = measure_deviation(use, face)
     if deviation_now < deviation / 2:

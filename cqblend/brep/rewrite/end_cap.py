@@ -45,7 +45,9 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, LocalFrame, Plane, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.quadrics import Plane
+from cqblend.surfaces.vectors import LocalFrame, normalise_vectors
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class _FlatCap:
     @property
     def foot(self) -> Array:
         """The point of the edge in the cap's plane."""
-        return self.stations.point[0]
+        return self.stations.points[0]
 
 
 def end_in_cap(placement: BlendPlacement, end: int, t: float) -> BlendEnd:
@@ -79,7 +81,7 @@ def end_in_cap(placement: BlendPlacement, end: int, t: float) -> BlendEnd:
     inner_borders: list[tuple[TopoDS_Edge, ...]] = []
     borders, trims = [], []
     for i, (side, corner) in enumerate(zip(placement.sides, corners, strict=True)):
-        tangent, spine_edges = cap.stations.direction[0], placement.spine.edges
+        tangent, spine_edges = cap.stations.tangents[0], placement.spine.edges
         edge_in_plane = (
             find_edge_in_plane(side.face, vertex, spine_edges, tangent, locate_vertex(corner)) if t == end else None
         )
@@ -117,7 +119,7 @@ def _place_cap(placement: BlendPlacement, end: int, t: float) -> _FlatCap:
     stations = project_to_intersection(
         placement.sides, placement.spine.locate_stations(at, placement.sides), placement.spine.length
     )
-    foot, tangent = stations.point[0], stations.direction[0]
+    foot, tangent = stations.points[0], stations.tangents[0]
     first, second = (row(at)[0] for row in placement.rail_curves)
     # The sense in which the end curve and the foot run around the tangent: at the far end, the end curve is FORWARD in
     # the boundary of the cap.

@@ -13,8 +13,10 @@ from cqblend.brep.read import spline_arrays
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 class BlendEndError(CqblendError):
@@ -54,7 +56,7 @@ def fit_solved_curve(solve_points: Callable[[Array], Array], measure_error: Call
     while True:
         v = np.linspace(0, 1, 6 * refinement + 1)
         values = solve_points(v)
-        curve = _interpolate_cubic(values) if refinement == 1 else fit.interpolate(v[::2], values[::2])
+        curve = _interpolate_cubic(values) if refinement == 1 else interpolation.interpolate(v[::2], values[::2])
         is_near = measure_error(curve(v), v) <= REWRITE_TOLERANCES.curve_fit
         if is_near or refinement >= REWRITE_TOLERANCES.max_fit_refinement:
             return curve

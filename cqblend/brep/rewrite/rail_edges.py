@@ -22,8 +22,8 @@ from cqblend.brep.rewrite.sphere_axis import make_realigned_face
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import attach_pcurves, find_seam_edges, make_edge, make_vertex, reverse_edge
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.roots import find_sign_changes
-from cqblend.surfaces.primaries import Array
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from cqblend.brep.topology import (
     raise_vertex_tolerance,
 )
 from cqblend.errors import SizeError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from cqblend.brep.verification.measuring_places import find_knot_crossings, spre
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 @dataclass(frozen=True)

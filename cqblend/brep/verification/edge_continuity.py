@@ -1,8 +1,8 @@
 """How smoothly two faces meet along an edge, as OCCT itself evaluates them.
 
 What cqblend promises is proven elsewhere, on the coefficients of splines. This module checks it independently: it reads
-finished ``TopoDS`` shapes, of whatever origin, point by point through OCCT's own ``Geom_Surface.D2``. It uses none of
-cqblend's splines, rails or blends, so that a certificate and what it certifies share no arithmetic.
+finished ``TopoDS`` shapes, of whatever origin, point by point through OCCT's own ``Geom_Surface.D2``. It evaluates none
+of cqblend's splines, rails or blends, so that a certificate and what it certifies share no arithmetic.
 
 Conventions: lengths in mm, angles in radians, curvatures in 1/mm. Normals point out of the material (``Su x Sv`` on a
 FORWARD face, its opposite on a REVERSED one). Locations of shapes are respected.
@@ -24,7 +24,6 @@ from cqblend.brep.verification.edge_samples import EdgeSamples, choose_sample_pa
 from cqblend.brep.verification.edge_sides import EdgeSide, find_edge_sides
 from cqblend.brep.verification.measuring_places import SPAN_SHARES, resample_near_maxima
 from cqblend.brep.verification.surface_evaluation import (
-    Array,
     compute_normals_curvatures,
     evaluate_edge,
     evaluate_surface_jets,
@@ -33,6 +32,7 @@ from cqblend.brep.verification.surface_evaluation import (
 )
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.errors import GeometryError
+from cqblend.splines.bernstein import Array
 
 EdgeKind = Literal["convex", "concave", "smooth"]
 

@@ -26,13 +26,13 @@ from cqblend.brep.verification.measuring_places import (
     spread_samples,
 )
 from cqblend.brep.verification.surface_evaluation import (
-    Array,
     compute_normals_curvatures,
     evaluate_pcurve,
     evaluate_surface_jets,
 )
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.errors import InputError, SelectionError
+from cqblend.splines.bernstein import Array
 
 
 @dataclass(frozen=True)

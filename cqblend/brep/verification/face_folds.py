@@ -13,7 +13,8 @@ from OCP.TopAbs import TopAbs_OUT
 from OCP.TopoDS import TopoDS_Face
 
 from cqblend.brep.verification.measuring_places import find_knot_lines
-from cqblend.brep.verification.surface_evaluation import Array, evaluate_face_normals
+from cqblend.brep.verification.surface_evaluation import evaluate_face_normals
+from cqblend.splines.bernstein import Array
 
 
 def find_folds(face: TopoDS_Face) -> list[str]:

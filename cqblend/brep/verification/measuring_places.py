@@ -1,7 +1,7 @@
 """Where to measure along an edge: the parameters at which a curve or a surface may jump, and samples in between.
 
 The difference of two surfaces along a common curve is smooth between the knots of both surfaces and of the curve, but
-any span, however short, may hold the largest one. Depends on OCCT's curves and surfaces only.
+any span, however short, may hold the largest one. Evaluates OCCT's curves and surfaces only.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,8 +14,9 @@ from OCP.GeomAbs import GeomAbs_BSplineCurve, GeomAbs_BSplineSurface, GeomAbs_CN
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.TColStd import TColStd_Array1OfReal
 
-from cqblend.brep.verification.surface_evaluation import Array
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import solve_in_brackets
 
 CLUSTER_OFFSETS = np.array([1e-8, 1e-5, 1e-3])
 """Distances of the samples clustered on either side of a break, relative to the edge's range."""
@@ -78,23 +79,14 @@ def find_knot_crossings(curve: Callable[[Array], Array], low: float, high: float
         crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
         crosses &= np.abs(after - before) > VERIFICATION_TOLERANCES.knot_line * size  # else it runs along the line
         i, line = np.nonzero(crosses)
-        a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
-        at_line = uv[i, k] - fa
-        t = a
-        for _ in range(VERIFICATION_TOLERANCES.crossing_iterations):  # regula falsi, the Illinois way
-            t = np.clip(a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa), a, b)
-            f = curve(t)[:, k] - at_line
-            ahead = fa * f > 0.0
-            done = (np.abs(f) <= np.spacing(np.abs(at_line))) | (b - a <= np.spacing(np.abs(t)))
-            if done.all():
-                break
-            a, fa, b, fb = (
-                np.where(ahead, t, a),
-                np.where(ahead, f, fa / 2),
-                np.where(ahead, b, t),
-                np.where(ahead, fb / 2, f),
-            )
-        found.append(t)
+        distances = before[i, line], after[i, line]
+        knot = uv[i, k] - distances[0]
+
+        def measure_past_knot(t: Array, k: int = k, knot: Array = knot) -> Array:
+            return np.asarray(curve(t)[:, k] - knot)
+
+        tolerance, steps = np.spacing(np.abs(knot)), VERIFICATION_TOLERANCES.crossing_iterations
+        found.append(solve_in_brackets(measure_past_knot, (ts[i], ts[i + 1]), distances, tolerance, steps))
     return np.concatenate(found)
 
 

@@ -6,7 +6,6 @@ Nothing here uses cqblend's own evaluation of splines: certificates are measured
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.Geom import Geom_Surface
@@ -18,8 +17,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.errors import GeometryError
-
-Array = NDArray[np.float64]
+from cqblend.splines.bernstein import Array
 
 
 def evaluate_pcurve(pcurve: Geom2d_Curve, ts: Array) -> Array:

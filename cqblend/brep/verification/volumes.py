@@ -18,8 +18,8 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Shape
 
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.surface_evaluation import Array
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.splines.bernstein import Array
 
 
 def measure_volume(
