@@ -27,7 +27,7 @@ from cqblend.brep.rewrite.end_curve import (
     make_shared_edge,
     solve_end_curve,
 )
-from cqblend.brep.rewrite.face_edits import BlendEnd, EdgeTrim
+from cqblend.brep.rewrite.face_edits import BlendEnd, CapParameters, EdgeTrim
 from cqblend.brep.rewrite.neighbour_edges import find_edge_in_plane, project_to_edge
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import (
@@ -198,7 +198,7 @@ def _make_cap_border(
 
 
 def make_edge_remainders(
-    placement: BlendPlacement, low: BlendEnd, high: BlendEnd, caps: tuple[float | None, float | None]
+    placement: BlendPlacement, low: BlendEnd, high: BlendEnd, caps: CapParameters
 ) -> Mapping[int, list[TopoDS_Edge]]:
     """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
     spine = placement.spine

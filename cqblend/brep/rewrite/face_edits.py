@@ -24,6 +24,9 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 
+CapParameters = tuple[float | None, float | None]
+"""The t of the flat caps at both ends of an open blend, None for an end on the face across the edge."""
+
 
 @dataclass(frozen=True)
 class FaceEdit:

@@ -24,7 +24,14 @@ from cqblend.brep.rewrite.edge_accuracy import raise_edge_tolerances
 from cqblend.brep.rewrite.end_cap import end_in_cap, make_edge_remainders
 from cqblend.brep.rewrite.end_curve import BlendEndError
 from cqblend.brep.rewrite.end_on_face import end_on_face
-from cqblend.brep.rewrite.face_edits import BlendEnd, FaceEdit, RemovedEdges, merge_face_edits, rebuild_face
+from cqblend.brep.rewrite.face_edits import (
+    BlendEnd,
+    CapParameters,
+    FaceEdit,
+    RemovedEdges,
+    merge_face_edits,
+    rebuild_face,
+)
 from cqblend.brep.rewrite.neighbour_edges import trim_neighbour_edges
 from cqblend.brep.rewrite.rail_edges import RailSpan, trim_at_rail
 from cqblend.brep.topology import (
@@ -86,7 +93,7 @@ def blend_closed_edge(placement: BlendPlacement) -> ProposedSolid:
     return _assemble_solid(placement, make_closed_wire(uses), (first, second), [first_edit, second_edit])
 
 
-def blend_open_edge(placement: BlendPlacement, caps: tuple[float | None, float | None] = (None, None)) -> ProposedSolid:
+def blend_open_edge(placement: BlendPlacement, caps: CapParameters = (None, None)) -> ProposedSolid:
     """Put a blend in the place of an open edge.
 
     It ends on the one other face at each of the edge's vertices, or in flat caps at the given t.
@@ -126,7 +133,7 @@ def _list_spine_vertices(placement: BlendPlacement) -> list[TopoDS_Vertex]:
     return [vertex for edge in placement.spine.edges for vertex in find_end_vertices(edge)]
 
 
-def _list_removed_vertices(placement: BlendPlacement, caps: tuple[float | None, float | None]) -> list[TopoDS_Vertex]:
+def _list_removed_vertices(placement: BlendPlacement, caps: CapParameters) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges but for those at an end with a flat cap."""
     kept = [vertex for vertex, cap in zip(placement.spine.vertices, caps, strict=True) if cap is not None]
     return [vertex for vertex in _list_spine_vertices(placement) if not any(vertex.IsSame(one) for one in kept)]
