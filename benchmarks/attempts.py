@@ -22,9 +22,9 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blend_options import BlendRequest
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.edge_continuity import measure_continuity_between
-from cqblend.brep.verification.edge_sides import find_edge_sides
 from cqblend.brep.verification.soundness import check_solid
 from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError

@@ -28,8 +28,9 @@ from cqblend.brep.rewrite.end_curve import (
     solve_end_curve,
 )
 from cqblend.brep.rewrite.face_edits import BlendEnd, CapParameters, EdgeTrim
-from cqblend.brep.rewrite.neighbour_edges import find_edge_in_plane, project_to_edge
+from cqblend.brep.rewrite.neighbour_edges import project_to_edge
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.select.edge_ends import find_edge_in_plane
 from cqblend.brep.topology import (
     BUILDER,
     attach_pcurves,
@@ -191,6 +192,7 @@ def _make_cap_border(
         return np.column_stack([uv, (point - foot) @ plane.frame.axes[:2].T, point])
 
     def measure_error(values: Array, _: Array) -> float:
+        """Return how far (mm) points are from their images on the support face and on the plane."""
         on_face, on_plane = side.face_primary.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
 

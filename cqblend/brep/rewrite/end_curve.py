@@ -93,6 +93,8 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
         start = EndCurveStart(float(touch[0]), touch[1:], target.jet(touch[None, 1:])[0, 0])
 
     def solve_curve_points(v: Array) -> Array:
+        """Return the curve's values (n, 7) at v (n,)."""
+
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
             h = blend.jet(x[:, 0], v, 1)
             n = target.jet(x[:, 1:])
@@ -110,6 +112,7 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
         return np.column_stack([x[:, 0], v, x[:, 1:], target.jet(x[:, 1:])[0]])
 
     def measure_error(values: Array, v: Array) -> float:
+        """Return how far (mm) points are from their images on both surfaces."""
         on_blend, on_target = blend(values[:, 0], v), target.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_target)))
 

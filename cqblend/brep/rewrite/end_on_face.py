@@ -14,8 +14,8 @@ from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.rewrite.blend_placement import BlendPlacement
 from cqblend.brep.rewrite.end_curve import EndCurveStart, get_end_parameters, make_end_edge, solve_end_curve
 from cqblend.brep.rewrite.face_edits import BlendEnd, EdgeTrim, FaceEdit
-from cqblend.brep.rewrite.neighbour_edges import find_end_face
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.select.edge_ends import find_end_face
 from cqblend.brep.topology import (
     AncestorMap,
     explore_subshapes,

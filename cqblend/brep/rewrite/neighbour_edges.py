@@ -8,63 +8,30 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import solve_damped_newton
-from cqblend.brep.read.face_surface import SupportFace, read_support_face
+from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.rewrite.blend_placement import BlendPlacement
 from cqblend.brep.rewrite.edge_accuracy import measure_deviation
 from cqblend.brep.rewrite.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
 from cqblend.brep.rewrite.face_edits import EdgeTrim, FaceEdit
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
-from cqblend.brep.select.spine import EdgeSpine
 from cqblend.brep.topology import (
     CONFUSION,
-    AncestorMap,
-    drop_duplicate_shapes,
     explore_subshapes,
     find_end_vertices,
-    find_outgoing_tangent,
-    find_seam_edges,
     find_vertex_uv,
     locate_vertex,
     make_trimmed_copy,
     orient_forward,
     raise_vertex_tolerance,
 )
-from cqblend.errors import SizeError, TopologyError
+from cqblend.errors import SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.vectors import to_tangent_coordinates
-
-
-def find_neighbour_faces(solid: TopoDS_Shape, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
-    """Return the faces at a vertex of the blended edge that are none of its two sides."""
-    faces = AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE)(vertex)
-    return [face for face in faces if not any(face.IsSame(side.face) for side in sides)]
-
-
-def find_end_face(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
-    """Return the one face at the start (``end`` 0) or stop (1) of the blended edge on which its blend can end.
-
-    Raises
-    ------
-    TopologyError
-        If there is not exactly one further face, or another edge continues the blended one past the vertex.
-    """
-    vertex, edge = spine.vertices[end], spine.edges[-end]
-    others = find_neighbour_faces(solid, vertex, sides)
-    if len(others) != 1:
-        raise TopologyError(
-            f"the joint goes on there: a natural end takes one further face, across the edge, not {len(others)}"
-        )
-    arriving = -find_outgoing_tangent(vertex, edge)
-    for other in AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex):
-        turn = np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving)
-        if not other.IsSame(edge) and turn < REWRITE_TOLERANCES.same_direction:
-            raise TopologyError("the joint goes on there: another edge leaves in the same direction")
-    return others[0]
 
 
 def trim_neighbour_edges(placement: BlendPlacement, trims: Iterable[EdgeTrim]) -> list[FaceEdit]:
@@ -138,32 +105,6 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float
     return _find_extension_parameter(edge, which, trim)
 
 
-def find_edge_in_plane(
-    face: TopoDS_Face, vertex: TopoDS_Vertex, blended: Sequence[TopoDS_Edge], normal: Array, corner: Array
-) -> TopoDS_Edge | None:
-    """Return the edge of a face that runs from a vertex to a point in the plane through the vertex; None if none does.
-
-    ``normal`` is the plane's, and the edges that are ``blended`` do not count.
-    """
-    start = locate_vertex(vertex)
-    for edge in drop_duplicate_shapes(orient_forward(use) for use in explore_subshapes(face, TopAbs_EDGE)):
-        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in (*blended, *find_seam_edges(face))):
-            continue
-        own = find_end_vertices(edge)
-        if own[0].IsSame(own[1]) or not any(vertex.IsSame(end) for end in own):
-            continue
-        curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
-        slack = 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
-        project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*corner.tolist()), curve, first, last)
-        if project.NbPoints() == 0 or project.LowerDistance() > slack:
-            continue
-        span = np.linspace(first if own[0].IsSame(vertex) else last, project.LowerDistanceParameter(), 17)
-        points = np.array([curve.Value(t).Coord() for t in span.tolist()])
-        if np.abs((points - start) @ normal).max() <= slack:
-            return edge
-    return None
-
-
 def project_to_edge(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
     """Return the parameter of a FORWARD edge nearest to a vertex, and the distance (mm), infinite if it is beyond."""
     project = GeomAPI_ProjectPointOnCurve(
@@ -232,6 +173,8 @@ def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
     guesses = [find_vertex_uv(trim.vertex, side.face)[None] for side in (first, second)]
 
     def solve_curve_points(s: Array) -> Array:
+        """Return (u1, v1, u2, v2, x, y, z) on both surfaces at shares s (n,) of the chord."""
+
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
             one, other = first.face_primary.jet(x[:, :2]), second.face_primary.jet(x[:, 2:])
             residual = np.column_stack([one[0] - other[0], (one[0] - start) @ chord - s * length])
@@ -261,11 +204,13 @@ def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
     vertex_offset = start - solve_curve_points(np.zeros(1))[0, 4:]
 
     def offset_to_vertex(s: Array) -> Array:
+        """Return the same with points that start exactly at the vertex."""
         values = solve_curve_points(s)
         values[:, 4:] += (1 - s)[:, None] * vertex_offset
         return values
 
     def measure_error(values: Array, s: Array) -> float:
+        """Return how far (mm) points, but for the offset, are from their images on both surfaces."""
         points = values[:, 4:] - (1 - s)[:, None] * vertex_offset
         images = first.face_primary.jet(values[:, :2])[0], second.face_primary.jet(values[:, 2:4])[0]
         return float(max(np.abs(image - points).max() for image in images))

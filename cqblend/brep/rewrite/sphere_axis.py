@@ -21,6 +21,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Wire
 
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.brep.read.face_surface import SupportFace
+from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
     attach_pcurves,
@@ -41,9 +42,6 @@ from cqblend.surfaces.vectors import LocalFrame
 
 SPHERE_BOUNDS = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 """Longitude and latitude of a whole sphere."""
-
-FULL_TURN_TOLERANCE = 1e-6
-"""Radians by which a rail's change of longitude may differ from a full turn."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def realign_sphere(side: SupportFace, rail: Ribbon, blended: Sequence[TopoDS_Edg
             return None
     t = np.linspace(*rail.c.domain, 129)
     longitudes = np.unwrap(sphere.unlift_points(rail.c(t), np.zeros((len(t), 2)))[:, 0])
-    if abs(abs(longitudes[-1] - longitudes[0]) - 2 * np.pi) > FULL_TURN_TOLERANCE:
+    if abs(abs(longitudes[-1] - longitudes[0]) - 2 * np.pi) > REWRITE_TOLERANCES.full_turn:
         return None
     x, y, z = sphere.frame.axes
     start = longitudes[0]
@@ -90,6 +88,7 @@ def make_realigned_face(realigned: RealignedSphere, rail_use: TopoDS_Edge, into_
 
 
 def _make_sphere_surface(sphere: Sphere) -> Geom_SphericalSurface:
+    """Return a sphere as a surface of OCCT."""
     x, y, z = sphere.frame.axes
     position = gp_Ax3(gp_Pnt(*sphere.frame.origin.tolist()), gp_Dir(*z.tolist()), gp_Dir(*x.tolist()))
     if np.cross(x, y) @ z < 0:

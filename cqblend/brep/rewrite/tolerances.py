@@ -21,8 +21,8 @@ class RewriteTolerances:
     max_fit_refinement: int = 64
     """Largest number by which the six spans of the samples of such a curve are multiplied."""
 
-    same_direction: float = 0.15
-    """Norm of the difference of two unit tangents (about radians): edges that differ by less continue each other."""
+    full_turn: float = 1e-6
+    """Radians: by how much the longitude along a rail around a sphere's axis may miss a full turn."""
 
     deviation_margin: float = 1.05
     """Factor on a measured deviation: the smallest tolerance that surely covers it."""

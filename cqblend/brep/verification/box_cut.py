@@ -11,8 +11,8 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt
 from OCP.Standard import Standard_Failure
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measure.surface_evaluation import evaluate_face_normals
 from cqblend.brep.verification.brep_check import is_valid
-from cqblend.brep.verification.surface_evaluation import evaluate_face_normals
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.brep.verification.volumes import compute_bounds, estimate_volume_error, measure_volume
 from cqblend.splines.bernstein import Array

@@ -1,6 +1,6 @@
 """The certificate of a blend: its rails, creases and tolerances, measured on the finished faces.
 
-The measurements are those of :mod:`cqblend.brep.verification.edge_continuity`, which depends on OCCT's geometry only.
+The measurements are those of :mod:`cqblend.brep.measure.edge_continuity`, which depends on OCCT's geometry only.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from cqblend.blends.quality.fairness import bending_energy
 from cqblend.blends.quality.proof import prove_blend
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
+from cqblend.brep.measure.edge_continuity import measure_continuity_between, measure_surface_contact
+from cqblend.brep.measure.edge_samples import sample_outline
+from cqblend.brep.measure.inner_creases import find_inner_crease
+from cqblend.brep.measure.measuring_places import find_knot_crossings, spread_samples
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.face_surface import PCURVE_TOLERANCE
 from cqblend.brep.read.spline_conversion import to_face
 from cqblend.brep.rewrite.shell_edit import ProposedSolid
 from cqblend.brep.select.edge_joint import Joint
-from cqblend.brep.verification.edge_continuity import measure_continuity_between, measure_surface_contact
-from cqblend.brep.verification.edge_samples import sample_outline
-from cqblend.brep.verification.inner_creases import find_inner_crease
-from cqblend.brep.verification.measuring_places import find_knot_crossings, spread_samples
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.splines import Curve, Surface

@@ -9,9 +9,9 @@ from OCP.LocalAnalysis import LocalAnalysis_SurfaceContinuity
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measure.edge_samples import choose_sample_parameters, sample_edge_side
+from cqblend.brep.measure.edge_sides import EdgeSide, get_two_sides
 from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
-from cqblend.brep.verification.edge_samples import choose_sample_parameters, sample_edge_side
-from cqblend.brep.verification.edge_sides import EdgeSide, get_two_sides
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 
 _ANALYSIS_EPSILONS = (VERIFICATION_TOLERANCES.analysis_epsilon,) * 5

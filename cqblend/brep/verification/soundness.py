@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measure.edge_sides import require_shape
 from cqblend.brep.topology import ShapeIndex, make_compound
 from cqblend.brep.verification.box_cut import BoxCheck, check_box
 from cqblend.brep.verification.brep_check import describe_flaws, drop_inherited_flaws, find_flaws, find_shell_problems
-from cqblend.brep.verification.edge_sides import require_shape
 from cqblend.brep.verification.face_folds import find_folds
 from cqblend.brep.verification.replaced_faces import (
     check_volume_change,

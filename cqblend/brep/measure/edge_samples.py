@@ -18,19 +18,19 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
 
-from cqblend.brep.verification.edge_sides import EdgeSide, find_sides_on_face, read_pcurve
-from cqblend.brep.verification.measuring_places import (
+from cqblend.brep.measure.edge_sides import EdgeSide, find_sides_on_face, read_pcurve
+from cqblend.brep.measure.measuring_places import (
     find_curve_knots,
     find_knot_crossings,
     measure_line_distances,
     spread_samples,
 )
-from cqblend.brep.verification.surface_evaluation import (
+from cqblend.brep.measure.surface_evaluation import (
     compute_normals_curvatures,
     evaluate_pcurve,
     evaluate_surface_jets,
 )
-from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.brep.measure.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
 
@@ -149,10 +149,10 @@ def _shift_to_face_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geo
     moved = uv.copy()
     for k, distances, size in measure_line_distances(surface, GeomAbs_C2, uv):
         offset = distances[np.arange(len(uv)), np.abs(distances).argmin(axis=1)]
-        for i in np.nonzero(np.abs(offset) <= VERIFICATION_TOLERANCES.knot_line * size)[0].tolist():
+        for i in np.nonzero(np.abs(offset) <= MEASURE_TOLERANCES.knot_line * size)[0].tolist():
             point, velocity = gp_Pnt2d(), gp_Vec2d()
             pcurve.D1(float(ts[i]), point, velocity)
-            if abs(velocity.Coord()[k] * signed_span) <= VERIFICATION_TOLERANCES.knot_line * size:
+            if abs(velocity.Coord()[k] * signed_span) <= MEASURE_TOLERANCES.knot_line * size:
                 inward = (-velocity.Y(), velocity.X())[k] * signed_span
                 line = uv[i, k] - offset[i]
                 moved[i, k] = line + math.copysign(compute_side_step(size, line), inward)
@@ -161,7 +161,7 @@ def _shift_to_face_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geo
 
 def compute_side_step(size: float, line: float) -> float:
     """Return a step off the knot line at parameter ``line`` that surely leaves it, in a domain of length ``size``."""
-    return max(VERIFICATION_TOLERANCES.knot_line_step * size, 16.0 * float(np.spacing(abs(line))))
+    return max(MEASURE_TOLERANCES.knot_line_step * size, 16.0 * float(np.spacing(abs(line))))
 
 
 def _map_to_range(ts: Array, source: tuple[float, float], target: tuple[float, float]) -> Array:

@@ -12,10 +12,10 @@ from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from cqblend.brep.verification.edge_samples import compute_side_step
-from cqblend.brep.verification.edge_sides import require_shape
-from cqblend.brep.verification.measuring_places import CLUSTER_OFFSETS, find_knot_lines
-from cqblend.brep.verification.surface_evaluation import evaluate_face_normals, measure_angle_between
+from cqblend.brep.measure.edge_samples import compute_side_step
+from cqblend.brep.measure.edge_sides import require_shape
+from cqblend.brep.measure.measuring_places import CLUSTER_OFFSETS, find_knot_lines
+from cqblend.brep.measure.surface_evaluation import evaluate_face_normals, measure_angle_between
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Edge
 
-from cqblend.brep.verification.edge_continuity import measure_continuity
-from cqblend.brep.verification.edge_samples import choose_sample_parameters, sample_edge_side
-from cqblend.brep.verification.edge_sides import find_edge_sides
+from cqblend.brep.measure.edge_continuity import measure_continuity
+from cqblend.brep.measure.edge_samples import choose_sample_parameters, sample_edge_side
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.errors import InputError, SelectionError
 
 

@@ -7,7 +7,7 @@ import pytest
 from measured_shapes import bspline, faces, roof, wave, wrapped
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_NurbsConvert
 
-from cqblend.brep.verification.inner_creases import find_inner_crease
+from cqblend.brep.measure.inner_creases import find_inner_crease
 from cqblend.errors import InputError
 
 

@@ -20,17 +20,17 @@ from OCP.gp import gp_Vec
 from OCP.TopAbs import TopAbs_FORWARD
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
-from cqblend.brep.verification.edge_samples import EdgeSamples, choose_sample_parameters, sample_edge_side
-from cqblend.brep.verification.edge_sides import EdgeSide, find_edge_sides
-from cqblend.brep.verification.measuring_places import SPAN_SHARES, resample_near_maxima
-from cqblend.brep.verification.surface_evaluation import (
+from cqblend.brep.measure.edge_samples import EdgeSamples, choose_sample_parameters, sample_edge_side
+from cqblend.brep.measure.edge_sides import EdgeSide, find_edge_sides
+from cqblend.brep.measure.measuring_places import SPAN_SHARES, resample_near_maxima
+from cqblend.brep.measure.surface_evaluation import (
     compute_normals_curvatures,
     evaluate_edge,
     evaluate_surface_jets,
     measure_angle_between,
     normalise_rows,
 )
-from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.brep.measure.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -55,7 +55,7 @@ class Continuity:
     tolerance : float
         The edge's tolerance, mm.
     kind : {'convex', 'concave', 'smooth'}
-        Judged where the angle is largest; smooth up to :data:`VERIFICATION_TOLERANCES.smooth_edge_angle`.
+        Judged where the angle is largest; smooth up to :data:`MEASURE_TOLERANCES.smooth_edge_angle`.
     samples : int
         How many samples had a normal on both sides.
     """
@@ -184,7 +184,7 @@ def measure_surface_contact(
 
     ts, values = resample_near_maxima(partial(compare_surfaces, surfaces), ts, compare_surfaces(surfaces, ts))
     found = [values]
-    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-VERIFICATION_TOLERANCES.worst_count :].tolist():
+    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
         x, y, z = evaluate_surface_jets(surfaces[0], locate(ts[[i]])[0], order=1)[0, 0].tolist()
         moved = [_translate_surface(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
         around = np.concatenate([ts[max(i - len(SPAN_SHARES), 0) : i + len(SPAN_SHARES) + 1], ts[::20]])
@@ -215,7 +215,7 @@ def _spectral_norm(forms: Array) -> Array:
 
 def _classify_edge(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> EdgeKind:
     """Tell which way an edge bends: on a convex one the second normal points away from the first face."""
-    if angle <= VERIFICATION_TOLERANCES.smooth_edge_angle:
+    if angle <= MEASURE_TOLERANCES.smooth_edge_angle:
         return "smooth"
     into_first = np.cross(first, tangent) * (1.0 if edge.Orientation() == TopAbs_FORWARD else -1.0)
     return "concave" if into_first @ second > 0.0 else "convex"

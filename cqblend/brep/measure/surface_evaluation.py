@@ -15,7 +15,7 @@ from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.brep.measure.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -98,7 +98,7 @@ def evaluate_face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
 def normalise_rows(vectors: Array) -> Array:
     """Return unit vectors; nan for vectors that are so short beside the longest that they may be rounding."""
     size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    is_sound = size > VERIFICATION_TOLERANCES.degenerate_ratio * np.nanmax(size)
+    is_sound = size > MEASURE_TOLERANCES.degenerate_ratio * np.nanmax(size)
     return np.asarray(np.divide(vectors, size, out=np.full_like(vectors, np.nan), where=is_sound))
 
 

@@ -14,7 +14,7 @@ from OCP.GeomAbs import GeomAbs_BSplineCurve, GeomAbs_BSplineSurface, GeomAbs_CN
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.TColStd import TColStd_Array1OfReal
 
-from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.brep.measure.tolerances import MEASURE_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import solve_in_brackets
 
@@ -38,7 +38,7 @@ def spread_samples(breaks: Array, count: int) -> Array:
     ts = ts[_measure_nearest_distance(ts, breaks) > around[0] / 2]
     lengths = np.diff(breaks)
     sparse = lengths < len(SPAN_SHARES) * (high - low) / (count - 1)
-    sparse &= lengths > VERIFICATION_TOLERANCES.shortest_span * max(abs(low), abs(high))
+    sparse &= lengths > MEASURE_TOLERANCES.shortest_span * max(abs(low), abs(high))
     inside = (breaks[:-1] + SPAN_SHARES[:, None] * lengths)[:, sparse].ravel()
     ts = np.unique(np.concatenate((ts, inside)))
     return np.asarray(ts[(ts > low) & (ts < high)])
@@ -54,8 +54,8 @@ def resample_near_maxima(
     old sample is measured again with the new ones, as normals are judged degenerate beside the others of a call.
     """
     rows = np.stack(values)
-    for _ in range(VERIFICATION_TOLERANCES.resampling_rounds):
-        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -VERIFICATION_TOLERANCES.worst_count :].ravel()
+    for _ in range(MEASURE_TOLERANCES.resampling_rounds):
+        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -MEASURE_TOLERANCES.worst_count :].ravel()
         is_finite = np.asarray(np.isfinite(rows).all(axis=0))
         before, after = np.maximum(worst - 1, 0), np.minimum(worst + 1, len(ts) - 1)
         usable = is_finite[before] & is_finite[after]
@@ -71,13 +71,13 @@ def find_knot_crossings(curve: Callable[[Array], Array], low: float, high: float
 
     The curve is given by its values (n, 2) at parameters (n,) from ``low`` to ``high``.
     """
-    ts = np.linspace(low, high, VERIFICATION_TOLERANCES.crossing_samples)
+    ts = np.linspace(low, high, MEASURE_TOLERANCES.crossing_samples)
     uv = curve(ts)
     found = [np.empty(0)]
-    for k, beyond, size in measure_line_distances(surface, GeomAbs_CN, uv):
-        before, after = beyond[:-1], beyond[1:]
+    for k, line_distances, size in measure_line_distances(surface, GeomAbs_CN, uv):
+        before, after = line_distances[:-1], line_distances[1:]
         crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
-        crosses &= np.abs(after - before) > VERIFICATION_TOLERANCES.knot_line * size  # else it runs along the line
+        crosses &= np.abs(after - before) > MEASURE_TOLERANCES.knot_line * size  # else it runs along the line
         i, line = np.nonzero(crosses)
         distances = before[i, line], after[i, line]
         knot = uv[i, k] - distances[0]
@@ -85,7 +85,7 @@ def find_knot_crossings(curve: Callable[[Array], Array], low: float, high: float
         def measure_past_knot(t: Array, k: int = k, knot: Array = knot) -> Array:
             return np.asarray(curve(t)[:, k] - knot)
 
-        tolerance, steps = np.spacing(np.abs(knot)), VERIFICATION_TOLERANCES.crossing_iterations
+        tolerance, steps = np.spacing(np.abs(knot)), MEASURE_TOLERANCES.crossing_iterations
         found.append(solve_in_brackets(measure_past_knot, (ts[i], ts[i + 1]), distances, tolerance, steps))
     return np.concatenate(found)
 
@@ -109,9 +109,9 @@ def find_knot_lines(surface: GeomAdaptor_Surface, order: GeomAbs_Shape) -> tuple
         spline = surface.BSpline()
         u = [spline.UKnot(i) for i in range(1, spline.NbUKnots() + 1)]
         v = [spline.VKnot(i) for i in range(1, spline.NbVKnots() + 1)]
-        ends = np.array([surface.FirstUParameter(), surface.LastUParameter()])
-        across = np.array([surface.FirstVParameter(), surface.LastVParameter()])
-        return _clip_knots(u, ends), _clip_knots(v, across)
+        u_ends = np.array([surface.FirstUParameter(), surface.LastUParameter()])
+        v_ends = np.array([surface.FirstVParameter(), surface.LastVParameter()])
+        return _clip_knots(u, u_ends), _clip_knots(v, v_ends)
     return (
         _read_intervals(surface.NbUIntervals(order), lambda ends: surface.UIntervals(ends, order)),
         _read_intervals(surface.NbVIntervals(order), lambda ends: surface.VIntervals(ends, order)),
@@ -129,8 +129,8 @@ def measure_line_distances(
         lines = ends[:-1] if closed else ends[1:-1]
         if lines.size:
             size = float(ends[-1] - ends[0])
-            beyond = uv[:, k, None] - lines
-            yield k, beyond - size * np.round(beyond / size) if periodic[k] else beyond, size
+            distances = uv[:, k, None] - lines
+            yield k, distances - size * np.round(distances / size) if periodic[k] else distances, size
 
 
 def _clip_knots(knots: Sequence[float], ends: Array) -> Array:
