@@ -15,8 +15,7 @@ from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
 from OCP.GeomAbs import GeomAbs_C2
 from OCP.gp import gp_Pnt2d, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
-from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.measure.edge_sides import EdgeSide, find_sides_on_face, read_pcurve
 from cqblend.brep.measure.measuring_places import (
@@ -31,6 +30,7 @@ from cqblend.brep.measure.surface_evaluation import (
     evaluate_surface_jets,
 )
 from cqblend.brep.measure.tolerances import MEASURE_TOLERANCES
+from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
 
@@ -131,12 +131,10 @@ def choose_sample_parameters(sides: Sequence[EdgeSide], samples: int = 1000) -> 
 def sample_outline(face: TopoDS_Face, samples: int = 65) -> Array:
     """Return the boundary of a face in its parameter plane, as the ends (n, 2, 2) of short straight pieces."""
     pieces = []
-    explorer = TopExp_Explorer(face, TopAbs_EDGE)
-    while explorer.More():
-        pcurve, low, high = read_pcurve(TopoDS.Edge_s(explorer.Current()), face)
+    for use in explore_subshapes(face, TopAbs_EDGE):
+        pcurve, low, high = read_pcurve(use, face)
         points = evaluate_pcurve(pcurve, np.linspace(low, high, samples))
         pieces.append(np.stack([points[:-1], points[1:]], axis=1))
-        explorer.Next()
     return np.concatenate(pieces)
 
 

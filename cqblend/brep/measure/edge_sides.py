@@ -3,10 +3,9 @@
 from OCP.BRep import BRep_Tool
 from OCP.Geom2d import Geom2d_Curve
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.brep.topology import AncestorMap
+from cqblend.brep.topology import AncestorMap, explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError
 
 EdgeSide = tuple[TopoDS_Face, TopoDS_Edge]
@@ -48,7 +47,7 @@ def find_edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[EdgeSide, E
         raise SelectionError("the edge is not an edge of the shape: pick it from the shape itself, not from a copy")
     if BRep_Tool.Degenerated_s(edge):
         raise SelectionError("the edge is degenerate (the pole of a surface): it has no length and no continuity")
-    sides = [side for face in faces_of(edge) for side in find_sides_on_face(face, edge)]
+    sides = _list_sides(edge, faces_of)
     if len(sides) != 2:
         what = "a free boundary" if len(sides) == 1 else f"used {len(sides)} times"
         raise SelectionError(f"the edge is {what}: continuity is measured between exactly two sides")
@@ -57,22 +56,24 @@ def find_edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[EdgeSide, E
 
 def find_sides_on_face(face: TopoDS_Face, edge: TopoDS_Edge) -> list[EdgeSide]:
     """Return the sides of an edge on which a face lies: two on a seam, none if the edge does not bound the face."""
-    uses = []
-    explorer = TopExp_Explorer(face, TopAbs_EDGE)
-    while explorer.More():
-        found = explorer.Current()
-        if found.IsSame(edge) and found.Orientation() in (TopAbs_FORWARD, TopAbs_REVERSED):
-            uses.append((face, TopoDS.Edge_s(found)))
-        explorer.Next()
-    return uses
+    return [
+        (face, use)
+        for use in explore_subshapes(face, TopAbs_EDGE)
+        if use.IsSame(edge) and use.Orientation() in (TopAbs_FORWARD, TopAbs_REVERSED)
+    ]
 
 
 def get_two_sides(edge: TopoDS_Edge, faces_of: AncestorMap) -> tuple[EdgeSide, EdgeSide] | None:
     """Return the two sides of an edge of a shape; None if it is degenerate, or has not exactly two."""
     if BRep_Tool.Degenerated_s(edge):
         return None
-    sides = [use for face in faces_of(edge) for use in find_sides_on_face(face, edge)]
+    sides = _list_sides(edge, faces_of)
     return (sides[0], sides[1]) if len(sides) == 2 else None
+
+
+def _list_sides(edge: TopoDS_Edge, faces_of: AncestorMap) -> list[EdgeSide]:
+    """Return all sides of an edge, in the order of its faces."""
+    return [side for face in faces_of(edge) for side in find_sides_on_face(face, edge)]
 
 
 def read_pcurve(edge: TopoDS_Edge, face: TopoDS_Face) -> tuple[Geom2d_Curve, float, float]:
