@@ -31,7 +31,7 @@ from cqblend.certificate import Certificate
 from cqblend.checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 CORNER_TOLERANCE = 1e-6  # of the size: as near as that, an end section meets a side
 END_SECTION_SAMPLES = 65  # across an end section

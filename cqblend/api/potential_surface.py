@@ -39,7 +39,7 @@ from cqblend.checks import (
 )
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""

@@ -39,7 +39,7 @@ from cqblend.checks import (
 )
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face

@@ -52,7 +52,9 @@ from cqblend.errors import (
 )
 from cqblend.solid_blends import size_limits
 from cqblend.solid_blends.end_plan import EndAttempts, EndPlan, plan_ends, record_ends
-from cqblend.surfaces.primaries import Array, TensorSurface, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import normalise_vectors
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -275,8 +277,8 @@ def _align_to_joint(joint: Joint, blend: BlendSurface) -> BlendSurface:
     t = np.linspace(*first.c.domain, 257)
     point, rate = dehomogenise_jets(first.primary.compose_position(first.c).jet(t, 1))
     stations = joint.locate_stations(np.linspace(0.02, 0.98, 33))
-    nearest = np.linalg.norm(stations.point[:, None] - point, axis=2).argmin(axis=1)
-    if (rate[nearest] * stations.direction).sum() < 0:
+    nearest = np.linalg.norm(stations.points[:, None] - point, axis=2).argmin(axis=1)
+    if (rate[nearest] * stations.tangents).sum() < 0:
         first, second = (
             replace(
                 one,

@@ -110,7 +110,7 @@ def plan_ends(joint: Joint, solve: ContactSolver, how: tuple[EndMethod, EndMetho
         One of them cannot be so.
     """
     length = joint.spine.length
-    reach = float(solve(np.array([0.5])).reach.max())
+    reach = float(solve(np.array([0.5])).cross_lengths.max())
     caps: list[float | None] = []
     domain = []
     for end, way in enumerate(how):
@@ -152,7 +152,7 @@ def _measure_end_overrun(joint: Joint, solve: ContactSolver, end: int) -> float:
         contacts = solve(t)
     except (GeometryError, SizeError) as error:
         raise TopologyError("the joint fades out before it gets there") from error
-    direction = joint.locate_stations(t).direction[0] * (1.0 if end else -1.0)
+    direction = joint.locate_stations(t).tangents[0] * (1.0 if end else -1.0)
     across = float(direction @ normal)
     if abs(across) < PARALLEL_COSINE:  # the face runs along the edge: the rails meet it before the end, or at it
         return 0.0

@@ -12,11 +12,9 @@ import numpy as np
 
 from cqblend.checks import check_interval, check_number
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import find_value_below
-
-_EPS = float(np.finfo(float).eps)
 
 Interval = tuple[float, float]
 
@@ -73,14 +71,14 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
             )
     start, end = curve.domain
     first, last = float(change(change.domain[0]).item()), float(change(change.domain[1], side="left").item())
-    slack = 16 * _EPS * max(abs(start), abs(end))
+    slack = 16 * EPSILON * max(abs(start), abs(end))
     if abs(first - start) > slack or abs(last - end) > slack:
         raise InputError(
             f"the change of parameter runs from {first:.17g} at r = {change.domain[0]:.9g} to {last:.17g} at "
             f"r = {change.domain[1]:.9g}, the domain of the curve is [{start:.17g}, {end:.17g}]"
         )
     rate, _ = change.derivative()._split_weight()
-    back = find_value_below(rate[:, 0], -64 * _EPS * float(np.abs(rate).max()))
+    back = find_value_below(rate[:, 0], -64 * EPSILON * float(np.abs(rate).max()))
     if back is not None:
         raise GeometryError(
             f"the change of parameter turns back at r = {_locate_parameter(change, back):.9g}: it must not decrease "

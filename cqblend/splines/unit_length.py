@@ -22,14 +22,12 @@ import numpy as np
 from cqblend.checks import check_integer, check_number
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
-from cqblend.splines.fit import hermite
 from cqblend.splines.hulls import enclose_values
+from cqblend.splines.interpolation import hermite
 from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
-
-_EPS = float(np.finfo(float).eps)
 
 NormaliseMethod = Literal["hermite", "schoenberg"]
 
@@ -190,7 +188,7 @@ def _refuse_zeros(direction: Curve) -> None:
     """Raise where the field is zero to rounding: at a break, or where its length is least inside a piece."""
     rate = direction.dot(direction).derivative()
     scale = np.abs(rate.coefs).max()
-    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
+    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * EPSILON * scale))
     breaks = direction.breaks
     inside = breaks[column] + x * (breaks[column + 1] - breaks[column])
     t = np.concatenate([inside, breaks[:-1], breaks[1:]])
@@ -220,7 +218,7 @@ def _compute_length_errors(unit: Curve) -> Array:
 
 def _bound_length_error(unit: Curve, misses: Array) -> float:
     r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1, with the rounding of these and of one more product with U."""
-    rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
+    rounding = EPSILON * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
     low, high = enclose_values(misses, slack=rounding)
     return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 

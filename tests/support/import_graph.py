@@ -23,6 +23,7 @@ ROOMS = (
     ("installation", "whole_files", "unroll_options"),
     ("splines",),
     ("surfaces",),
+    ("blends",),
     ("blends.contacts",),
     ("blends.rails",),
     ("blends.sections",),

@@ -24,7 +24,7 @@ from cqblend.blends.pde.least_squares import ROUNDING_SHARE, CollocationCounts, 
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter
 from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 TERM_COUNTS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
 MOST_FREE_DEGREE = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free

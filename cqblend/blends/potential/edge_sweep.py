@@ -21,7 +21,7 @@ from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course, OffsetFamily
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 UNBOUNDED_DOMAINS = np.tile([-np.inf, np.inf], (4, 1))
 
@@ -46,7 +46,7 @@ class EdgeSweep:
         """Return parameters (n, m, 4) at t (n,) and x (m,), ascending; the stations, and the curves there."""
         t = self.edge_parameter_at(t)
         at = self.stations_at(np.mod(t, 1.0) if self.closed else t)
-        phase = PlaneCut(lambda _: (at.point, at.direction))
+        phase = PlaneCut(lambda _: (at.points, at.tangents))
         ramp, curves = IntersectionCurves(self.continuation_pair, phase), IntersectionCurves(self.family_pair, phase)
         try:
             half = ramp.continue_solutions(np.concatenate(at.uv, axis=1), at.t, 0.0, np.array([0.0, 1.0]))[:, 1]
@@ -79,9 +79,9 @@ class EdgeSweep:
         ]
         primaries = (family.primary for family in self.family_pair.families)
         reach = [
-            np.linalg.norm(primary.jet(one)[0] - at.point, axis=1) for primary, one in zip(primaries, uv, strict=True)
+            np.linalg.norm(primary.jet(one)[0] - at.points, axis=1) for primary, one in zip(primaries, uv, strict=True)
         ]
-        return Contacts(t, at.point, uv, np.stack(reach), np.stack(vectors))
+        return Contacts(t, at.points, uv, np.stack(reach), np.stack(vectors))
 
 
 def sweep_from_edge(

@@ -15,8 +15,9 @@ from cqblend.blends.rails.ribbon import Ribbon, evaluate_space_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, RequiredTurn, find_required_turns
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 if TYPE_CHECKING:
     from cqblend.blends.sections.blend_surface import BlendSurface

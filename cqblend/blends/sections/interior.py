@@ -19,17 +19,17 @@ from typing import ClassVar
 
 import numpy as np
 
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE
 from cqblend.blends.pde.solution import Solution
-from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.sections.cross_basis import evaluate_bubbles
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.fit import approximate_curve
 from cqblend.splines.knots import extract_pieces
-from cqblend.surfaces.primaries import Array
 
 MOST_DEGREE_ACROSS = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
 LEAST_POINTS_ACROSS = 72  # points across, at least, at which solutions are read

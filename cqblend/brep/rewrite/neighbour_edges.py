@@ -33,7 +33,9 @@ from cqblend.brep.topology import (
     raise_vertex_tolerance,
 )
 from cqblend.errors import SizeError, TopologyError
-from cqblend.surfaces.primaries import Array, shift_to_period, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit

@@ -37,7 +37,8 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
 
 SMOOTH_ANGLE = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
 CAP_PROBE_SHARE, CAP_PROBE_STEP = (
@@ -169,12 +170,12 @@ class Joint:
         TopologyError
             If it does not.
         """
-        vertex, direction = self.spine.vertices[end], stations.direction[0]
+        vertex, direction = self.spine.vertices[end], stations.tangents[0]
         at_end = contacts.t[0] == end
         legs = np.zeros(3)
         for side, number, uv, foot in zip(self.sides, self.face_numbers, contacts.uv, stations.uv, strict=True):
             corner = side.primary.jet(uv)[0, 0]
-            legs += corner - stations.point[0]
+            legs += corner - stations.points[0]
             if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
                 continue
             classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
@@ -188,7 +189,7 @@ class Joint:
                     if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
                         raise TopologyError(f"a wall across the edge leaves face {number}")
         behind = (
-            stations.point[0]
+            stations.points[0]
             + CAP_PROBE_SHARE * legs
             + CAP_PROBE_STEP * np.linalg.norm(legs) * direction * (1 if end else -1)
         )

@@ -16,7 +16,7 @@ from cqblend.brep.select.united_faces import UnifiedSolid
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import InputError, SelectionError, UnsupportedError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 class PendingEdges:

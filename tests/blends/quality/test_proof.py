@@ -14,8 +14,10 @@ from cqblend.blends.quality.proof import COMPOSITION_ERROR, Proof, prove_blend, 
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, build_section
 from cqblend.errors import InputError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Cylinder, LocalFrame, Plane, Sphere, TensorSurface, to_tangent_coordinates
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.surfaces.quadrics import Cylinder, Plane, Sphere
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
 EVERY = [name for name in pairs() if "left-handed" not in name]
 every = pytest.mark.parametrize("name", EVERY)
@@ -36,10 +38,10 @@ def ribbon(pair: Pair, order: int = 2) -> Ribbon:
     jet, c = pair.jet(uv), pair.primary.lift_points(uv)
     across = np.cross(np.cross(jet[1], jet[2]), rate[:, :1] * jet[1] + rate[:, 1:] * jet[2])
     across /= np.linalg.norm(across, axis=1)[:, None]
-    d = fit.interpolate(t, pair.primary.lift_directions(uv, c, to_tangent_coordinates(jet, across)))
+    d = interpolation.interpolate(t, pair.primary.lift_directions(uv, c, to_tangent_coordinates(jet, across)))
     noise = np.random.default_rng(7).normal(size=c.shape)
-    e = fit.interpolate(t, 0.2 * np.abs(d.coefs).max() * noise)
-    return Ribbon(pair.primary, fit.interpolate(t, c), (d, e)[: max(order, 1)], uv, order)
+    e = interpolation.interpolate(t, 0.2 * np.abs(d.coefs).max() * noise)
+    return Ribbon(pair.primary, interpolation.interpolate(t, c), (d, e)[: max(order, 1)], uv, order)
 
 
 def leaving(one: Ribbon) -> Surface:

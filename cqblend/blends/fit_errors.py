@@ -7,12 +7,12 @@ from cqblend.errors import GeometryError
 
 
 class TooManySpansError(GeometryError):
-    """A fit within a tolerance takes more spans than are allowed.
+    """A fit within a tolerance takes more spans than are allowed: what was found, and what helps.
 
     Attributes
     ----------
     finding : str
-        What was found, without the advice that the message ends with.
+        What was found, without the advice.
     """
 
     def __init__(self, finding: str, advice: str) -> None:
