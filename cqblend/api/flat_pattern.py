@@ -6,7 +6,6 @@ back shapes of the same library, or files. Must not compute anything.
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -29,10 +28,11 @@ from cqblend.patterns import assembly
 from cqblend.patterns.assembly import UnrollResult
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
-from cqblend.patterns.stock.tabs import Tabs, TabStyle, fit_tabs
+from cqblend.patterns.stock.limits import LABEL_LIMITS
+from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
+from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.patterns.write import pattern_files
-from cqblend.patterns.write.drawing import LABEL_HEIGHT
 from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines.surface import Surface
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
@@ -71,7 +71,7 @@ class Pattern:
     tabs: Tabs | None
     _unrolled: UnrollResult
     _model: Any
-    _fit: Callable[[Pieces], Tabs] | None = None
+    _tab_options: TabOptions | None = None
 
     @property
     def strips(self) -> tuple[Piece, ...]:
@@ -178,9 +178,9 @@ class Pattern:
             refuse_ignored_options(
                 "on an allowance, which has no teeth", taper=(taper, DEFAULT_TAPER), pitch=(pitch, None)
             )
-        fit = partial(fit_tabs, style=style, width=width, taper=taper, pitch=pitch)
-        tabs = fit(self._unrolled.pieces)
-        return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
+        options = TabOptions(style=style, width=width, taper=taper, pitch=pitch)
+        tabs = fit_tabs(self._unrolled.pieces, options)
+        return replace(self, pieces=tabs.pieces, tabs=tabs, _tab_options=options)
 
     def export(
         self,
@@ -190,7 +190,7 @@ class Pattern:
         margin: float = 5.0,
         gap: float = 3.0,
         kerf: float = 0.0,
-        labels: float | None = LABEL_HEIGHT,
+        labels: float | None = LABEL_LIMITS.height,
         fit: float | None = None,
         page: str | tuple[float, float] | None = DEFAULT_PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
@@ -249,7 +249,7 @@ class Pattern:
             refuse_ignored_options(f"on {suffix}, which has no pages", page=(page, DEFAULT_PAGE))
         if suffix == ".json":
             refuse_ignored_options(
-                "on .json, which has the pieces themselves", labels=(labels, LABEL_HEIGHT), fit=(fit, None)
+                "on .json, which has the pieces themselves", labels=(labels, LABEL_LIMITS.height), fit=(fit, None)
             )
         if is_default(packer, "grid"):
             refuse_ignored_options('on packer="grid"', seconds=(seconds, DEFAULT_PACKING_SECONDS))
@@ -267,15 +267,10 @@ class Pattern:
         pieces = self.pieces if sheet is None else self._split_to_sheet(sheet, margin)
         placed = sheets.arrange_pieces(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
         write = pattern_files.export_each_sheet if per_sheet else pattern_files.export_sheets
-        return write(
-            placed,
-            target,
-            kerf=kerf,
-            fit=fit,
-            height=labels,
-            page=page,
-            report=asdict(self.report),
+        options = pattern_files.ExportOptions(
+            kerf=kerf, arc_tolerance=fit, label_height=labels, page=page, report=asdict(self.report)
         )
+        return write(placed, target, options)
 
     def _split_to_sheet(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
@@ -284,7 +279,7 @@ class Pattern:
         bare = split_pieces.split_to_fit(
             self._unrolled.pieces, inner, lambda piece, points: sources[piece].map_to_face(points)
         )
-        return self._fit(bare).pieces if self._fit else bare
+        return fit_tabs(bare, self._tab_options).pieces if self._tab_options else bare
 
 
 def _check_rulings_paired(unrolled: UnrollResult) -> None:
