@@ -119,7 +119,9 @@ class Pattern:
         """
         from cqblend.brep.pattern_shapes import make_formers
 
-        rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
+        rails = [
+            rail for source in self._unrolled.sources if source.unrolled_strip for rail in source.unrolled_strip.rails
+        ]
         return [wrap_like(self._model, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
@@ -297,7 +299,9 @@ class Pattern:
 def _check_rulings_paired(unrolled: UnrollResult) -> None:
     """Raise InputError if strips twist, and the rulings of none could be paired anew."""
     twisted = sum(record.kind == "twisted" for record in unrolled.records)
-    if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
+    if twisted and all(
+        one.unrolled_strip is None or one.unrolled_strip.original_parameters is None for one in unrolled.sources
+    ):
         raise InputError(
             f"developable has no effect: none of {twisted} twisted strips has a pairing of rulings that is developable "
             "and keeps it within the tolerance; leave developable out, or try the other direction or another tolerance"
@@ -381,28 +385,28 @@ def unroll(
     (3, True)
     """
     allowed = check_positive("tolerance", tolerance)
-    wishes = UnrollOptions(
+    options = UnrollOptions(
         tolerance=allowed,
-        flat=allowed / FLAT_TOLERANCE_RATIO
+        flat_tolerance=allowed / FLAT_TOLERANCE_RATIO
         if flat_tolerance is None
         else check_positive("flat_tolerance", flat_tolerance),
         method=check_choice("method", method, get_args(Method)),
         direction=check_choice("direction", direction, get_args(Direction)),
-        strain=check_positive("strain", strain),
+        max_strain=check_positive("strain", strain),
         layout=check_choice("layout", layout, get_args(Layout)),
         developable=check_flag("developable", developable),
         even=check_flag("even", even),
         least_width=None if least_width is None else check_positive("least_width", least_width),
     )
     check_callback("progress", progress, "two arguments")
-    if wishes.method == "elber":
+    if options.method == "elber":
         refuse_ignored_options(
             'on method="elber", which is the paper\'s',
             even=(even, False),
             developable=(developable, False),
             strain=(strain, DEFAULT_STRAIN),
         )
-    if wishes.layout == "triangles":
+    if options.layout == "triangles":
         refuse_ignored_options('on layout="triangles", which is flat along diagonals', developable=(developable, False))
     if isinstance(shape, Surface):
         import cadquery
@@ -413,13 +417,13 @@ def unroll(
 
         model, parts, whole = collect_unroll_shapes(shape)
         try:
-            skin = read_patches(parts, whole=whole, join=wishes.flat)
+            skin = read_patches(parts, whole=whole, join=options.flat_tolerance)
         except SelectionError:  # the solid in the chain is another one
-            skin = read_patches(parts, join=wishes.flat)
-    unrolled = assembly.unroll_patches(skin, wishes, progress)
+            skin = read_patches(parts, join=options.flat_tolerance)
+    unrolled = assembly.unroll_patches(skin, options, progress)
     if developable:
         _check_rulings_paired(unrolled)
-    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, wishes), None, unrolled, model)
+    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, options), None, unrolled, model)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
         some = pattern if pattern.strips else None
