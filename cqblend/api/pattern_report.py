@@ -10,7 +10,7 @@ from math import isnan
 import numpy as np
 
 from cqblend.patterns.assembly import Areas, Record, UnrollResult
-from cqblend.patterns.flatten.flat_face import UnrollOptions
+from cqblend.unroll_options import UnrollOptions
 
 THIN_WIDTH = 2.0
 """Pieces thinner than this are hard to cut, mm."""
@@ -106,7 +106,7 @@ class Report:
         records, pieces = unrolled.records, unrolled.pieces
         return cls(
             tolerance=options.tolerance,
-            flat=options.flat_tolerance,
+            flat=options.flat,
             strips=unrolled.strips,
             elber=unrolled.elber,
             ideal=unrolled.ideal,

@@ -14,20 +14,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cqblend.blend_options import (
+    BLEND_DEFAULTS,
     CONTINUITIES,
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_STEER,
-    DEFAULT_TOLERANCE,
     EXACT_FORM_IS_EXACT,
     FORMS,
     G0_HAS_NO_CROSS_FIELD,
-    check_angle,
-    check_choice,
-    check_pair,
-    check_positive,
-    refuse_ignored_options,
 )
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
@@ -35,10 +27,19 @@ from cqblend.blends.rails.regularity import sample_stations
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
+from cqblend.checks import (
+    call_user_function,
+    check_angle,
+    check_choice,
+    check_integer,
+    check_pair,
+    check_positive,
+    refuse_ignored_options,
+    to_float_array,
+)
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import check_integer, to_float_array
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
@@ -137,9 +138,9 @@ def hermite_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
-    steer: float = DEFAULT_STEER,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
 ) -> Blend:
     r"""Blend two surfaces along given rails.
@@ -209,7 +210,7 @@ def hermite_blend(
     )
     form = check_choice("form", form, FORMS)
     if form == "exact":
-        refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, DEFAULT_TOLERANCE))
+        refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, BLEND_DEFAULTS.tolerance))
     tolerance, angular_tolerance = (
         check_positive("tolerance", tolerance),
         check_positive("angular_tolerance", angular_tolerance),
@@ -242,7 +243,7 @@ def prepare_rails(
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
     if orders == (0, 0):
-        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, DEFAULT_STEER))
+        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, BLEND_DEFAULTS.steer))
     kinds = check_pair("tangents", tangents, _check_tangents)
     for kind in kinds:
         if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
@@ -272,7 +273,7 @@ def refuse_derivative_options(why: str, tangents: object, bulge: object, length:
         tangents=(tangents, "perpendicular"),
         bulge=(bulge, 1.0),
         length=(length, None),
-        steer=(steer, DEFAULT_STEER),
+        steer=(steer, BLEND_DEFAULTS.steer),
     )
 
 

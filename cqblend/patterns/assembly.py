@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
+from cqblend.errors import CqblendError, Failure, GeometryError
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.patterns.soundness import find_face_mismatch, find_missing_vertices, find_self_overlapping
 from cqblend.patterns.strips.division_strategies import (
@@ -29,6 +29,7 @@ from cqblend.patterns.trim.run_keys import EdgeRunKey, RunKey
 from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""
@@ -97,14 +98,6 @@ class Areas:
     faces: tuple[int, ...]
     face: float
     pieces: float
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A face that could not be done, and why."""
-
-    faces: tuple[int, ...]
-    error: CqblendError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,9 +290,9 @@ def _raise_error(error: CqblendError) -> DividedPatch:
 
 def _make_failure(patch: Patch, error: CqblendError) -> Failure:
     """Name the face in an error, unless it is named already."""
-    text = str(error)
-    named = text.startswith("face ")
-    return Failure(patch.faces, error if named else type(error)(f"face {patch.index}: {text}"))
+    return Failure(
+        patch.faces, error if error.shape.startswith("face") else error.with_details(shape=f"face {patch.index}")
+    )
 
 
 def _ignore_progress(part: float, what: str) -> None:

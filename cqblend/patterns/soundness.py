@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions
+from cqblend.patterns.flatten.flat_face import DividedPatch
 from cqblend.patterns.outline.overlap import has_overlap
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
@@ -20,6 +20,7 @@ from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges
 from cqblend.patterns.trim.run_draft import RunDraft
 from cqblend.patterns.trim.run_keys import EdgeRunKey
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 _AREA_MISMATCH, _THIN_FACE = 0.02, 4.0
 """By how much pieces may differ from their face in area, relative, if that is thinner than so many tolerances."""
@@ -34,7 +35,7 @@ def find_missing_vertices(
     """Return, by number of the edge, parameters at which it needs more vertices for its flat curves to be arcs."""
     wanted: dict[int, list[Array]] = defaultdict(list)
     for piece in drafts:
-        tolerance = options.flat_tolerance / piece.face.refinement
+        tolerance = options.flat / piece.face.refinement
         for key, draft in _list_edge_runs(piece):
             if draft.kind == "end":
                 continue

@@ -12,7 +12,8 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 ContactSolverFactory = Callable[[Joint, BlendRequest], ContactSolver]
 """What finds the contacts of a blend."""
@@ -39,7 +40,7 @@ def _space_stations(joint: Joint) -> Array:
 def _measure_rail_distances(joint: Joint, contacts: Contacts) -> Array:
     """Return how far the contacts on both sides are from the edge, (2, n), mm."""
     points = [primary.jet(uv)[0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return np.linalg.norm(np.stack(points) - contacts.point, axis=2)
+    return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
 
 
 def measure_reach(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> float:
@@ -59,7 +60,7 @@ def check_size(joint: Joint, request: BlendRequest, solver: ContactSolverFactory
         raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
     contacts = solver(joint, request)(_space_stations(joint))
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
+        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
             raise SizeError(
                 f"size {size:g} is too large: the rail turns back at t = {contacts.t[np.argmin(ahead)]:.3g}, where the "
@@ -106,11 +107,7 @@ def suggest_size(joint: Joint, request: BlendRequest, solver: ContactSolverFacto
 
 def _bisect_largest(works: Callable[[float], bool], high: float) -> float:
     """Return the largest value up to ``high`` that works, by halving, to a part in 4096 of it; 0 if none does."""
-    low = 0.0
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if works(middle) else (low, middle)
-    return low
+    return bisect_interval(works, 0.0, high, steps=12)[0]
 
 
 def find_working_limit(

@@ -17,16 +17,12 @@ from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, Parametri
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering, find_pins
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import NEAR_BREAKS, SAME_BREAK, merge_breaks
-from cqblend.surfaces.primaries import (
-    Array,
-    Primary,
-    TensorSurface,
-    cross_product,
-    normalise_vectors,
-    to_tangent_coordinates,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 INITIAL_SPANS = 16  # spans of a cubic fit
 SHORTEST_SPAN_BY_ORDER = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
@@ -355,7 +351,7 @@ def interpolate_with_corners(
     size = np.abs(values).max()
     for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
         ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
-        piece = fit.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
+        piece = interpolation.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
         if np.abs(ends[-1] - values[3 * j]).max() > SAME_VALUE_TOLERANCE * size:
             order[j] = -1
         whole = piece if whole is None else whole.join(piece, continuity=int(order[i]))

@@ -14,8 +14,9 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.self_intersection import TOUCHING_DISTANCE, control_points, find_self_crossing, measure_diagonal
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 DOMAIN_SLACK = 1e-9
 """How far a rail may run outside the domain, relative to its width."""

@@ -41,7 +41,9 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, LocalFrame, Plane, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.quadrics import Plane
+from cqblend.surfaces.vectors import LocalFrame, normalise_vectors
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit
@@ -59,7 +61,7 @@ def end_in_cap(surgery: ShellEdit, end: int, t: float) -> BlendEnd:
     stations = project_to_intersection(
         surgery.sides, surgery.spine.locate_stations(at, surgery.sides), surgery.spine.length
     )
-    foot, tau = stations.point[0], stations.direction[0]
+    foot, tau = stations.points[0], stations.tangents[0]
     first, second = (row(at)[0] for row in surgery.rail_curves)
     loop = np.cross(second - first, foot - first) @ tau  # X runs ahead in the boundary of the cap at the far end
     normal = tau * (np.sign(loop) * (1.0 if end else -1.0))

@@ -14,14 +14,15 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.read.face_surface import SupportFace
-from cqblend.brep.topology import explore_subshapes, find_end_vertices, orient_forward
+from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
-from cqblend.surfaces.primaries import Array, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
 TABLE_SIZE = 65  # points at which the speed along an edge is read
 CIRCLE_TOLERANCE = 1e-9  # relative deviation up to which an edge is an arc of a circle
@@ -55,22 +56,12 @@ def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[T
         If they do not form one chain.
     """
     uses = [next(use for use in explore_subshapes(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
-    ordered = [uses.pop(0)]
-    while uses:
-        start, end = find_end_vertices(ordered[0])[0], find_end_vertices(ordered[-1])[1]
-        for use in uses:
-            first, last = find_end_vertices(use)
-            if first.IsSame(end):
-                ordered.append(use)
-            elif last.IsSame(start):
-                ordered.insert(0, use)
-            else:
-                continue
-            uses.remove(use)
-            break
-        else:
-            raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
-    return ordered, find_end_vertices(ordered[0])[0].IsSame(find_end_vertices(ordered[-1])[1])
+    vertices = ShapeIndex(face, TopAbs_VERTEX)
+    starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
+    chain, *others = chain_segments(starts, stops, both_ways=True)
+    if others:
+        raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
+    return [uses[k] for k in chain], starts[chain[0]] == stops[chain[-1]]
 
 
 @dataclass(frozen=True)
@@ -180,12 +171,12 @@ class EdgeSpine:
         if self.circle is None or not past.any():
             return stations
         centre, radius = self.circle
-        angle, direction = (past / radius)[:, None], stations.direction
-        arm = stations.point - direction * past[:, None] - centre
+        angle, direction = (past / radius)[:, None], stations.tangents
+        arm = stations.points - direction * past[:, None] - centre
         cos, sin = np.cos(angle), np.sin(angle)
-        point = np.where(angle == 0, stations.point, centre + cos * arm + radius * sin * direction)
+        point = np.where(angle == 0, stations.points, centre + cos * arm + radius * sin * direction)
         uv = [
-            found + to_tangent_coordinates(side.primary.jet(found), point - stations.point)
+            found + to_tangent_coordinates(side.primary.jet(found), point - stations.points)
             for side, found in zip(sides, stations.uv, strict=True)
         ]
         return Stations(stations.t, point, cos * direction - sin * arm / radius, (uv[0], uv[1]))

@@ -15,51 +15,18 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.development import strain_from_turn
-from cqblend.patterns.flatten.flat_strip import FlatStrip, Layout, flatten_rails
+from cqblend.patterns.flatten.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.flatten.tolerances import FLATTENING_TOLERANCES
 from cqblend.patterns.strips.developability import RailPair, bound_normal_turn
-from cqblend.patterns.strips.division import Direction, Method, divide_surface
+from cqblend.patterns.strips.division import divide_surface
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.trimmed_patch import Patch
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnrollOptions:
-    """What is asked of a pattern; see :func:`cqblend.unroll`.
-
-    Attributes
-    ----------
-    tolerance
-        Between the shape and the strips, mm.
-    flat_tolerance
-        Between strips in space and flat pieces rolled, mm.
-    method, direction
-        How faces are divided, and which parameter runs along the rulings.
-    even
-        Whether all strips of a face deviate about as much.
-    least_width
-        Of a piece, mm; None for any.
-    max_strain
-        Largest relative change of a length inside a strip.
-    developable
-        Whether the rulings of twisted strips are paired anew.
-    layout
-        How strips are laid flat.
-    """
-
-    tolerance: float
-    flat_tolerance: float
-    method: Method
-    direction: Direction
-    even: bool
-    least_width: float | None
-    max_strain: float
-    developable: bool
-    layout: Layout
+from cqblend.splines.bracketing import bisect_intervals
+from cqblend.unroll_options import Layout, UnrollOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,11 +183,9 @@ class UnrolledStrip:
 def _invert_monotone(function: Curve, values: Array) -> Array:
     """Return where a function that never decreases takes values, by bisection; the first and the last at its ends."""
     start, stop = function.domain
-    low, high = np.full(values.shape, start), np.full(values.shape, stop)
-    for _ in range(60):
-        middle = (low + high) / 2
-        is_below = function(middle)[..., 0] < values
-        low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
+    _, high = bisect_intervals(
+        lambda r: function(r)[..., 0] < values, np.full(values.shape, start), np.full(values.shape, stop)
+    )
     ends = function(np.array([start, stop]))[:, 0]
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
 
@@ -257,7 +222,7 @@ def narrow_strips(
     pending = [(strip, 0) for strip in reversed(strips)]
     while pending:
         strip, depth = pending.pop()
-        excess = bound_strain([strip]) / options.max_strain
+        excess = bound_strain([strip]) / options.strain
         if excess <= 1:
             done.append(strip)
             continue
@@ -270,9 +235,9 @@ def narrow_strips(
             )
         limits = FLATTENING_TOLERANCES
         if depth == (limits.max_depth if isfinite(excess) else limits.max_depth_right_angle):
-            change = f"change by {options.max_strain * excess:.2g}" if isfinite(excess) else "cannot be kept"
+            change = f"change by {options.strain * excess:.2g}" if isfinite(excess) else "cannot be kept"
             raise GeometryError(
-                f"lengths inside a strip {change} when it is laid flat, more than {options.max_strain:g}, however "
+                f"lengths inside a strip {change} when it is laid flat, more than {options.strain:g}, however "
                 "narrow it is; allow more strain, or choose another direction"
             )
         count = int(np.clip(np.ceil(np.sqrt(limits.strain_margin * excess)), 2, 16)) if isfinite(excess) else 2
@@ -334,7 +299,7 @@ def _unroll_paired_anew(
 
 def _flatten(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
     """Lay a strip of a face flat so that its outer side is up."""
-    tolerance, layout = options.flat_tolerance / face.refinement, face.choose_layout(options)
+    tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
     return flatten_rails(rails, tolerance, nodes=nodes, flip=not face.upward, layout=layout)
 
 
@@ -352,9 +317,10 @@ def _map_to_surface(strip: RuledStrip, parameters: tuple[Curve, Curve] | None, r
     """
     r, w = np.broadcast_arrays(r, w)
     u = r if parameters is None else parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
-    low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
-    for _ in range(52):
-        middle = (low + high) / 2
-        is_below = strip.find_fractions(u, middle) < w
-        low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
+    low, high = bisect_intervals(
+        lambda v: strip.find_fractions(u, v) < w,
+        np.full(u.shape, strip.span[0]),
+        np.full(u.shape, strip.span[1]),
+        steps=52,
+    )
     return np.asarray(strip.surface(u, np.where(w > 0, high, low)))

@@ -11,7 +11,7 @@ G. Elber: Model fabrication using surface layout projection (1995), section 2, e
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,9 +36,7 @@ from cqblend.patterns.strips.developability import (
 )
 from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import Antiderivative
-
-Layout = Literal["smooth", "triangles"]
-"""How a strip is laid flat: rails and rulings with their lengths, or Elber's triangles."""
+from cqblend.unroll_options import Layout
 
 
 class StripChart(Protocol):

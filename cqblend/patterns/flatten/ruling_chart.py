@@ -12,6 +12,7 @@ from cqblend.patterns.flatten.development import RailDevelopment
 from cqblend.patterns.flatten.tolerances import FLATTENING_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import solve_in_brackets
 
 _CANDIDATE_COUNT = 3
 """Intervals between rulings in which the ruling through a point is searched for."""
@@ -57,7 +58,7 @@ class RulingChart:
         return np.asarray(value[:, :3] + w[:, None] * value[:, 3:])
 
     def to_parameters(self, points: Array) -> tuple[Array, Array]:
-        """Return (t, w) of points: the ruling through each, found between two of many, by regula falsi (Illinois).
+        """Return (t, w) of points: the ruling through each, found between two of many.
 
         Where several rulings come near a point, as next to an edge of regression, the nearest one is taken.
         """
@@ -101,20 +102,10 @@ class RulingChart:
     def _solve_rulings(self, low: Array, high: Array, points: Array, size: float) -> tuple[Array, Array, Array]:
         """Return t, w, and the distance of points from the ruling there."""
         value_low, value_high = self._cross_with_ruling(low, points), self._cross_with_ruling(high, points)
-        t, is_done = high, np.zeros(len(high), dtype=bool)
-        for _ in range(60):
-            rise = value_high - value_low
-            new = np.where(
-                rise == 0, (low + high) / 2, high - value_high * (high - low) / np.where(rise == 0, 1.0, rise)
-            )
-            t = np.where(is_done, t, np.clip(new, np.minimum(low, high), np.maximum(low, high)))
-            value = self._cross_with_ruling(t, points)
-            keeps_low = value * value_high > 0  # then the root is between low and new
-            low, value_low = np.where(keeps_low, low, high), np.where(keeps_low, value_low / 2, value_high)
-            high, value_high = t, value
-            is_done |= np.abs(value) <= FLATTENING_TOLERANCES.root_residual * size**2
-            if is_done.all():
-                break
+        residual = FLATTENING_TOLERANCES.root_residual * size**2
+        t = solve_in_brackets(
+            lambda t: self._cross_with_ruling(t, points), (low, high), (value_low, value_high), residual
+        )
         first, second = self.map_rails(t)
         ruling = second - first
         square = np.abs(ruling) ** 2

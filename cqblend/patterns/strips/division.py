@@ -25,10 +25,7 @@ from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
-
-Direction = Literal["auto", "rings", "u", "v"]
-
-Method = Literal["longest", "elber", "curvature"]
+from cqblend.unroll_options import Direction, Method
 
 RulingDirection = Literal["u", "v"]
 """The parameter that runs along the rulings."""

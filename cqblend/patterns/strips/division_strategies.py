@@ -8,11 +8,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions, UnrollStrategy, bound_strain, narrow_strips
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollStrategy, bound_strain, narrow_strips
 from cqblend.patterns.strips.division import SurfaceDivision, divide_surface, fit_single_strip, rank_directions
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import Patch
+from cqblend.unroll_options import UnrollOptions
 
 StrategyFailure = tuple[UnrollStrategy, CqblendError]
 """A strategy that has failed, and why."""
@@ -156,7 +157,7 @@ def merge_thin_strips(face: DividedPatch, thin: Iterable[int], options: UnrollOp
                 continue
             span = face.strips[lower].span[0], face.strips[upper].span[1]
             union = fit_single_strip(surface, span, options.tolerance / face.refinement, transposed=face.transposed)
-            if union is not None and (options.method == "elber" or bound_strain([union]) <= options.max_strain):
+            if union is not None and (options.method == "elber" or bound_strain([union]) <= options.strain):
                 strips[lower], strips[upper] = union, None
                 merged |= {lower, upper}
                 break
@@ -200,7 +201,7 @@ def _divide_first_working(
     # of equal messages the first one counts
     tried = {str(other): str(strategy) for strategy, other in reversed(failures[1:]) if str(other) != str(cause)}
     rest = "".join(f"; {strategy}: {text}" for text, strategy in reversed(tried.items()))
-    raise type(cause)(f"{cause}{rest}")
+    raise cause.with_details(after=rest)
 
 
 def _divide_with_strategy(

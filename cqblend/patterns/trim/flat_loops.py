@@ -16,7 +16,7 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.arc_length import ArcLength
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions, unroll_strips
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, unroll_strips
 from cqblend.patterns.outline.pieces import RunKind
 from cqblend.patterns.trim.domain_cells import (
     MIN_CORNERS,
@@ -34,6 +34,7 @@ from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import EdgeUse, PatchEdge, PatchShell, PlaneFrame, UseKey
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 LineVertices = Mapping[tuple[int, int], set[float]]
 """By axis and index of a cut line: the other parameter at the vertices that cells have on it."""
@@ -113,7 +114,7 @@ class SampledEdges:
         self.lengths: dict[int, Array] = {}
         self.refused: dict[int, CqblendError] = {}
         for number, uses_of_edge in uses.items():
-            tolerance = options.flat_tolerance / refinements[number]
+            tolerance = options.flat / refinements[number]
             try:
                 self._add_edge(shell.edges[number], uses_of_edge, tolerance, sagittas[number], min_segments[number])
             except CqblendError as error:
@@ -162,8 +163,7 @@ class SampledEdges:
         loops: list[list[DomainSide]] = [[] for _ in face.patch.loops]
         for use_index, (key, use) in enumerate(face.patch.list_uses()):
             if use.edge in self.refused:
-                error = self.refused[use.edge]
-                raise type(error)(f"edge {use.edge}: {error}")
+                raise self.refused[use.edge].with_details(shape=f"edge {use.edge}")
             uv = self.use_points[key]
             loops[key.loop].append(DomainSide(use_index, uv if use.forward else uv[::-1]))
         return loops

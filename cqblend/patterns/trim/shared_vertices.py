@@ -15,6 +15,7 @@ from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, PatchEdge
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_intervals
 
 _POLE_SAMPLES = 257
 """Samples along an edge that is a point in space, between which it crosses a line once at most."""
@@ -79,10 +80,11 @@ def find_crossings(cut_use: CutEdgeUse, t: Array) -> tuple[Array, Array, Array]:
         found.append((t[sample], np.full(len(sample), axis), values[line]))
         sample, line = np.nonzero(signs[:-1] * signs[1:] < 0)
         low, high, sign, value = t[sample], t[sample + 1], signs[sample, line], values[line]
-        for _ in range(60 if len(sample) else 0):
-            middle = (low + high) / 2
-            is_before = (pcurve(middle)[:, axis] - value) * sign > 0
-            low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+
+        def is_before_line(t: Array, axis: int = axis, sign: Array = sign, value: Array = value) -> Array:
+            return np.asarray((pcurve(t)[:, axis] - value) * sign > 0)
+
+        low, high = bisect_intervals(is_before_line, low, high)
         found.append(((low + high) / 2, np.full(len(sample), axis), value))
     parameters, axes, line_values = zip(*found, strict=True)
     return np.concatenate(parameters), np.concatenate(axes), np.concatenate(line_values)
