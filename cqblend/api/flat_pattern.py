@@ -112,7 +112,8 @@ class Pattern:
         """
         from cqblend.brep.pattern_shapes import make_formers
 
-        rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
+        strips = (source.unrolled_strip for source in self._unrolled.sources)
+        rails = [rail for strip in strips if strip is not None for rail in strip.rails]
         return [wrap_like(self._model, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
@@ -285,7 +286,8 @@ class Pattern:
 def _check_rulings_paired(unrolled: UnrollResult) -> None:
     """Raise InputError if strips twist, and the rulings of none could be paired anew."""
     twisted = sum(record.kind == "twisted" for record in unrolled.records)
-    if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
+    strips = (source.unrolled_strip for source in unrolled.sources)
+    if twisted and all(strip is None or strip.original_parameters is None for strip in strips):
         raise InputError(
             f"developable has no effect: none of {twisted} twisted strips has a pairing of rulings that is developable "
             "and keeps it within the tolerance; leave developable out, or try the other direction or another tolerance"
