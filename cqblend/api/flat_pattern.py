@@ -91,7 +91,7 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.brep.pattern_shapes import make_planar_faces
+        from cqblend.brep.write.pattern_shapes import make_planar_faces
 
         if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
@@ -100,7 +100,7 @@ class Pattern:
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.brep.pattern_shapes import sew_strip_faces
+        from cqblend.brep.write.pattern_shapes import sew_strip_faces
 
         trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
         return wrap_like(self._model, sew_strip_faces(trims, _SEWING_RATIO * self.report.tolerance))
@@ -110,7 +110,7 @@ class Pattern:
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.brep.pattern_shapes import make_formers
+        from cqblend.brep.write.pattern_shapes import make_formers
 
         strips = (source.unrolled_strip for source in self._unrolled.sources)
         rails = [rail for strip in strips if strip is not None for rail in strip.rails]

@@ -13,17 +13,17 @@ from functools import partial
 import numpy as np
 
 from cqblend.errors import CqblendError, Failure, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip
-from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
-from cqblend.patterns.soundness import find_face_mismatch, find_missing_vertices, find_self_overlapping
-from cqblend.patterns.strips.division_strategies import (
+from cqblend.patterns.flatten.division_strategies import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
     divide_patch,
     merge_thin_strips,
 )
-from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip
+from cqblend.patterns.flatten.flat_loops import PieceDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.soundness import find_face_mismatch, find_missing_vertices, find_self_overlapping
 from cqblend.patterns.trim.run_draft import RunDraft
 from cqblend.patterns.trim.run_keys import EdgeRunKey, RunKey
 from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface

@@ -12,11 +12,11 @@ import numpy as np
 
 from cqblend.errors import GeometryError
 from cqblend.patterns.flatten.flat_face import DividedPatch
+from cqblend.patterns.flatten.flat_loops import PieceDraft, SampledEdges
 from cqblend.patterns.outline.overlap import has_overlap
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
-from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges
 from cqblend.patterns.trim.run_draft import RunDraft
 from cqblend.patterns.trim.run_keys import EdgeRunKey
 from cqblend.splines.bernstein import Array

@@ -1,8 +1,8 @@
 """The strips of a face laid flat, with their rulings as they are or paired anew, and mapped to from the face.
 
 A strip whose rulings are paired anew is another ruled surface between the same rails, over another parameter. So the
-mapping of trimming curves to the plane (:mod:`cqblend.patterns.trim.flat_loops`) asks here where a point of the face is
-on its strip.
+mapping of trimming curves to the plane (:mod:`cqblend.patterns.flatten.flat_loops`) asks here where a point of the face
+is on its strip.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
