@@ -117,7 +117,7 @@ def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_
     known = ShapeIndex(before, TopAbs_EDGE)
     fresh = [edge for edge in ShapeIndex(after, TopAbs_EDGE) if edge not in known]
     problems = [] if faces else ["no face was made"]
-    problems += check_solid(before, after, faces, tolerance=math.inf)
+    problems += check_solid(before, after, faces, tolerance=math.inf).problems
     plane = make_skew_plane(before)
     change = measure_volume(after, plane)[0] - measure_volume(before, plane)[0]
     angles = [0.0]

@@ -26,7 +26,7 @@ from cqblend.brep.select.united_faces import unify_faces
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.certify import certify_blend
-from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.soundness import ReplacementCheck, check_solid
 from cqblend.certificate import Certificate, EndRecord
 from cqblend.errors import (
     CqblendError,
@@ -46,14 +46,6 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-
-CROSSING_STATUSES = (
-    "IntersectingWires",
-    "SelfIntersectingWire",
-    "InvalidImbricationOfWires",
-    "cuts through",
-)
-"""Words of :func:`check_solid` that mean that the boundary of a new face crosses itself, or a face another one."""
 
 
 def blend_shape(
@@ -229,9 +221,9 @@ def _insert_at_joint(
     aligned = align_to_joint(joint, blend)
     natural = EndPlan.from_domain(aligned.surface.domain[0])
     proposal = _rewrite_solid(joint, aligned, natural.caps)
-    problems = _find_problems(joint, proposal, max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance))
-    if problems:
-        raise VerificationError("the solid did not verify and is withheld: " + "; ".join(problems[:4]))
+    check = _check_proposal(joint, proposal, max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance))
+    if check.problems:
+        raise VerificationError("the solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
     result = replace_solid(shape, joint.solid, proposal.solid)
     ends = () if joint.spine.closed else record_ends(joint, natural)
     valid = _check_still_valid(shape, result)
@@ -278,11 +270,11 @@ def _propose_solid(
     else:
         raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
     limit = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance, 2 * request.tolerance)
-    problems = _find_problems(joint, proposal, limit)
-    if any(status in line for line in problems for status in CROSSING_STATUSES):
+    check = _check_proposal(joint, proposal, limit)
+    if check.crosses:
         raise SizeError("the blend runs into another boundary or face: the size is too large for it")
-    if problems:
-        raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(problems[:4]))
+    if check.problems:
+        raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
     return proposal, blend
 
 
@@ -292,7 +284,7 @@ def _rewrite_solid(joint: Joint, blend: BlendSurface, caps: CapParameters) -> Pr
     return blend_closed_edge(placement) if joint.spine.closed else blend_open_edge(placement, caps)
 
 
-def _find_problems(joint: Joint, proposal: ProposedSolid, tolerance: float) -> list[str]:
-    """Return what is wrong with a blended solid, whose new edges may have a tolerance (mm)."""
+def _check_proposal(joint: Joint, proposal: ProposedSolid, tolerance: float) -> ReplacementCheck:
+    """Look for what is wrong with a blended solid, whose new edges may have a tolerance (mm)."""
     grows = not joint.is_convex
     return check_solid(joint.solid, proposal.solid, [proposal.blend_face], grows=grows, tolerance=tolerance)

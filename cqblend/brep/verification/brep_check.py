@@ -31,6 +31,16 @@ CHECKED_KINDS = (TopAbs_VERTEX, TopAbs_EDGE, TopAbs_WIRE, TopAbs_FACE, TopAbs_SH
 """Kinds of sub-shapes, parts before wholes."""
 
 
+CROSSING_STATUSES = frozenset(
+    (
+        BRepCheck_Status.BRepCheck_IntersectingWires,
+        BRepCheck_Status.BRepCheck_SelfIntersectingWire,
+        BRepCheck_Status.BRepCheck_InvalidImbricationOfWires,
+    )
+)
+"""Errors that mean that the boundary of a face crosses itself."""
+
+
 @dataclass(frozen=True)
 class Flaw:
     """An error of ``BRepCheck``: of a sub-shape, in the context of a shape that it is part of (itself if none)."""

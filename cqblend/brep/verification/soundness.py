@@ -14,7 +14,13 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 from cqblend.brep.measure.edge_sides import require_shape
 from cqblend.brep.topology import ShapeIndex, make_compound
 from cqblend.brep.verification.box_cut import BoxCheck, check_box
-from cqblend.brep.verification.brep_check import describe_flaws, drop_inherited_flaws, find_flaws, find_shell_problems
+from cqblend.brep.verification.brep_check import (
+    CROSSING_STATUSES,
+    describe_flaws,
+    drop_inherited_flaws,
+    find_flaws,
+    find_shell_problems,
+)
 from cqblend.brep.verification.face_folds import find_folds
 from cqblend.brep.verification.replaced_faces import (
     check_volume_change,
@@ -163,6 +169,22 @@ def verify_shape(
     )
 
 
+@dataclass(frozen=True)
+class ReplacementCheck:
+    """What is wrong with a solid in which faces were replaced.
+
+    Attributes
+    ----------
+    problems
+        One line for every problem.
+    crosses
+        Whether the boundary of a new face crosses itself, or a new face another one: the blend is too large.
+    """
+
+    problems: tuple[str, ...]
+    crosses: bool
+
+
 def check_solid(
     before: TopoDS_Shape,
     after: TopoDS_Shape,
@@ -170,7 +192,7 @@ def check_solid(
     *,
     grows: bool | None = None,
     tolerance: float = 1e-5,
-) -> list[str]:
+) -> ReplacementCheck:
     """Look for anything wrong with a solid that was made from another by replacing a few faces.
 
     Fast, because faces that both have in common are not looked at again: a flaw that the input brought along and that
@@ -191,32 +213,32 @@ def check_solid(
 
     Returns
     -------
-    list of str
-        One line for every problem; empty if there is none.
+    ReplacementCheck
+        With one line for every problem.
     """
     index_before, index_after = (ShapeIndex(solid, TopAbs_FACE) for solid in (before, after))
     old = [face for face in index_before if face not in index_after]
     new = [face for face in index_after if face not in index_before]
     missing = [i for i, face in enumerate(new_faces, 1) if face not in index_after]
     problems = [f"new face {i} is not in the result" for i in missing]
+    crosses = False
     for exact in (False, True):
         found = find_flaws(make_compound(new), exact=exact)
         if found:
-            problems += _abbreviate_lines(
-                describe_flaws(
-                    after, drop_inherited_flaws(found, find_flaws(make_compound(old), exact=exact)), exact=exact
-                )
-            )
+            found = drop_inherited_flaws(found, find_flaws(make_compound(old), exact=exact))
+            crosses |= any(flaw.status in CROSSING_STATUSES for flaw in found)
+            problems += _abbreviate_lines(describe_flaws(after, found, exact=exact))
     known = set(find_shell_problems(before))
     problems += [line for line in find_shell_problems(after) if line not in known]
     if not problems:
         problems += find_inverted_solids(after)
     problems += find_loose_edges(old, new, after, tolerance)
     problems += [line for face in new_faces for line in find_folds(face)]
-    problems += [line for face in new_faces if face in index_after for line in find_collisions(face, after)]
+    collisions = [line for face in new_faces if face in index_after for line in find_collisions(face, after)]
+    problems += collisions
     if grows is not None and not is_on_wanted_side(before, new_faces, grows):
         problems += check_volume_change(old, new, grows)
-    return problems
+    return ReplacementCheck(tuple(problems), crosses or bool(collisions))
 
 
 def _locate_faces(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:

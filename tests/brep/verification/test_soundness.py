@@ -14,10 +14,11 @@ from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
+from solid_problems import list_problems
 
 from cqblend.brep.shape_kinds import list_children
 from cqblend.brep.verification.brep_check import find_flaws
-from cqblend.brep.verification.soundness import check_solid, verify_shape
+from cqblend.brep.verification.soundness import verify_shape
 from cqblend.errors import InputError, SelectionError
 
 
@@ -200,23 +201,23 @@ class TestCheckSolid:
         after = wrapped(after.fillet(1.0))
         blends = [f for f in new_faces(wrapped(before), after, kind) if cq.Face(f).Area() < 200]
         assert blends
-        assert check_solid(wrapped(before), after, blends, grows=False, tolerance=tolerance) == []
+        assert list_problems(wrapped(before), after, blends, grows=False, tolerance=tolerance) == []
 
     def test_growing_the_wrong_way(self):
         before = cq.Workplane().box(10, 10, 10)
         after = wrapped(before.edges("|Z").fillet(2))
-        (line,) = check_solid(wrapped(before), after, [], grows=True)
+        (line,) = list_problems(wrapped(before), after, [], grows=True)
         removed = 10 * 4 * 4 * (1 - math.pi / 4)
         assert line == f"the volume fell by {removed:.3g} mm^3, but the blend was to add material"
-        (line,) = check_solid(after, wrapped(before), [], grows=False)
+        (line,) = list_problems(after, wrapped(before), [], grows=False)
         assert line == f"the volume rose by {removed:.3g} mm^3, but the blend was to remove material"
 
     def test_a_blend_that_bulges_outside(self):
         """The top of a box replaced by one that rises: fine where material is to be added, noticed where not."""
         before = wrapped(cq.Workplane().box(10, 10, 10))
         dome = wrapped(cq.Workplane().box(10, 10, 10).faces(">Z").workplane().circle(4).extrude(0.5))
-        assert check_solid(before, dome, [], grows=True) == []
-        assert check_solid(before, dome, [], grows=False) == [
+        assert list_problems(before, dome, [], grows=True) == []
+        assert list_problems(before, dome, [], grows=False) == [
             f"the volume rose by {16 * math.pi / 2:.3g} mm^3, but the blend was to remove material"
         ]
 
@@ -224,30 +225,30 @@ class TestCheckSolid:
         part = cq.Workplane().box(10, 10, 10)
         before, after = wrapped(part), wrapped(part.edges("|Z").fillet(2))
         edge = next(e for e in subshapes(after, TopAbs_EDGE) if cq.Edge(e).geomType() == "CIRCLE")
-        assert check_solid(before, after, []) == []
+        assert list_problems(before, after, []) == []
         BRep_Builder().UpdateEdge(edge, 3e-4)
         number = 1 + next(i for i, e in enumerate(subshapes(after, TopAbs_EDGE)) if e.IsSame(edge))
-        assert check_solid(before, after, []) == [f"edge {number} has tolerance 0.0003 mm, above 1e-05"]
-        assert check_solid(before, after, [], tolerance=1e-3) == []
+        assert list_problems(before, after, []) == [f"edge {number} has tolerance 0.0003 mm, above 1e-05"]
+        assert list_problems(before, after, [], tolerance=1e-3) == []
 
     def test_a_new_face_that_is_not_there(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
         other = subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE)[0]
-        assert check_solid(box, box, [other]) == ["new face 1 is not in the result"]
+        assert list_problems(box, box, [other]) == ["new face 1 is not in the result"]
 
     def test_a_hole_and_a_flip_and_an_inversion(self):
         box = wrapped(cq.Workplane().box(3, 4, 5))
         faces = subshapes(box, TopAbs_FACE)
-        assert check_solid(box, solid_of(faces), []) == []
-        assert check_solid(box, solid_of(faces[1:]), []) == ["shell 1 is not closed"]
-        assert check_solid(box, solid_of([faces[0].Reversed(), *faces[1:]]), []) == [
+        assert list_problems(box, solid_of(faces), []) == []
+        assert list_problems(box, solid_of(faces[1:]), []) == ["shell 1 is not closed"]
+        assert list_problems(box, solid_of([faces[0].Reversed(), *faces[1:]]), []) == [
             "shell 1 is not consistently oriented"
         ]
-        assert check_solid(box, box.Reversed(), []) == ["solid 1 is inside out"]
+        assert list_problems(box, box.Reversed(), []) == ["solid 1 is inside out"]
 
     def test_a_fold(self):
         sheet = folded()
-        (line,) = [one for one in check_solid(sheet, sheet, [sheet]) if "folds" in one]
+        (line,) = [one for one in list_problems(sheet, sheet, [sheet]) if "folds" in one]
         assert line.startswith("a face folds over near (0.25, ")
         assert line.endswith("its normal flips")
 
@@ -255,7 +256,7 @@ class TestCheckSolid:
         """Nine turns of a thin helical strip: neighbours of a coarse grid look opposite ways, and yet it is smooth."""
         helix = cq.Wire.makeHelix(1, 9, 5)
         strip = cq.Workplane("XZ").center(5, 0).rect(0.2, 0.2).sweep(cq.Workplane(helix), isFrenet=True)
-        assert check_solid(wrapped(strip), wrapped(strip), subshapes(wrapped(strip), TopAbs_FACE)) == []
+        assert list_problems(wrapped(strip), wrapped(strip), subshapes(wrapped(strip), TopAbs_FACE)) == []
 
     def test_flaws_of_the_input_are_not_the_results(self):
         """A face far from the change was flawed before: tolerated, unless it is new."""
@@ -268,9 +269,9 @@ class TestCheckSolid:
         }
         after = wrapped(part.edges("|Z and >X and >Y").fillet(2))
         assert len(find_flaws(after)) > 0
-        assert check_solid(before, after, [], grows=False) == []
+        assert list_problems(before, after, [], grows=False) == []
         sound = wrapped(cq.Workplane().box(10, 10, 10))
-        assert any("SelfIntersectingWire" in line for line in check_solid(sound, after, []))
+        assert any("SelfIntersectingWire" in line for line in list_problems(sound, after, []))
 
     def test_a_flaw_travels_with_a_face_that_is_rebuilt(self):
         """The flawed face gets a new wire of the same edges, as a trimmed one does: nothing new to complain about."""
@@ -290,7 +291,7 @@ class TestCheckSolid:
             ]
         )
         assert len(find_flaws(after)) > 0
-        assert check_solid(before, after, []) == []
+        assert list_problems(before, after, []) == []
 
 
 def flawed() -> tuple[cq.Workplane, TopoDS_Shape]:
