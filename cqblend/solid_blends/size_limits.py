@@ -47,21 +47,30 @@ def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFa
     """
     size, least = max(request.lengths), min(request.lengths)
     if size > joint.extent:
-        raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
+        raise SizeError(
+            f"size {size:g} is larger than the whole solid, {joint.extent:.4g}", kind="too large", value=size
+        )
     contacts = make_solver(joint, request)(_space_stations(joint))
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
         ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
+            t = float(contacts.t[np.argmin(ahead)])
             raise SizeError(
-                f"size {size:g} is too large: the rail turns back at t = {contacts.t[np.argmin(ahead)]:.3g}, where the "
-                "edge bends more sharply than that"
+                f"size {size:g} is too large: the rail turns back at t = {t:.3g}, where the edge bends more sharply "
+                "than that",
+                kind="too large",
+                place=t,
+                value=size,
             )
     left = find_leaving_contact(joint, contacts)
     if left is not None:
         side, index = left
         raise SizeError(
             f"size {size:g} is too large: {describe_obstacle(joint, contacts, side, index)}, and at t = "
-            f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.face_numbers[side]}"
+            f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.face_numbers[side]}",
+            kind="too large",
+            place=float(contacts.t[index]),
+            value=size,
         )
     nearest = float(_measure_rail_distances(joint, contacts).min())
     short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
@@ -69,7 +78,9 @@ def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFa
         raise SizeError(
             f"size {least:g} is too small: it must be three times the edge's own tolerance, {joint.tolerance:.2g}, and "
             f"the rails, which run {nearest:.2g} from the edge, further off than that: take at least "
-            f"{1.01 * short * least:.3g}"
+            f"{1.01 * short * least:.3g}",
+            kind="too small",
+            value=least,
         )
 
 
