@@ -15,18 +15,14 @@ import numpy as np
 
 from cqblend.api.surface_blend import Amount, Blend, CrossLength, Tangents, prepare_rails, refuse_derivative_options
 from cqblend.blend_options import (
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_STEER,
-    DEFAULT_TOLERANCE,
+    BLEND_DEFAULTS,
     FORMS,
-    MAX_COLLOCATION_POINTS,
-    MAX_MODES,
-    MAX_TERMS,
+    OPTION_LIMITS,
     check_pde_orders,
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.equations import ShapeParameters
-from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings
+from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
@@ -107,9 +103,9 @@ def pde_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
-    steer: float = DEFAULT_STEER,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
@@ -190,9 +186,9 @@ def pde_blend(
     wanted = PdeSettings(
         check_pde_orders(order),
         parameters,
-        check_count_or_auto("terms", terms, MAX_TERMS),
+        check_count_or_auto("terms", terms, OPTION_LIMITS.max_terms),
         check_choice("basis", basis, BASIS_NAMES),
-        check_count_or_auto("modes", modes, MAX_MODES),
+        check_count_or_auto("modes", modes, OPTION_LIMITS.max_modes),
         _check_points(points),
         check_choice("minimise", minimise, ("auto", "residual", "energy")),
     )
@@ -211,7 +207,7 @@ def pde_blend(
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
         held = _check_ends(ends, wanted, closed, (side1, side2))
-        made, solution = make((first, second), closed=closed, by_length=False, ends=held)
+        made, solution = make((first, second), setup=SideSetup(closed, by_length=False, ends=held))
         rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
     else:
@@ -222,7 +218,7 @@ def pde_blend(
         rails, ribbons = prepare_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
         if rails[0].closed != rails[1].closed:
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
-        made, solution = make(ribbons, closed=rails[0].closed and all(map(is_periodic, ribbons)))
+        made, solution = make(ribbons, setup=SideSetup(rails[0].closed and all(map(is_periodic, ribbons))))
         known = (2, 2)
     check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
@@ -279,7 +275,7 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
 
 def _check_points(value: object) -> tuple[int | None, int | None]:
     if isinstance(value, list | tuple) and len(value) == 2:
-        return check_count("points[0]", value[0], MAX_COLLOCATION_POINTS), check_count(
-            "points[1]", value[1], MAX_COLLOCATION_POINTS
+        return check_count("points[0]", value[0], OPTION_LIMITS.max_collocation_points), check_count(
+            "points[1]", value[1], OPTION_LIMITS.max_collocation_points
         )
-    return check_count_or_auto("points", value, MAX_COLLOCATION_POINTS), None
+    return check_count_or_auto("points", value, OPTION_LIMITS.max_collocation_points), None

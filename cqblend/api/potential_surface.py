@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
-from cqblend.blend_options import DEFAULT_ANGULAR_TOLERANCE, DEFAULT_TOLERANCE, EXACT_FORM_IS_EXACT, FORMS
+from cqblend.blend_options import BLEND_DEFAULTS, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
-from cqblend.blends.potential.relations import Relation
-from cqblend.blends.potential.relations import to_relation as relation_of
-from cqblend.blends.potential.surface_family import Family, OffsetFamily, ReferenceFamily
+from cqblend.blends.potential.offset_family import OffsetFamily
+from cqblend.blends.potential.reference_family import ReferenceFamily
+from cqblend.blends.potential.relations import Relation, to_relation
+from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_blend import Sweep, sweep_branch
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
@@ -95,7 +96,9 @@ class PotentialBlend(Blend):
     def hermite(self) -> Blend:
         """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = blend_surface.blend_ribbons((first, second), self.form, DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE)
+        made = blend_surface.blend_ribbons(
+            (first, second), self.form, BLEND_DEFAULTS.tolerance, BLEND_DEFAULTS.angular_tolerance
+        )
         return Blend(made.surface, self.ribbons, made.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
@@ -269,8 +272,8 @@ def potential_blend(
     *,
     near: ArrayLike | None = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     skin: float | None = None,
     crease: float | None = None,
 ) -> PotentialBlend:
@@ -337,10 +340,12 @@ def potential_blend(
     >>> bool(abs(radius - 2) < 2e-5), blend.certificate.angle < 1e-10
     (True, True)
     """
-    pair = relation_of(relation)
+    pair = to_relation(relation)
     form = check_choice("form", form, FORMS)
     if form == "exact" and skin is not None:
-        refuse_ignored_options(EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, DEFAULT_TOLERANCE))
+        refuse_ignored_options(
+            EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, BLEND_DEFAULTS.tolerance)
+        )
     tolerance, angular_tolerance = (
         check_positive("tolerance", tolerance),
         check_positive("angular_tolerance", angular_tolerance),
@@ -388,7 +393,7 @@ def _blend_within_skin(
     )
 
 
-def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
+def _choose_branch(meeting: FamilyPair[Family], near: ArrayLike | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
     target = to_point(near)
     if near is not None and target is None:
@@ -422,7 +427,7 @@ def _mark_faded(ribbon: Ribbon) -> Ribbon:
 
 def _make_rail(ribbon: Ribbon, family: Family) -> Rail:
     """Return what a ribbon starts on: a surface, with laps of it where that is periodic, and a curve on it."""
-    surface = family.primary.surface  # type: ignore[attr-defined]
+    surface = family.surface
     c = ribbon.c
     weight = c[0] + c[1]
     plane = Curve.stack([c[1], c[3], weight])

@@ -6,27 +6,30 @@ bowed to it. Holds the order of the steps, and what is known of every piece. Mus
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from cqblend.errors import CqblendError, Failure, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
-from cqblend.patterns.soundness import add_edge_vertices, find_face_mismatch, find_self_overlapping, is_edge_key
-from cqblend.patterns.strips.division_ways import (
+from cqblend.patterns.soundness import find_face_mismatch, find_missing_vertices, find_self_overlapping
+from cqblend.patterns.strips.division_strategies import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
     divide_patch,
     merge_thin_strips,
 )
-from cqblend.patterns.trim.flat_loops import PieceDraft, RunDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.trim.run_draft import RunDraft
+from cqblend.patterns.trim.run_keys import EdgeRunKey, RunKey
 from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""
@@ -105,7 +108,7 @@ class PieceSource:
     ----------
     patch
         The face, or faces of one plane, that it is of.
-    laying
+    unrolled_strip
         The strip; None on a plane.
     upward
         Whether R_t x R_w of the strip points to the outer side.
@@ -114,26 +117,26 @@ class PieceSource:
     """
 
     patch: Patch
-    laying: UnrolledStrip | None
+    unrolled_strip: UnrolledStrip | None
     upward: bool
     loops: tuple[tuple[Array | Curve, ...], ...]
 
     def to_trimmed_surface(self) -> TrimmedSurface:
         """Return the piece in space: a ruled surface or a plane, and what is kept of it."""
-        if self.laying is None:
+        if self.unrolled_strip is None:
             return TrimmedSurface(self.patch.surface, self.loops, self.patch.outward)
-        return TrimmedSurface(self.laying.to_ruled_surface(), self.loops, self.upward)
+        return TrimmedSurface(self.unrolled_strip.to_ruled_surface(), self.loops, self.upward)
 
     def fold(self, points: Array) -> Array:
         """Return where points (.., 2) of the flat piece are in space, (.., 3)."""
-        if self.laying is not None:
-            return self.laying.flat.fold(points)
+        if self.unrolled_strip is not None:
+            return self.unrolled_strip.flat.fold(points)
         assert self.patch.frame is not None
         return self.patch.frame.to_world_coords(points)
 
     def map_to_face(self, points: Array) -> Array:
         """Return the points of the face, (n, 3), for which points (n, 2) of the flat piece stand."""
-        return self.fold(points) if self.laying is None else self.laying.map_to_surface(points)
+        return self.fold(points) if self.unrolled_strip is None else self.unrolled_strip.map_to_surface(points)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,38 +171,42 @@ class UnrollResult:
     detours: tuple[str, ...]
 
 
-def unroll_patches(skin: PatchShell, wishes: UnrollOptions, progress: Progress | None = None) -> UnrollResult:
+def unroll_patches(skin: PatchShell, options: UnrollOptions, progress: Progress | None = None) -> UnrollResult:
     """Unroll patches to pieces.
 
     A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
     """
     tell = _ignore_progress if progress is None else progress
-    work = _UnrollState(wishes, failures=[Failure((face,), error) for face, error in skin.refused.items()])
+    work = _UnrollState(options, failures=[Failure((face,), error) for face, error in skin.refused.items()])
     for i, patch in enumerate(skin.patches):
         tell(0.6 * i / len(skin.patches), f"dividing face {patch.index}")
         try:
-            work.faces.append(divide_patch(patch, wishes))
+            work.faces.append(divide_patch(patch, options))
         except CqblendError as error:
             work.failures.append(_make_failure(patch, error))
-    extra: dict[int, Array] = {}
+    required_parameters: dict[int, Array] = {}
     turn = 0
     while True:
-        edges = SampledEdges(skin, work.faces, wishes, extra)
-        laid: list[PieceDraft] = []
+        edges = SampledEdges(skin, work.faces, options, required_parameters)
+        drafts: list[PieceDraft] = []
         again = False
         for i, face in enumerate(tuple(work.faces)):
             tell(0.6 + 0.4 * i / len(work.faces), f"laying face {face.patch.index} flat")
             try:
-                laid += flatten_patch_loops(face, edges, wishes)
+                drafts += flatten_patch_loops(face, edges, options)
             except CqblendError as error:
-                again |= work.replace_division(face, partial(divide_other_way, face, wishes, error))
+                again |= work.replace_division(face, partial(divide_other_way, face, options, error))
         if again:
             continue
         turn += 1
-        if turn < _MOST_ROUNDS and add_edge_vertices(extra, laid, edges, wishes):
+        missing = find_missing_vertices(drafts, edges, options) if turn < _MOST_ROUNDS else {}
+        if missing:
+            for number, parameters in missing.items():
+                known = required_parameters.get(number, np.empty(0))
+                required_parameters[number] = np.concatenate([known, parameters])
             continue
-        result = _assemble_pieces(skin, laid, work)
-        if not (work.redivide_faulty(laid, result, edges) or work.merge_thin_strips(laid, result)):
+        result = _assemble_pieces(skin, drafts, work)
+        if not (work.redivide_faulty(drafts, result, edges) or work.merge_thin_strips(drafts, result)):
             return result
 
 
@@ -207,7 +214,7 @@ def unroll_patches(skin: PatchShell, wishes: UnrollOptions, progress: Progress |
 class _UnrollState:
     """The faces that are being unrolled, and those that cannot be."""
 
-    wishes: UnrollOptions
+    options: UnrollOptions
     failures: list[Failure]
     faces: list[DividedPatch] = field(default_factory=list)
 
@@ -222,49 +229,48 @@ class _UnrollState:
             return False
         return True
 
-    def redivide_faulty(self, laid: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
+    def redivide_faulty(self, drafts: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
         """Divide faces anew whose pieces cover themselves, or are not what they stand for; whether there were any."""
-        twice = find_self_overlapping(laid, result.pieces.pieces)
+        twice = find_self_overlapping(drafts, result.pieces.pieces)
         pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
-        for one, piece in zip(laid, result.pieces.pieces, strict=True):
-            pieces[id(one.face)].append((one, piece))
+        for one, piece in zip(drafts, result.pieces.pieces, strict=True):
+            pieces[one.face.patch.index].append((one, piece))
         found = False
         for face in tuple(self.faces):
-            rows = [(one.row, sum(one.span) / 2) for one, bent in twice if one.face is face and not bent]
-            if rows:
-                self.replace_division(face, partial(cut_strips_across, face, rows))
+            cuts = [(one.strip_index, sum(one.rail_extent) / 2) for one, bent in twice if one.face is face and not bent]
+            if cuts:
+                self.replace_division(face, partial(cut_strips_across, face, cuts))
             elif any(one.face is face for one, _ in twice):
-                self.replace_division(face, partial(divide_finer, face, self.wishes, _SELF_OVERLAP_ERROR))
-            elif (wrong := find_face_mismatch(face, pieces[id(face)], edges)) is not None:
+                self.replace_division(face, partial(divide_finer, face, self.options, _SELF_OVERLAP_ERROR))
+            elif (wrong := find_face_mismatch(face, pieces[face.patch.index], edges)) is not None:
                 error, factor = wrong
-                self.replace_division(face, partial(divide_finer, face, self.wishes, error, 1.1 * factor))
+                self.replace_division(face, partial(divide_finer, face, self.options, error, 1.1 * factor))
             else:
                 continue
             found = True
         return found
 
-    def merge_thin_strips(self, laid: Sequence[PieceDraft], result: UnrollResult) -> bool:
+    def merge_thin_strips(self, drafts: Sequence[PieceDraft], result: UnrollResult) -> bool:
         """Merge strips whose pieces are too thin with their neighbours; whether there were any that could be."""
-        least = self.wishes.least_width
+        least = self.options.least_width
         if least is None:
             return False
         thin: dict[int, set[int]] = defaultdict(set)
         wide: set[int] = set()
-        for one, record in zip(laid, result.records, strict=True):
+        for one, record in zip(drafts, result.records, strict=True):
             if record.width < least:
-                thin[id(one.face)].add(one.row)
+                thin[one.face.patch.index].add(one.strip_index)
             else:
-                wide.add(id(one.face))
+                wide.add(one.face.patch.index)
         found = False
         for face in tuple(self.faces):
-            union = (
-                merge_thin_strips(face, sorted(thin[id(face)]), self.wishes) if thin[id(face)] and face.strips else None
-            )
+            indices = sorted(thin[face.patch.index])
+            union = merge_thin_strips(face, indices, self.options) if indices and face.strips else None
             if union is not None:
                 found |= self.replace_division(face, partial(_return_division, union))
-            elif face.refusal is not None and id(face) not in wide:
+            elif face.width_error is not None and face.patch.index not in wide:
                 found = True
-                self.replace_division(face, partial(_raise_error, face.refusal))
+                self.replace_division(face, partial(_raise_error, face.width_error))
         return found
 
 
@@ -293,74 +299,80 @@ def _ignore_progress(part: float, what: str) -> None:
     """Take no notice."""
 
 
-def _assemble_pieces(skin: PatchShell, laid: Sequence[PieceDraft], work: _UnrollState) -> UnrollResult:
-    """Bow the runs to the lengths of their seams, and make the pieces."""
-    members: dict[Hashable, list[tuple[Place, RunDraft]]] = defaultdict(list)
-    for i, one in enumerate(laid):
+def _assemble_pieces(skin: PatchShell, drafts: Sequence[PieceDraft], work: _UnrollState) -> UnrollResult:
+    """Bend the runs to the lengths of their seams, and make the pieces."""
+    members: dict[RunKey, list[tuple[Place, RunDraft]]] = defaultdict(list)
+    for i, one in enumerate(drafts):
         for j, loop in enumerate(one.loops):
-            for k, draft in enumerate(_skip_poles(loop)):
-                members[draft.key].append((Place(i, j, k), draft))
+            for k, (key, draft) in enumerate(_list_keyed_runs(loop)):
+                members[key].append((Place(i, j, k), draft))
     seams: list[Seam] = []
-    numbers: dict[Hashable, int] = {}
+    numbers: dict[RunKey | None, int] = {}
+    final: dict[Place, RunDraft] = {}
     stretch = 0.0
     for key, sides in members.items():
-        if work.wishes.layout == "triangles":
-            for _, draft in sides:
-                draft.lengths = draft.chord_lengths
-        elif is_edge_key(key):
-            stretch = max(stretch, _equalise_lengths([draft for _, draft in sides]))
-        if len(sides) == 2:
+        places, runs = [place for place, _ in sides], [draft for _, draft in sides]
+        if work.options.layout == "triangles":
+            runs = [replace(run, lengths=run.chord_lengths) for run in runs]
+        elif isinstance(key, EdgeRunKey):
+            runs, excess = _equalise_lengths(runs)
+            stretch = max(stretch, excess)
+        if len(runs) == 2:
             numbers[key] = len(seams)
-            (first, here), (second, there) = sides
-            there.inward = here.kind == there.kind == "end"
-            angle = _measure_fold_angle(skin, key, laid[first.piece], laid[second.piece])
-            seams.append(Seam(str(len(seams) + 1), (first, second), here.rising != there.rising, angle))
+            (first, second), (here, there) = places, runs
+            runs[1] = replace(there, bow_inward=here.kind == there.kind == "end")
+            angle = _measure_fold_angle(skin, key, drafts[first.piece], drafts[second.piece])
+            seams.append(Seam(str(len(seams) + 1), (first, second), here.along_key != there.along_key, angle))
+        final.update(zip(places, runs, strict=True))
     counts: dict[int, int] = defaultdict(int)
-    for one in laid:
-        counts[id(one.face)] += 1
+    for one in drafts:
+        counts[one.face.patch.index] += 1
     pieces, records = [], []
     ordinals: dict[int, int] = defaultdict(int)
-    for one in laid:
-        ordinals[id(one.face)] += 1
+    for i, one in enumerate(drafts):
         index = one.face.patch.index
-        name = f"{index}.{ordinals[id(one.face)]}" if counts[id(one.face)] > 1 else str(index)
-        loops = [tuple(_make_run(draft, numbers.get(draft.key)) for draft in _skip_poles(loop)) for loop in one.loops]
-        piece = Piece(name, tuple(loops))
+        ordinals[index] += 1
+        name = f"{index}.{ordinals[index]}" if counts[index] > 1 else str(index)
+        loops = [
+            [final[Place(i, j, k)] for k in range(len(_list_keyed_runs(loop)))] for j, loop in enumerate(one.loops)
+        ]
+        piece = Piece(name, tuple(tuple(_make_run(run, numbers.get(run.key)) for run in loop) for loop in loops))
         pieces.append(piece)
-        records.append(_make_record(one, piece))
-    faces = {id(one.face): one.face for one in laid}.values()
+        error = max((float(run.measure_arc_error().max()) for loop in loops for run in loop), default=0.0)
+        records.append(_make_record(one, piece, error))
+    faces = {one.face.patch.index: one.face for one in drafts}.values()
     return UnrollResult(
         Pieces(tuple(pieces), tuple(seams)),
         tuple(records),
-        tuple(_make_source(one) for one in laid),
+        tuple(_make_source(one) for one in drafts),
         tuple(work.failures),
         stretch,
         sum(max(len(face.strips), 1) for face in faces),
-        sum(face.elber for face in faces),
-        sum(face.ideal for face in faces),
-        tuple(_compare_areas(face, laid, pieces) for face in faces),
-        tuple(_describe_detour(face) for face in faces if face.failed),
+        sum(face.elber_count for face in faces),
+        sum(face.ideal_count for face in faces),
+        tuple(_compare_areas(face, drafts, pieces) for face in faces),
+        tuple(_describe_detour(face) for face in faces if face.failures),
     )
 
 
-def _compare_areas(face: DividedPatch, laid: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
-    own = sum(piece.area for one, piece in zip(laid, pieces, strict=True) if one.face is face)
+def _compare_areas(face: DividedPatch, drafts: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
+    own = sum(piece.area for one, piece in zip(drafts, pieces, strict=True) if one.face is face)
     return Areas(face.patch.faces, face.patch.area, own)
 
 
 def _describe_detour(face: DividedPatch) -> str:
-    reasons = "; ".join(f"not {way}: {error}" for way, error in face.failed)
-    return f"face {face.patch.index}: {face.way}, {reasons}"
+    reasons = "; ".join(f"not {strategy}: {error}" for strategy, error in face.failures)
+    return f"face {face.patch.index}: {face.strategy}, {reasons}"
 
 
 def _make_run(draft: RunDraft, seam: int | None) -> Run:
     final = draft.drop_inner_vertices() if draft.kind == "end" else draft
-    return Run(final.to_path(), final.space, final.kind, seam)
+    return Run(final.to_path(), final.points_3d, final.kind, seam)
 
 
-def _skip_poles(loop: Sequence[RunDraft]) -> list[RunDraft]:
-    """Return the drafts of a loop that are more than a pole."""
-    return [draft for draft in loop if draft.key is not None]
+def _list_keyed_runs(loop: Sequence[RunDraft]) -> list[tuple[RunKey, RunDraft]]:
+    """Return the runs of a loop with their keys, except poles, which have none."""
+    return [(draft.key, draft) for draft in loop if draft.key is not None]
 
 
 def _clamp_lengths(draft: RunDraft) -> Array:
@@ -368,32 +380,32 @@ def _clamp_lengths(draft: RunDraft) -> Array:
     return np.clip(draft.lengths, draft.chord_lengths, _MOST_BOW * draft.chord_lengths)
 
 
-def _equalise_lengths(drafts: Sequence[RunDraft]) -> float:
+def _equalise_lengths(drafts: Sequence[RunDraft]) -> tuple[list[RunDraft], float]:
     """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
 
-    Returns by how much that is longer than the edge, relative to it. A segment becomes as long as its part of the
-    edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next to a
-    pole, it would be a balloon. What is missing then is shared by all.
+    Returns the runs, and by how much they are longer than the edge, relative to it. A segment becomes as long as its
+    part of the edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next
+    to a pole, it would be a balloon. What is missing then is shared by all.
     """
-    natural = [_clamp_lengths(draft) for draft in drafts]
+    clamped = [_clamp_lengths(draft) for draft in drafts]
     edge = float(drafts[0].lengths.sum())
-    total = max(edge, *(float(lengths.sum()) for lengths in natural))
-    for draft, lengths in zip(drafts, natural, strict=True):
+    total = max(edge, *(float(lengths.sum()) for lengths in clamped))
+    runs = []
+    for draft, lengths in zip(drafts, clamped, strict=True):
         whole = float(lengths.sum())
-        draft.lengths = lengths * (total / whole) if whole > 0 else lengths
-    return total / edge - 1 if edge > 0 else 0.0
+        runs.append(replace(draft, lengths=lengths * (total / whole) if whole > 0 else lengths))
+    return runs, total / edge - 1 if edge > 0 else 0.0
 
 
-def _measure_fold_angle(skin: PatchShell, key: Hashable, first: PieceDraft, second: PieceDraft) -> float:
+def _measure_fold_angle(skin: PatchShell, key: RunKey, first: PieceDraft, second: PieceDraft) -> float:
     """Return the angle by which the outer normal turns across the middle of a seam, positive if convex."""
-    assert isinstance(key, tuple)
-    if key[0] == "edge":
-        return skin.edges[key[1]].angle
-    if first.row == second.row:
+    if isinstance(key, EdgeRunKey):
+        return skin.edges[key.edge].angle
+    if first.strip_index == second.strip_index:
         return 0.0
-    lower, upper = sorted((first, second), key=lambda one: one.row)
-    t = (key[4] + key[5]) / 2
-    below, above = lower.face.strips[lower.row].rails, upper.face.strips[upper.row].rails
+    lower, upper = sorted((first, second), key=lambda one: one.strip_index)
+    t = (key.start + key.stop) / 2
+    below, above = lower.face.strips[lower.strip_index].rails, upper.face.strips[upper.strip_index].rails
     tangent = above[0](t, 1)
     down, up = below[1](t) - below[0](t), above[1](t) - above[0](t)
     sign = 1.0 if lower.face.upward else -1.0
@@ -403,25 +415,22 @@ def _measure_fold_angle(skin: PatchShell, key: Hashable, first: PieceDraft, seco
     return angle if (after - before) @ up > 0 else -angle
 
 
-def _make_record(one: PieceDraft, piece: Piece) -> Record:
-    faces, laying = one.face.patch.faces, one.laying
-    error = max(
-        (float(draft.measure_arc_error().max()) for loop in one.loops for draft in _skip_poles(loop)), default=0.0
-    )
+def _make_record(one: PieceDraft, piece: Piece, border_error: float) -> Record:
+    faces, strip = one.face.patch.faces, one.unrolled_strip
     width = 2 * piece.area / max(sum(path.length for path in piece.outlines), np.finfo(float).tiny)
-    if laying is None:
+    if strip is None:
         off = one.face.patch.plane_deviation
-        return Record(piece.name, faces, "plane", off, True, error, 0.0, 0.0, 0.0, piece.area, piece.area, width)
-    flat = laying.flat
+        return Record(piece.name, faces, "plane", off, True, border_error, 0.0, 0.0, 0.0, piece.area, piece.area, width)
+    flat = strip.flat
     return Record(
         name=piece.name,
         faces=faces,
         kind=flat.kind,
-        bound=laying.bound,
-        proven=laying.proven,
-        error=max(flat.error, error),
-        twist=flat.turn,
-        ruling=flat.ruling,
+        bound=strip.bound,
+        proven=strip.proven,
+        error=max(flat.error, border_error),
+        twist=flat.normal_turn,
+        ruling=flat.ruling_error,
         strain=flat.strain,
         area=flat.area_space,
         flat_area=flat.area_flat,
@@ -431,4 +440,4 @@ def _make_record(one: PieceDraft, piece: Piece) -> Record:
 
 def _make_source(one: PieceDraft) -> PieceSource:
     loops = tuple(tuple(draft.to_trim_curve() for draft in loop) for loop in one.loops)
-    return PieceSource(one.face.patch, one.laying, one.face.upward, loops)
+    return PieceSource(one.face.patch, one.unrolled_strip, one.face.upward, loops)

@@ -1,23 +1,26 @@
-"""What may be wrong with faces that are laid flat: told before it is returned.
+"""What may be wrong with faces that are drafts flat: told before it is returned.
 
 Exists because a division is judged by its pieces: by their borders, their area, and whether they cover themselves. What
 is done about it is not known here.
 """
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions
+from cqblend.patterns.flatten.flat_face import DividedPatch
 from cqblend.patterns.outline.overlap import has_overlap
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.strips.division_ways import MAX_REFINE_FACTOR
+from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges
+from cqblend.patterns.trim.run_draft import RunDraft
+from cqblend.patterns.trim.run_keys import EdgeRunKey
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 _AREA_MISMATCH, _THIN_FACE = 0.02, 4.0
 """By how much pieces may differ from their face in area, relative, if that is thinner than so many tolerances."""
@@ -26,31 +29,30 @@ _EDGE_EXCESS = 0.02
 """By how much an edge may be longer than the ends of strips along it, relative."""
 
 
-def add_edge_vertices(
-    extra: dict[int, Array], laid: Sequence[PieceDraft], edges: SampledEdges, wishes: UnrollOptions
-) -> bool:
-    """Add vertices to edges whose flat curves arcs between their vertices do not follow; whether any were."""
+def find_missing_vertices(
+    drafts: Sequence[PieceDraft], edges: SampledEdges, options: UnrollOptions
+) -> dict[int, Array]:
+    """Return, by number of the edge, parameters at which it needs more vertices for its flat curves to be arcs."""
     wanted: dict[int, list[Array]] = defaultdict(list)
-    for one in laid:
-        tolerance = wishes.flat / one.face.finer
-        for draft in (draft for loop in one.loops for draft in loop if is_edge_key(draft.key) and draft.kind != "end"):
-            assert isinstance(draft.key, tuple)
-            _, number, low, high = draft.key
-            off = replace(draft, lengths=draft.curve_lengths).measure_arc_error()
-            t = edges.samples[number].t[low : high + 1]
-            off = off if draft.rising else off[::-1]
-            long = np.diff(t) > 1e-6 * (edges.edges[number].breaks[-1] - edges.edges[number].breaks[0])
-            for k in np.flatnonzero((off > tolerance) & long):
-                parts = int(np.clip(np.ceil((off[k] / tolerance) ** (1 / 3)), 2, 8))
-                wanted[number].append(np.linspace(t[k], t[k + 1], parts + 1)[1:-1])
-    for number, places in wanted.items():
-        extra[number] = np.concatenate([extra.get(number, np.empty(0)), *places])
-    return bool(wanted)
+    for piece in drafts:
+        tolerance = options.flat / piece.face.refinement
+        for key, draft in _list_edge_runs(piece):
+            if draft.kind == "end":
+                continue
+            error = replace(draft, lengths=draft.curve_lengths).measure_arc_error()
+            t = edges.samples[key.edge].t[key.first : key.last + 1]
+            error = error if draft.along_key else error[::-1]
+            breaks = edges.edges[key.edge].breaks
+            is_long = np.diff(t) > 1e-6 * (breaks[-1] - breaks[0])
+            for k in np.flatnonzero((error > tolerance) & is_long):
+                parts = int(np.clip(np.ceil((error[k] / tolerance) ** (1 / 3)), 2, 8))
+                wanted[key.edge].append(np.linspace(t[k], t[k + 1], parts + 1)[1:-1])
+    return {number: np.concatenate(parameters) for number, parameters in wanted.items()}
 
 
-def is_edge_key(key: Hashable | None) -> bool:
-    """Return whether the key of a draft is that of a stretch of an edge."""
-    return isinstance(key, tuple) and key[0] == "edge"
+def _list_edge_runs(piece: PieceDraft) -> Iterator[tuple[EdgeRunKey, RunDraft]]:
+    """Return the runs of a piece that are stretches of edges, with their keys."""
+    return ((draft.key, draft) for loop in piece.loops for draft in loop if isinstance(draft.key, EdgeRunKey))
 
 
 def find_face_mismatch(
@@ -65,10 +67,8 @@ def find_face_mismatch(
         return None
     along: dict[int, Array] = defaultdict(lambda: np.zeros(2))
     for one, _ in pieces:
-        for draft in (draft for loop in one.loops for draft in loop if is_edge_key(draft.key)):
-            assert isinstance(draft.key, tuple)
-            _, number, low, high = draft.key
-            along[number] += edges.lengths[number][low:high].sum(), draft.curve_lengths.sum()
+        for key, draft in _list_edge_runs(one):
+            along[key.edge] += edges.lengths[key.edge][key.first : key.last].sum(), draft.curve_lengths.sum()
     # a face that meets itself is as short on one side of the seam as on the other
     meets = {number for number in along if edges.edges[number].faces == 2 * edges.edges[number].faces[:1]}
     borders = {number: sums for number, sums in along.items() if number not in meets}
@@ -83,7 +83,8 @@ def find_face_mismatch(
     around = sum(edge for edge, _ in borders.values())
     area = sum(piece.area for _, piece in pieces)
     thin = 2 * face.patch.area < _THIN_FACE * edges.tolerance * around
-    if thin and face.finer < MAX_REFINE_FACTOR and abs(area - face.patch.area) > _AREA_MISMATCH * face.patch.area:
+    can_refine = face.refinement < STRIP_TOLERANCES.max_refinement
+    if thin and can_refine and abs(area - face.patch.area) > _AREA_MISMATCH * face.patch.area:
         error = GeometryError(
             f"its pieces have {area:.6g} of {face.patch.area:.6g} mm2: the face is too narrow for the tolerance; "
             "choose a smaller one, or the other direction"
@@ -92,9 +93,9 @@ def find_face_mismatch(
     return None
 
 
-def find_self_overlapping(laid: Sequence[PieceDraft], pieces: Sequence[Piece]) -> list[tuple[PieceDraft, bool]]:
+def find_self_overlapping(drafts: Sequence[PieceDraft], pieces: Sequence[Piece]) -> list[tuple[PieceDraft, bool]]:
     """Return what has become pieces that cover themselves, and whether they do so only because of their bows."""
-    both = zip(laid, pieces, strict=True)
+    both = zip(drafts, pieces, strict=True)
     return [(one, not has_overlap(_straighten_runs(piece))) for one, piece in both if has_overlap(piece)]
 
 

@@ -1,10 +1,10 @@
 """Two ribbons whose rails cross many knot lines: what proofs and compact forms are measured on."""
 
 import numpy as np
-from cqblend.surfaces.primaries import TensorSurface
 
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 
 def wavy_pair() -> tuple[Ribbon, Ribbon]:
