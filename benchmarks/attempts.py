@@ -22,9 +22,11 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blend_options import BlendOptions
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
-from cqblend.brep.verification.soundness import check_solid, make_skew_plane, measure_volume
+from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.edge_blend import blend_shape
 

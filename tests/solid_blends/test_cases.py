@@ -9,7 +9,8 @@ from places import CASES
 from real_parts import PART, SCREW, listed, part
 
 import cqblend
-from cqblend.brep.verification.soundness import check_solid, is_valid
+from cqblend.brep.verification.brep_check import is_valid
+from cqblend.brep.verification.soundness import check_solid
 
 FREEFORM = [(SCREW, n) for n in (30, 37, 40, 47, 51, 54)] + [
     (PART, n) for n in (113, 127, 131, 139, 306, 310, 320, 323)
