@@ -25,13 +25,13 @@ from cqblend.checks import (
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.option_records import collect_options, document_options
 from cqblend.patterns import assembly
-from cqblend.patterns.assembly import UnrollResult
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
 from cqblend.patterns.stock.limits import LABEL_LIMITS
 from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
 from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.trim.bare_surface import make_surface_shell
+from cqblend.patterns.unroll_result import UnrollResult
 from cqblend.patterns.write import pattern_files
 from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines.surface import Surface
