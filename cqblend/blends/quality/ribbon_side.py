@@ -17,7 +17,8 @@ from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import EPSILON, Array
-from cqblend.splines.breaks import MOVED_BREAK, cut_at_breaks, merge_breaks
+from cqblend.splines.breaks import cut_at_breaks, merge_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 Polynomials = dict[str, BoundedPolynomial]
 
@@ -61,7 +62,7 @@ class RibbonSide:
         curves = [self._rows[0, 0], recomputed.normal, recomputed.derivatives_along[0], *native]
         if order >= 2:
             curves += [recomputed.derivatives_across[0], recomputed.mixed_derivative[0]]
-        self._breaks = merge_breaks(*(curve.breaks for curve in curves), near=MOVED_BREAK)
+        self._breaks = merge_breaks(*(curve.breaks for curve in curves), near=SPLINE_TOLERANCES.moved_break)
         boundary = self._cut_curve(self._rows[0, 0])[0]
         self._piece_origins = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
 
