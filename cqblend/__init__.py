@@ -95,6 +95,7 @@ __all__ = [
 ]
 
 _HOME = {
+    # the module, below cqblend, that defines each public name
     "BezierRelation": "blends.potential.relations",
     "Blend": "api.surface_blend",
     "BlendResult": "api.solid_blend",

@@ -1,7 +1,8 @@
-"""Blends between surfaces: the front door for those who have surfaces and rails rather than a solid and an edge.
+"""Public functions that blend two surfaces along given rails by Hermite sections.
 
-Two rails, each a curve in the parameter plane of a surface, need not touch nor belong to one body. Thin: checks what it
-is given, and hands rails, fields and sections to :mod:`cqblend.blends`; OCCT is needed only for faces and measurements.
+A rail is a curve in the parameter plane of a surface. The surfaces need not touch nor belong to one body. The arguments
+are checked here; rails, cross directions and sections are computed by :mod:`cqblend.blends`. OCCT is needed only for
+faces and measurements.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
+from cqblend.api.tolerances import BLEND_TOLERANCES
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
     CONTINUITIES,
@@ -45,9 +47,10 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face
 
 Amount: TypeAlias = float | Curve | Callable[[Array], Any]
-"""A number, or one that varies along the rail: a curve of dim 1, or a function of arrays of its parameter t."""
+"""A number, a curve of dim 1 over the rail's domain, or a function of arrays of the rail's parameter t."""
 
 CrossLength: TypeAlias = Amount | Literal["field"] | None
+"""Length of a cross derivative: as `Amount` (mm), that of the unnormalised field, or None for the rails' distance."""
 
 
 @dataclass(frozen=True)
@@ -102,31 +105,51 @@ class Blend(blend_surface.BlendSurface):
     surface : Surface
         H, over the domain of the first rail times [0, 1].
     ribbons : tuple of Ribbon
-        What it is made from: rail and directions in the parameter planes.
+        Rail and cross derivatives on each side, in the surfaces' parameter planes.
     form : {"exact", "compact"}
     rails : tuple of Rail
-        With the sides on which the blend lies.
+        The rails, with the sides of them on which the blend lies.
     """
 
     rails: tuple[Rail, ...]
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients."""
+        """How exactly the blend meets its surfaces, measured by OCCT, and proven from the splines' coefficients."""
         from cqblend.brep.verification.certify import certify_surfaces
 
         return certify_surfaces(self, self.traces)
 
     @property
     def traces(self) -> list[tuple[Surface, Curve]]:
-        """What it meets: for each side a surface and a curve in its parameter plane."""
+        """For each side the surface that the blend meets, and the rail as a curve in its parameter plane."""
         return [(rail.surface, rail.curve) for rail in self.rails]
 
     def face(self) -> TopoDS_Face:
-        """Return the face that covers it, of the same parameters. Wrap it with ``cadquery.Face(...)``."""
+        """Return the face that covers the blend, with the same parameters. Wrap it with ``cadquery.Face(...)``."""
         from cqblend.brep.read.spline_conversion import to_face
 
         return to_face(self.surface)
+
+
+@dataclass(frozen=True, slots=True)
+class CrossDerivativeOptions:
+    """The options of cross derivatives along two rails, as in :func:`hermite_blend` and `cqblend.pde_blend`."""
+
+    tangents: object
+    bulge: object
+    length: object
+    steer: object
+
+    def refuse_given(self, why: str) -> None:
+        """Raise InputError if one was given where it has no effect; `why` completes "an option has no effect .."."""
+        refuse_ignored_options(
+            why,
+            tangents=(self.tangents, BLEND_DEFAULTS.tangents),
+            bulge=(self.bulge, BLEND_DEFAULTS.bulge),
+            length=(self.length, None),
+            steer=(self.steer, BLEND_DEFAULTS.steer),
+        )
 
 
 def hermite_blend(
@@ -161,21 +184,21 @@ def hermite_blend(
     continuity
         "G0", "G1", "G2" or "G3", for both sides or a pair.
     bulge
-        Factor on the length of the cross derivative, for both sides or a pair: a number, a curve of dim 1 or a
-        function of t.
+        Factor on the length of the cross derivative, for both sides or a pair: a number, a curve of dim 1 or a function
+        of t.
     length
-        Of the cross derivative before `bulge`, mm: None for the distance of the rails, "field" for that of the paper's
-        unnormalised field, or as `bulge`.
+        Length of the cross derivative before `bulge`, mm: None for the distance of the rails, "field" for the length of
+        the paper's unnormalised field, or as `bulge`.
     form
         "exact", "compact" or "auto", as in `cqblend.blend_edges`.
     tolerance, angular_tolerance
-        Of the compact form, mm and rad.
+        Accuracy of the compact form, mm and rad.
     steer
         Largest angle by which directions are turned next to a knot line that the rail crosses, so that the blend has no
         crease inside, rad.
     crease
-        How sharp a crease inside may be that steering leaves, rad. None for no sharper than `angular_tolerance`, or
-        than what the surface itself has there.
+        Largest angle of a crease inside that steering leaves, rad. None for `angular_tolerance`, or the angle of the
+        crease that the surface itself has there.
 
     Raises
     ------
@@ -203,11 +226,10 @@ def hermite_blend(
     ((1, 5), 'exact')
     """
     orders = check_pair("continuity", continuity, partial(check_choice, built=CONTINUITIES))
+    options = CrossDerivativeOptions(tangents, bulge, length, steer)
     if orders == ("G0", "G0"):
-        refuse_derivative_options(G0_HAS_NO_CROSS_FIELD, tangents, bulge, length, steer)
-    rails, ribbons = prepare_rails(
-        (rail1, rail2), (int(orders[0][1]), int(orders[1][1])), tangents, bulge, length, steer
-    )
+        options.refuse_given(G0_HAS_NO_CROSS_FIELD)
+    rails, ribbons = prepare_rails((rail1, rail2), (int(orders[0][1]), int(orders[1][1])), options)
     form = check_choice("form", form, FORMS)
     if form == "exact":
         refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, BLEND_DEFAULTS.tolerance))
@@ -216,15 +238,15 @@ def hermite_blend(
         check_positive("angular_tolerance", angular_tolerance),
     )
     allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
-    made = blend_surface.blend_ribbons(ribbons, form, tolerance, angular_tolerance)
-    check_creases(made, allowed)
-    return Blend(made.surface, made.ribbons, made.form, rails)
+    blend = blend_surface.blend_ribbons(ribbons, form, tolerance, angular_tolerance)
+    check_creases(blend, allowed)
+    return Blend(blend.surface, blend.ribbons, blend.form, rails)
 
 
 def prepare_rails(
-    given: tuple[Rail, Rail], orders: tuple[int, int], tangents: object, bulge: object, length: object, steer: object
+    given: tuple[Rail, Rail], orders: tuple[int, int], options: CrossDerivativeOptions
 ) -> tuple[tuple[Rail, Rail], tuple[Ribbon, Ribbon]]:
-    """Check two rails and what is wanted along them; return them, with sides and one domain, and their ribbons.
+    """Check rails and the options of cross derivatives; return the rails, with sides and one domain, and ribbons.
 
     Raises
     ------
@@ -243,38 +265,31 @@ def prepare_rails(
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
     if orders == (0, 0):
-        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, BLEND_DEFAULTS.steer))
-    kinds = check_pair("tangents", tangents, _check_tangents)
+        refuse_ignored_options(
+            G0_HAS_NO_CROSS_FIELD,
+            bulge=(options.bulge, BLEND_DEFAULTS.bulge),
+            steer=(options.steer, BLEND_DEFAULTS.steer),
+        )
+    kinds = check_pair("tangents", options.tangents, _check_tangents)
     for kind in kinds:
         if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
             raise InputError("the second curve of a Guide has no effect unless the Guide is that of both sides")
-    bulges = check_pair("bulge", bulge, _check_amount)
-    lengths = check_pair("length", length, _check_length)
-    steer = check_angle("steer", steer)
+    bulges = check_pair("bulge", options.bulge, _check_amount)
+    lengths = check_pair("length", options.length, _check_length)
+    steer = check_angle("steer", options.steer)
     closed = rail1.closed and rail2.closed
-    aims = []
+    fits = []
     for i in (0, 1):
         side = _BlendSide(rails[i], rails[1 - i], kinds[i], i, lengths[i], bulges[i])
         side.check_inputs()
         if orders[i] and given[i].side is not None:
             side.check_side()
-        aims.append(
+        fits.append(
             DirectionFit(
                 rails[i], side.cross_derivatives, orders[i], closed and side.has_closed_field(), side.exact_direction
             )
         )
-    return rails, fit_ribbons_on_rails((aims[0], aims[1]), steer)
-
-
-def refuse_derivative_options(why: str, tangents: object, bulge: object, length: object, steer: object) -> None:
-    """Raise InputError if an option of cross derivatives along rails was given where there are none."""
-    refuse_ignored_options(
-        why,
-        tangents=(tangents, "perpendicular"),
-        bulge=(bulge, 1.0),
-        length=(length, None),
-        steer=(steer, BLEND_DEFAULTS.steer),
-    )
+    return rails, fit_ribbons_on_rails((fits[0], fits[1]), steer)
 
 
 def curve_on(face: Any, edge: Any) -> Curve:
@@ -325,12 +340,22 @@ def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
 
 @dataclass(frozen=True)
 class _BlendSide:
-    """What the cross derivatives along one rail are to be."""
+    """The wanted cross derivatives along one rail.
+
+    Attributes
+    ----------
+    rail, other
+        The rail, and that of the other side.
+    index
+        0 for side 1, 1 for side 2.
+    tangents, length, bulge
+        As in :func:`hermite_blend`, of this side.
+    """
 
     rail: Rail
     other: Rail
     tangents: Tangents
-    number: int
+    index: int
     length: CrossLength
     bulge: Amount
 
@@ -343,7 +368,7 @@ class _BlendSide:
     @property
     def _field_operands(self) -> tuple[Any, ...]:
         if isinstance(self.tangents, Guide | Combination):
-            return self.tangents.operands(self.number)
+            return self.tangents.operands(self.index)
         return (self.other,) if self.tangents == "chord" else ()
 
     def field_coordinates(self, t: Array) -> Array:
@@ -365,12 +390,12 @@ class _BlendSide:
         return vectors * (size * _evaluate_amount(self.bulge, t))[:, None]
 
     def check_inputs(self) -> None:
-        """Check what is given along the rail, and the field at stations, before it is divided by its length."""
+        """Check the domains of length and bulge, and that the cross derivative vanishes at no station."""
         for name, curve in (("length", self.length), ("bulge", self.bulge)):
             if isinstance(curve, Curve) and curve.domain != self.rail.domain:
                 (a, b), (c, d) = self.rail.domain, curve.domain
                 raise InputError(
-                    f"the {name} of rail {self.number + 1} runs over [{c:.9g}, {d:.9g}], its rail over [{a:.9g}, "
+                    f"the {name} of rail {self.index + 1} runs over [{c:.9g}, {d:.9g}], its rail over [{a:.9g}, "
                     f"{b:.9g}]; use .reparametrized({a:.9g}, {b:.9g})"
                 )
         t = sample_stations(self.rail.curve3d().breaks)
@@ -378,46 +403,46 @@ class _BlendSide:
         size = np.linalg.norm(self.cross_derivatives(t), axis=1)
         if not np.all(size > 0):
             raise GeometryError(
-                f"the cross derivative at t = {t[size.argmin()]:.9g} of rail {self.number + 1} has no length: do the "
+                f"the cross derivative at t = {t[size.argmin()]:.9g} of rail {self.index + 1} has no length: do the "
                 "rails meet there? give a length"
             )
         self._check_jumps()
 
     def check_side(self) -> None:
-        """Raise InputError if the direction, which has an own side, is on the other side of the rail than asked."""
+        """Raise InputError if the cross direction points to the other side of the rail than ``rail.side`` says."""
         t = np.array([sum(self.rail.domain) / 2])
         (rate,), ((r, s),) = self.rail.curve(t, 1), self.field_coordinates(t)
         side = "left" if rate[0] * s - rate[1] * r > 0 else "right"
         if side != self.rail.side:
             raise InputError(
-                f'side="{self.rail.side}" of rail {self.number + 1} has no effect: the {self._field_name} points '
+                f'side="{self.rail.side}" of rail {self.index + 1} has no effect: the {self._field_name} points '
                 f"to its {side}; leave the side out, or turn the direction"
             )
 
     def _check_jumps(self) -> None:
-        """Raise InputError where a curve that the field is made of jumps."""
+        """Raise InputError where the curve of a Guide or Combination is discontinuous."""
         if not isinstance(self.tangents, Guide | Combination):
             return
-        for curve in self.tangents.operands(self.number):
+        for curve in self.tangents.operands(self.index):
             t = curve.breaks[1:-1]
             jump = np.linalg.norm(curve(t) - curve(t, side="left"), axis=1)
-            if len(t) and jump.max() > 1e-9 * np.abs(curve(t)).max():
+            if len(t) and jump.max() > BLEND_TOLERANCES.direction_jump * np.abs(curve(t)).max():
                 raise InputError(
-                    f"the {type(self.tangents).__name__} of rail {self.number + 1} jumps at t = "
+                    f"the {type(self.tangents).__name__} of rail {self.index + 1} jumps at t = "
                     f"{t[jump.argmax()]:.6g}: a cross direction must be continuous"
                 )
 
     def has_closed_field(self) -> bool:
-        """Whether the cross derivative ends as it starts."""
+        """Whether the cross derivatives at both ends of the rail are equal."""
         first, last = self.cross_derivatives(np.array(self.rail.domain))
-        return bool(np.linalg.norm(first - last) <= 1e-9 * np.linalg.norm(first))
+        return bool(np.linalg.norm(first - last) <= BLEND_TOLERANCES.closure * np.linalg.norm(first))
 
     @property
     def exact_direction(self) -> Curve | None:
-        """The direction (r, s) as a curve, if it is the field's own, scaled by a number, of low degree, and C1.
+        """The cross direction (r, s) as a curve, None if it has to be fitted.
 
-        One that is less than C1, such as T1 of a rail that is no more than C1, would leave a crease in the blend: it is
-        fitted.
+        It is exact where the length is that of the field and the bulge a number, if it is a polynomial of class C1. One
+        of class C0, such as T1 of a rail of class C1, would leave a crease in the blend.
         """
         if not isinstance(self.length, str) or not isinstance(self.bulge, float) or self.rail.curve.rational:
             return None
@@ -426,7 +451,7 @@ class _BlendSide:
 
 
 def _check_senses(rail1: Rail, rail2: Rail) -> None:
-    """Raise GeometryError if two rails run in opposite senses, so that all sections would cross."""
+    """Raise GeometryError if two rails run in opposite directions, so that the sections between them would cross."""
     t = np.linspace(*rail1.domain, 65)
     one, two = rail1.curve3d()(t), rail2.curve3d()(t)
     if (np.diff(one, axis=0) * np.diff(two, axis=0)).sum() < 0:
@@ -436,7 +461,7 @@ def _check_senses(rail1: Rail, rail2: Rail) -> None:
 
 
 def _evaluate_amount(amount: Amount, t: Array) -> Array:
-    """Return what may vary along the rail at t (n,), above zero."""
+    """Return the values (n,) of a length or bulge at t (n,); they must be above 0."""
     rule = "a length or bulge that is a function takes an array of parameters and returns as many numbers"
     given = to_float_array(
         f"{rule}, which", call_user_function(rule, amount, t) if callable(amount) else amount
