@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.api.surface_blend import Amount, Blend, CrossDerivativeOptions, CrossLength, Tangents, prepare_rails
+from cqblend.api.cross_derivatives import Amount, CrossDerivativeOptions, CrossLength, Tangents, prepare_rails
+from cqblend.api.surface_blend import Blend
 from cqblend.api.tolerances import BLEND_TOLERANCES
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
