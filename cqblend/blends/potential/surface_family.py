@@ -133,7 +133,7 @@ class Family(ABC):
             return knots, orders
         knots = np.append(self.primary.breaks[axis][0], knots)
         orders = np.append(self.primary.seam_continuity[axis] - self.lost, orders)
-        return np.concatenate([knots + lap * period for lap in (-1, 0, 1)]), np.tile(orders, 3)
+        return np.concatenate([knots + k * period for k in (-1, 0, 1)]), np.tile(orders, 3)
 
     def size(self) -> float:
         """Return the diagonal of the box of the surface's control points (mm)."""
