@@ -21,7 +21,7 @@ from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.blend_options import BlendRequest
+from cqblend.blend_options import BlendOptions
 from cqblend.brep.topology import ShapeIndex
 from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.brep.verification.soundness import check_solid, make_skew_plane, measure_volume
@@ -72,7 +72,7 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendRequest.from_options(radius, form=form))[:2]
+        return blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())[:2]
 
     return run
 

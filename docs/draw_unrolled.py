@@ -83,7 +83,7 @@ def rims(edges: Sequence[cq.Edge]) -> Polylines:
 
 def flat(pattern: Pattern, labels: float | None = None) -> list[Drawn]:
     """Return the pieces on their sheet: faces, tabs behind them, what is cut, and with labels what else is marked."""
-    (sheet,) = drawing.draw_sheets(sheets.arrange_pieces(pattern.pieces), height=labels)
+    (sheet,) = drawing.draw_sheets(sheets.arrange_pieces(pattern.pieces), label_height=labels)
     drawn: list[Drawn] = [
         ShadedFaces([upright(face, 0.0)], darker(colour))
         for face, colour in zip(pattern.faces(), tints(pattern), strict=True)

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from cqblend.errors import CqblendError, Failure, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.patterns.soundness import add_edge_vertices, find_face_mismatch, find_self_overlapping, is_edge_key
 from cqblend.patterns.strips.division_ways import (
@@ -27,6 +27,7 @@ from cqblend.patterns.trim.flat_loops import PieceDraft, RunDraft, SampledEdges,
 from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 Progress = Callable[[float, str], object]
 """Is told the part of the work that is done, and what is done next."""

@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions
+from cqblend.patterns.flatten.flat_face import DividedPatch
 from cqblend.patterns.outline.overlap import has_overlap
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.strips.division_ways import MAX_REFINE_FACTOR
 from cqblend.patterns.trim.flat_loops import PieceDraft, SampledEdges
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 _AREA_MISMATCH, _THIN_FACE = 0.02, 4.0
 """By how much pieces may differ from their face in area, relative, if that is thinner than so many tolerances."""

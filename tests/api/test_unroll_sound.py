@@ -200,7 +200,7 @@ def test_what_is_cut_never_crosses_itself():
         (20.0, 20.0), Pieces((Piece("7", ((Run(bow, np.zeros((5, 3)), "trim"),),)),), ()), (0,), 0, 0
     )
     with pytest.raises(VerificationError, match=r"piece 7 crosses itself: .* mm2 about"):
-        drawing.draw_sheets(placed, height=None)
+        drawing.draw_sheets(placed, label_height=None)
 
 
 # Strips in space.

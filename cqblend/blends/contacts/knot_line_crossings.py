@@ -44,7 +44,7 @@ def find_contact_crossings(
     solve: ContactSolver, primary: Primary, side: int, domain: tuple[float, float], bent: int
 ) -> list[ContactCrossing]:
     """Return where contacts cross knot lines of a spline that is less than C3 there; bends are of order ``bent``."""
-    if not isinstance(primary, TensorSurface) or primary.knot_continuity is None:
+    if not isinstance(primary, TensorSurface) or all(primary.is_angular):
         return []
     rough: list[list[tuple[float, int]]] = [
         list(zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True))

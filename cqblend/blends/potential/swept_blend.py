@@ -16,7 +16,6 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
@@ -24,6 +23,7 @@ from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, interpolation

@@ -14,9 +14,9 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.development import strain_from_turn
-from cqblend.patterns.flatten.flat_strip import FlatStrip, Layout, flatten_rails
+from cqblend.patterns.flatten.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.strips.developability import bound_normal_turn
-from cqblend.patterns.strips.division import Direction, Method, divide_surface
+from cqblend.patterns.strips.division import divide_surface
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.trim.domain_cells import CutLines
@@ -24,6 +24,7 @@ from cqblend.patterns.trim.trimmed_patch import Patch
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_intervals
+from cqblend.unroll_options import Layout, UnrollOptions
 
 _MAX_DEPTH = 4
 """A strip is divided again so often at most because of its strain."""
@@ -33,21 +34,6 @@ _MAX_DEPTH_RIGHT_ANGLE = 8
 
 _SAMPLING_SAFETY = 1.05
 """What a sampled deviation is multiplied by before it counts."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnrollOptions:
-    """What is asked of a pattern; see :func:`cqblend.unroll`."""
-
-    tolerance: float
-    flat: float
-    method: Method
-    direction: Direction
-    even: bool
-    least_width: float | None
-    strain: float
-    developable: bool
-    layout: Layout
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ G. Elber: Model fabrication using surface layout projection (1995), section 2, e
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,9 +34,7 @@ from cqblend.splines.bernstein import Array, elevate_degree
 from cqblend.splines.bracketing import solve_in_brackets
 from cqblend.splines.evaluation import locate_pieces
 from cqblend.splines.integral import Antiderivative
-
-Layout = Literal["smooth", "triangles"]
-"""How a strip is laid flat: rails and rulings with their lengths, or the paper's triangles."""
+from cqblend.unroll_options import Layout
 
 MAX_SEGMENTS = 20_000
 """Segments along a rail at most."""

@@ -24,10 +24,7 @@ from cqblend.patterns.strips.ruled_deviation import BezierPieces, IsocurveSample
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
-
-Direction = Literal["auto", "rings", "u", "v"]
-
-Method = Literal["longest", "elber", "curvature"]
+from cqblend.unroll_options import Direction, Method
 
 KINK_ANGLE = 1e-3
 """Angle (rad) between tangents in the ruled direction from which on a knot line is a kink, where strips have to end."""

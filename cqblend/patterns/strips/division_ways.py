@@ -8,10 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollOptions, UnrollStrategy, bound_strain, narrow_strips
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrollStrategy, bound_strain, narrow_strips
 from cqblend.patterns.strips.division import SurfaceDivision, divide_surface, fit_single_strip, rank_directions
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.trim.trimmed_patch import Patch
+from cqblend.unroll_options import UnrollOptions
 
 REFINE_FACTOR, MAX_REFINE_FACTOR = 4.0, 64.0
 """A face is divided again with tolerances finer by this factor, and by that at most."""

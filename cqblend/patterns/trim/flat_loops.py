@@ -15,7 +15,7 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.arc_length import ArcLength
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions, unroll_strips
+from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, unroll_strips
 from cqblend.patterns.outline import plane_path
 from cqblend.patterns.outline.pieces import RunKind
 from cqblend.patterns.outline.plane_path import Path
@@ -25,6 +25,7 @@ from cqblend.patterns.trim.shared_vertices import EdgeVertices, UseWithLines, sa
 from cqblend.patterns.trim.trimmed_patch import PatchEdge, PatchShell
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 _STRAIGHT_EXCESS = 1e-13
 """An arc that is longer than its chord by this part only is straight: the rest is rounding."""
