@@ -373,9 +373,9 @@ def _run_blend(options: argparse.Namespace) -> None:
 
 
 def _run_continuity(options: argparse.Namespace) -> None:
+    from cqblend.brep.measure.edge_continuity import measure_continuity
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step
-    from cqblend.brep.verification.edge_continuity import measure_continuity
 
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import cqblend
 from cqblend import Pattern, demo, picture
-from cqblend.brep.pattern_shapes import sew_strip_faces
+from cqblend.brep.write.pattern_shapes import sew_strip_faces
 from cqblend.patterns.stock import sheets
 from cqblend.patterns.write import drawing
 from cqblend.patterns.write.drawing import Layer

@@ -25,13 +25,13 @@ from cqblend.checks import (
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.option_records import collect_options, document_options
 from cqblend.patterns import assembly
-from cqblend.patterns.assembly import UnrollResult
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
 from cqblend.patterns.stock.limits import LABEL_LIMITS
 from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
 from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.trim.bare_surface import make_surface_shell
+from cqblend.patterns.unroll_result import UnrollResult
 from cqblend.patterns.write import pattern_files
 from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines.surface import Surface
@@ -91,7 +91,7 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.brep.pattern_shapes import make_planar_faces
+        from cqblend.brep.write.pattern_shapes import make_planar_faces
 
         if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
@@ -100,7 +100,7 @@ class Pattern:
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.brep.pattern_shapes import sew_strip_faces
+        from cqblend.brep.write.pattern_shapes import sew_strip_faces
 
         trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
         return wrap_like(self._model, sew_strip_faces(trims, _SEWING_RATIO * self.report.tolerance))
@@ -110,9 +110,10 @@ class Pattern:
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.brep.pattern_shapes import make_formers
+        from cqblend.brep.write.pattern_shapes import make_formers
 
-        rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
+        strips = (source.unrolled_strip for source in self._unrolled.sources)
+        rails = [rail for strip in strips if strip is not None for rail in strip.rails]
         return [wrap_like(self._model, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
@@ -285,7 +286,8 @@ class Pattern:
 def _check_rulings_paired(unrolled: UnrollResult) -> None:
     """Raise InputError if strips twist, and the rulings of none could be paired anew."""
     twisted = sum(record.kind == "twisted" for record in unrolled.records)
-    if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
+    strips = (source.unrolled_strip for source in unrolled.sources)
+    if twisted and all(strip is None or strip.original_parameters is None for strip in strips):
         raise InputError(
             f"developable has no effect: none of {twisted} twisted strips has a pairing of rulings that is developable "
             "and keeps it within the tolerance; leave developable out, or try the other direction or another tolerance"

@@ -9,7 +9,7 @@ from math import isnan
 
 import numpy as np
 
-from cqblend.patterns.assembly import Areas, Record, UnrollResult
+from cqblend.patterns.unroll_result import Areas, Record, UnrollResult
 from cqblend.unroll_options import UnrollOptions
 
 THIN_WIDTH = 2.0

@@ -18,8 +18,9 @@ from cqblend.api.host_shapes import (
 )
 from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, BlendRequest
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.measure import edge_continuity
 from cqblend.brep.read import pcurves, spline_conversion
-from cqblend.brep.verification import edge_continuity, soundness
+from cqblend.brep.verification import soundness
 from cqblend.certificate import Certificate, SkippedEdge
 from cqblend.checks import check_choice, check_positive
 from cqblend.errors import InputError, shown
@@ -31,7 +32,7 @@ from cqblend.splines import Curve, Surface
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.measure.edge_continuity import Continuity
     from cqblend.brep.verification.soundness import Verification
 
 

@@ -221,7 +221,7 @@ def test_strips_of_any_degree_are_there_in_space(degree):
         assert told[0].filename == __file__
     t = np.linspace(*surface.domain[0], 9)
     for source in pattern._unrolled.sources:
-        for point in source.laying.rails[0](t):
+        for point in source.unrolled_strip.rails[0](t):
             assert distance(point, shape.wrapped) < 1e-7
     assert pattern.cross_sections()
 
