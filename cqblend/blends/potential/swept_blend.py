@@ -16,7 +16,6 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
@@ -24,6 +23,7 @@ from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, interpolation
@@ -261,10 +261,10 @@ def _restart_off_knots(family_pair: FamilyPair[Family], branch: IntersectionBran
         if distances.size:
             clearance = np.minimum(clearance, np.abs(distances).min(axis=1) / (breaks[-1] - breaks[0]))
     i = int(clearance.argmax())
-    lap = branch.parameters[-1] - branch.parameters[0]
+    periods = branch.parameters[-1] - branch.parameters[0]
     return IntersectionBranch(
         np.concatenate([branch.points[i:], branch.points[1 : i + 1]]),
-        np.concatenate([branch.parameters[i:], branch.parameters[1 : i + 1] + lap]),
+        np.concatenate([branch.parameters[i:], branch.parameters[1 : i + 1] + periods]),
         closed=True,
     )
 
@@ -276,8 +276,8 @@ def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     """
     if not closed:
         return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
-    lap, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
-    before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
+    periods, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
+    before, after = values[-1 - k : -1] - periods, values[1 : k + 1] + periods
     extended = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
     return interpolation.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 

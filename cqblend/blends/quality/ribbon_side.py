@@ -6,7 +6,7 @@ on the primary S. Depends on the arithmetic of bounded polynomials, not on what 
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.breaks import cut_at_breaks, merge_breaks
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
-Polynomials = dict[str, BoundedPolynomial]
+Polynomials: TypeAlias = dict[str, BoundedPolynomial]
+
+GAP_ERRORS = ("blend_error_00", "primary_error_00")  # names of the rounding errors of points, as far as they are known
 
 
 class RibbonSide:
@@ -191,9 +193,6 @@ class RibbonSide:
             error = derivative.error + PROOF_TOLERANCES.equal_weight * derivative.size
             return BoundedPolynomial(derivative.coefs, error)
         return derivative * self._squared_weights[0]
-
-
-GAP_ERRORS = ("blend_error_00", "primary_error_00")
 
 
 def _make_constant(values: Array) -> BoundedPolynomial:

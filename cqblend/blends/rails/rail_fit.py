@@ -18,7 +18,6 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.rails.cross_fields import CrossField, RailStations, compute_unit_directions, perpendicular_field
 from cqblend.blends.rails.direction_fit import (
     DIRECTION_TOLERANCE,
@@ -28,6 +27,7 @@ from cqblend.blends.rails.direction_fit import (
     fit_directions,
     interpolate_with_corners,
 )
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, ParametricKinks
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, Steering, SteeringPin, find_pins

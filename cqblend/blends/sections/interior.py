@@ -19,9 +19,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE
 from cqblend.blends.pde.solution import Solution
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.sections.cross_basis import evaluate_bubbles
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
