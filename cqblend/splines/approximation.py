@@ -4,6 +4,7 @@ Depends on curves, surfaces and Hermite interpolation only.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,15 +17,22 @@ from cqblend.splines.surface import Surface
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 
+class Kinks(NamedTuple):
+    """Where a function is less smooth than C5."""
+
+    parameters: ArrayLike
+    """(n,)."""
+    continuity: ArrayLike
+    """(n,) orders of continuity there, 0 to 4."""
+
+
 def approximate_curve(
     function: Callable[[Array], Array],
     breaks: ArrayLike,
     tolerance: float,
     *,
-    kinks: ArrayLike = (),
-    orders: ArrayLike = (),
+    kinks: Kinks | None = None,
     closed: bool = False,
-    spans: int = 16,
     most: int = 512,
 ) -> Curve:
     """Least-squares quintic spline of a function, with knots at given breaks where these are near even spacing.
@@ -39,13 +47,13 @@ def approximate_curve(
         (m + 1,) increasing; the first and the last are the domain.
     tolerance
         Of every component.
-    kinks, orders
-        Parameters (n,) at which the function is less smooth than C5, and its continuity there, 0 to 4. Those outside
-        the domain do not count, nor do the ends unless it is closed. Elsewhere the spline is C4.
+    kinks
+        Where the function is less smooth than C5. Those outside the domain do not count, nor do the ends unless it is
+        closed. Elsewhere the spline is C4.
     closed
         Whether the function goes on periodically: then the spline does.
-    spans, most
-        Initial number of spans, nearly equal, and largest number of spans.
+    most
+        Largest number of spans.
 
     Raises
     ------
@@ -57,17 +65,18 @@ def approximate_curve(
     >>> curve = approximate_curve(lambda t: np.cos(t)[:, None], [0, 2 * np.pi], 1e-6, closed=True)
     >>> curve.degree, len(curve.breaks), bool(abs(curve(1.0) - np.cos(1.0)) < 1e-6)
     (5, 17, True)
-    >>> corner = approximate_curve(lambda t: abs(t - 0.3)[:, None], [0, 1], 1e-9, kinks=[0.3], orders=[0])
+    >>> corner = approximate_curve(lambda t: abs(t - 0.3)[:, None], [0, 1], 1e-9, kinks=Kinks([0.3], [0]))
     >>> len(corner.breaks), int(corner.continuity.min())
     (17, 0)
     """
     given = check_parameters(breaks)
+    parameters, orders = Kinks((), ()) if kinks is None else kinks
     kinks_inside, multiplicities = _merge_kinks(
-        given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4)
+        given, np.asarray(parameters, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4)
     )
     inside = (kinks_inside < given[-1]) & ((kinks_inside > given[0]) | closed)
     kinks_inside, multiplicities = kinks_inside[inside], multiplicities[inside]
-    t = _place_knots(given, spans, kinks_inside)
+    t = _place_knots(given, SPLINE_LIMITS.initial_spans, kinks_inside)
     samples: dict[
         tuple[float, float], Array
     ] = {}  # by span, values kinks_inside nodes and kinks_inside points in between

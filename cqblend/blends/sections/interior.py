@@ -26,7 +26,7 @@ from cqblend.blends.sections.cross_basis import evaluate_bubbles
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.approximation import Kinks, approximate_curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 from cqblend.splines.knots import extract_pieces
@@ -147,7 +147,7 @@ class FilledSection(ABC):
         for at, allowed, most in ways:
             try:
                 return approximate_curve(
-                    sample, breaks, self.tolerance / 4, kinks=at, orders=allowed, closed=self.closed, most=most
+                    sample, breaks, self.tolerance / 4, kinks=Kinks(at, allowed), closed=self.closed, most=most
                 )
             except GeometryError as error:
                 last = error
