@@ -22,13 +22,17 @@ from cqblend.blends.contacts.contact_solver import (
     solve_ball_contacts,
     solve_setback_contacts,
 )
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.pde.problem import PdeSettings
 from cqblend.blends.potential.edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
-from cqblend.blends.rails import cross_fields, rail_fit
-from cqblend.blends.rails.rail_fit import RibbonTargets
+from cqblend.blends.rails import cross_fields
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
 from cqblend.brep.read.face_surface import SupportFace
 from cqblend.brep.rewrite.end_curve import BlendEndError
@@ -335,8 +339,8 @@ def _make_contact_solver(joint: Joint, request: BlendRequest) -> ContactSolver:
         return solve_setback_contacts(joint.sides, stations, request.width)
 
     if joint.spine.closed:
-        return rail_fit.unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
-    return rail_fit.unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
+        return unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
+    return unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
 
 
 def _blend_joint(
@@ -400,8 +404,8 @@ def _make_blend_surface(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: B
         domain, turn = ribbons[0].c.domain, joint.spine.measure_arc_angle()
         swept = replace(swept, domain=domain)
         if ribbons[0].light and turn is not None:
-            arc = _get_largest_arc(joint)
-            swept = replace(swept, edge_parameter_at=lambda t: rail_fit.map_arc_parameters(domain, turn, t, arc)[0])
+            layout = ArcLayout(domain, turn, _get_largest_arc(joint))
+            swept = replace(swept, edge_parameter_at=lambda t: layout.map_parameters(t)[0])
         curves, closed = swept, joint.spine.closed
         return loosen_until_feasible(
             lambda inside: SweptSection.from_sweep(curves, closed, inside).blend_ribbons(ribbons, *form),
@@ -482,25 +486,24 @@ def _fit_rails(joint: Joint, request: BlendRequest, domain: tuple[float, float])
     solve, closed = _make_contact_solver(joint, request), joint.spine.closed
     wanted = _get_ribbon_targets(request)
     if not closed:
-        rails = rail_fit.fit_straight_ribbons(joint.primaries, solve, domain, wanted, joint.extent)
+        rails = fit_straight_ribbons(joint.primaries, solve, domain, wanted, joint.extent)
         if rails is not None:
             return rails
     turn = joint.spine.measure_arc_angle()
     if turn is not None:
-        rails = rail_fit.fit_circular_ribbons(
-            joint.primaries, solve, domain, turn, wanted, joint.extent, _get_largest_arc(joint)
-        )
+        layout = ArcLayout(domain, turn, _get_largest_arc(joint))
+        rails = fit_circular_ribbons(joint.primaries, solve, layout, wanted, joint.extent)
         if rails is not None:
             return rails
     if closed:
         start = joint.choose_rail_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
-    return rail_fit.fit_cubic_ribbons(joint.primaries, solve, domain, wanted, closed=closed)
+    return fit_cubic_ribbons(joint.primaries, solve, domain, wanted, closed=closed)
 
 
 def _get_largest_arc(joint: Joint) -> float:
     """Return the largest angle of a piece of a circular rail."""
-    return rail_fit.QUARTER_TURN if joint.spine.closed else rail_fit.THIRD_TURN
+    return RAIL_TOLERANCES.largest_closed_arc if joint.spine.closed else RAIL_TOLERANCES.largest_open_arc
 
 
 def _get_ribbon_targets(request: BlendRequest) -> RibbonTargets:

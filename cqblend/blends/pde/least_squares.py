@@ -1,6 +1,6 @@
 r"""The sums of squares whose minimum solves an equation between two rails, and their minimum, by QR factorisations.
 
-Unknown are the coefficients of bubbles across (:mod:`cqblend.blends.sections.cross_basis`) times functions along. Two
+Unknown are the coefficients of bubbles across (:mod:`cqblend.blends.pde.bubble_basis`) times functions along. Two
 sums are there:
 
 - the *residual* of the equation at collocation points, You and Zhang's eq. 11 and 12. Waves do not mix, and are solved
@@ -21,9 +21,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis
 from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
-from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis
 from cqblend.errors import InputError
 from cqblend.splines.integral import gauss_rule
 from cqblend.surfaces.primaries import Array

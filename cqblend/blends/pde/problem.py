@@ -14,12 +14,13 @@ import numpy as np
 
 from cqblend.blends.pde.equations import Equation, ShapeParameters, make_equations
 from cqblend.blends.pde.least_squares import Minimise
+from cqblend.blends.pde.pde_section import PdeSection
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter, evaluate_mean_speed
 from cqblend.blends.pde.solution import BoundaryData, BoundaryProblem, EndSections, Solution
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
-from cqblend.blends.sections.interior import LEAST_POINTS_ACROSS, PdeSection
+from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
 from cqblend.splines.breaks import merge_breaks
@@ -124,7 +125,7 @@ class PdeSettings:
         knots, (kinks, orders) = clock.invert_parameter(task.basis.knots), clock.find_kinks()
         fill = PdeSection(
             solution.halves,
-            max(LEAST_POINTS_ACROSS, 4 * solution.terms),
+            max(SECTION_TOLERANCES.least_points_across, 4 * solution.terms),
             max(tolerance, INTERIOR_TOLERANCE_SHARE * task.data.width) if by_length else tolerance,
             closed,
             np.concatenate([knots, kinks]),

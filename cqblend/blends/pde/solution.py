@@ -6,7 +6,7 @@ Boundary data are the derivatives by v, across, on both rails. They are expanded
 .. math:: f(v, w) = \sum_j \Big( \sum_{e, r} h_{er}(v)\, a_{erj} + \sum_m \varphi_m(v)\, q_{mj} \Big)\, g_j(w),
 
 with the polynomials h that carry the data and the bubbles that vanish with them
-(:mod:`cqblend.blends.sections.cross_basis`): it satisfies its boundary conditions exactly, whatever q is (eq. 9 and
+(:mod:`cqblend.blends.pde.bubble_basis`): it satisfies its boundary conditions exactly, whatever q is (eq. 9 and
 10). The unknowns q minimise a sum of squares (:mod:`cqblend.blends.pde.least_squares`): that of the residual (eq. 11
 and 12), or the energy.
 """
@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
 from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.least_squares import ROUNDING_SHARE, CollocationCounts, LeastSquaresProblem, Minimise
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter
-from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
 from cqblend.surfaces.primaries import Array
 
 TERM_COUNTS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other

@@ -16,13 +16,16 @@ import numpy as np
 
 from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
-from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
+from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
-from cqblend.blends.rails import rail_fit
-from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import fit_straight_ribbons
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, fit
 from cqblend.surfaces.primaries import Array, TensorSurface, cross_product, normalise_vectors
@@ -166,7 +169,7 @@ class Sweep:
             jet = self.curves.family_pair.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
             across = (cross_product(rate, vectors) * normalise_vectors(cross_product(jet[1], jet[2]))).sum(axis=1)
-            across[size <= LEAST_MEASURABLE_SHARE * size.max()] = 0.0
+            across[size <= RAIL_TOLERANCES.measurable_share * size.max()] = 0.0
             wrong = across * np.sign(across.sum()) < 0
             if wrong.any():
                 i = int(wrong.argmax())
@@ -207,25 +210,19 @@ class Sweep:
         """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of what is between."""
         self._check_sides()
         first, second = (family.primary for family in self.curves.family_pair.families)
-        around: Callable[..., ContactSolver] = (
-            rail_fit.unwrap_closed_solver if self.closed else rail_fit.unwrap_open_solver
-        )
+        around: Callable[..., ContactSolver] = unwrap_closed_solver if self.closed else unwrap_open_solver
         solve = around(self.solve_contacts, (first, second))
         wanted = make_ribbon_targets(tolerance, self.width)
-        found = (
-            None
-            if self.closed
-            else rail_fit.fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
-        )
+        found = None if self.closed else fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
         at, orders = self.kinks
         try:
-            one, two = found or rail_fit.fit_cubic_ribbons(
+            one, two = found or fit_cubic_ribbons(
                 (first, second),
                 solve,
                 self.domain,
                 wanted,
                 closed=self.closed,
-                corners=at[orders < LEAST_SMOOTH_CONTINUITY],
+                corners=at[orders < CONTACT_TOLERANCES.rough_continuity],
             )
         except TooManySpansError as error:
             raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error

@@ -7,28 +7,25 @@ their own where a rail crosses them is theirs; more than that, or than the toler
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.rails.ribbon import Ribbon, evaluate_space_jets
-from cqblend.blends.rails.steering import SLIVER_SHARE, RequiredTurn, find_required_turns
+from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, evaluate_space_jets
+from cqblend.blends.rails.steering import find_required_turns
+from cqblend.blends.rails.steering_advice import round_up_to_two_digits, suggest_remedy
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.primaries import Array, cross_product
-
-if TYPE_CHECKING:
-    from cqblend.blends.sections.blend_surface import BlendSurface
 
 ROUNDING_ANGLE = 1e-9  # rad: below that a crease is rounding, even where none is allowed
 SECTION_POINTS = 33  # points of each section, at which normals are compared
 THIN_SECTION_SHARE = 1e-6  # of the largest |H_t x H_v|: where a section shrinks to a point, it has no normal
 CLOSED_BLEND_SHARE = 1e-9  # of the size of a blend: ends that are nearer meet
 SMOOTH_ANGLE = 1e-6  # rad: the kink of a closed rail where it meets itself, up to which it has none
-NEAR_RAIL_ANGLE = 0.05  # rad: directions so near to their rail span no tangent plane to speak of with it
-FOLDING_TURN, LARGEST_TURN = 0.8, 1.57  # rad, of a turn: what seldom goes well, and what can be asked for
-TURN_MARGIN = 0.01  # rad, on top of a turn that would do: it depends a little on what is turned
 
 
 class CreaseLimit(NamedTuple):
@@ -98,7 +95,7 @@ def check_creases(
     if not over.any():
         return
     t, angle = t[over], angle[over]
-    slack = SLIVER_SHARE * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
+    slack = RAIL_TOLERANCES.sliver_share * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
     known = [
         (name, one)
         for name, ribbon in zip(names, blend.ribbons, strict=True)
@@ -129,7 +126,7 @@ def check_creases(
         where += jumps[0] if jumps else "the directions into it have a kink"
     places = [[one for owner, one in some if owner == name] for some in lines for name in {name for name, _ in some}]
     ways = [suggest_remedy(places if all(lines) else [])] if steers else []
-    ways.append(f"crease={_round_up(float(angle.max())):.2g}, which allows it")
+    ways.append(f"crease={round_up_to_two_digits(float(angle.max())):.2g}, which allows it")
     raise GeometryError(
         f"the blend has a crease of {angle[worst]:.2g} rad inside, over {allowed.uniform_limit:.2g}, {where}: "
         f"take {'; or '.join(ways)}"
@@ -138,27 +135,7 @@ def check_creases(
 
 def _has_speed_jump(ribbon: Ribbon, t: Array) -> bool:
     """Whether the speed of a rail jumps at t (1,)."""
-    sides: tuple[BreakSide, BreakSide] = ("left", "right")
     before, after = (
-        evaluate_space_jets([ribbon.primary.compose_position(ribbon.c)], t, 1, side)[0, 1] for side in sides
+        evaluate_space_jets([ribbon.primary.compose_position(ribbon.c)], t, 1, side)[0, 1] for side in BREAK_SIDES
     )
     return bool(np.abs(after - before).max() > SMOOTH_ANGLE * np.abs(before).max())
-
-
-def suggest_remedy(needed: Sequence[Sequence[RequiredTurn]]) -> str:
-    """Return what helps at places on rails where directions would have to turn: a larger ``steer``, if one would do.
-
-    Of each place, the turns that the lines of a surface ask for: there is none where they are not one.
-    """
-    single = all(len(place) == 1 for place in needed)
-    steer = max((abs(one.angle) for place in needed for one in place), default=np.inf) + TURN_MARGIN
-    if not single or steer > LARGEST_TURN or any(one.clear < NEAR_RAIL_ANGLE for place in needed for one in place):
-        return "other tangents, or less continuity: no steer= would do"
-    doubt = ", so far that the blend may fold" if steer > FOLDING_TURN else ""
-    return f"steer={min(_round_up(steer), LARGEST_TURN):.3g}, which turns the directions along the line{doubt}"
-
-
-def _round_up(value: float) -> float:
-    """Round up to two digits."""
-    digit = 10.0 ** (np.floor(np.log10(value)) - 1)
-    return float(np.ceil(value / digit) * digit)

@@ -9,9 +9,11 @@ import pytest
 from kernel_surfaces import SIZE, Pair, bulges, pairs
 
 from cqblend.blends.contacts.contact_solver import Contacts
-from cqblend.blends.rails import rail_fit
-from cqblend.blends.rails.rail_fit import RibbonTargets
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.errors import GeometryError
 from cqblend.surfaces.primaries import Cone, Cylinder, LocalFrame, Plane, Primary, Sphere
 
@@ -71,7 +73,7 @@ ROUND = {
 
 
 def test_straight_rails_are_one_span_of_degree_one_and_exact():
-    made = rail_fit.fit_straight_ribbons((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), RibbonTargets(), SIZE)
+    made = fit_straight_ribbons((Plane(FRAME), Plane(WALL)), wedge, (-0.1, 1.2), RibbonTargets(), SIZE)
     assert made is not None
     t = np.linspace(-0.1, 1.2, 50)
     for rail, wanted in zip(made, (np.array([0, 2.0, 0]), np.array([0, 0, 3.0])), strict=True):
@@ -86,8 +88,12 @@ def test_straight_rails_are_one_span_of_degree_one_and_exact():
 @pytest.mark.parametrize("bulge", [1.0, 0.7])
 def test_circular_rails_have_nine_poles_and_are_the_circles(kind, bulge):
     second, v, ring, height = ROUND[kind]
-    made = rail_fit.fit_circular_ribbons(
-        (Plane(FRAME), second), rim(second, v, 6.5), (0.0, 1.0), TURN, RibbonTargets(bulges=bulges(bulge)), SIZE
+    made = fit_circular_ribbons(
+        (Plane(FRAME), second),
+        rim(second, v, 6.5),
+        ArcLayout((0.0, 1.0), TURN),
+        RibbonTargets(bulges=bulges(bulge)),
+        SIZE,
     )
     assert made is not None
     t = np.linspace(0, 1, 401)
@@ -111,7 +117,7 @@ def test_arcs_take_one_piece_for_each_quarter_turn(turn):
     def solve(t):
         return rim(second, 1.5, 6.5)(np.asarray(t) * turn / TURN)
 
-    made = rail_fit.fit_circular_ribbons((Plane(FRAME), second), solve, (0.0, 1.0), turn, RibbonTargets(), SIZE)
+    made = fit_circular_ribbons((Plane(FRAME), second), solve, ArcLayout((0.0, 1.0), turn), RibbonTargets(), SIZE)
     assert made is not None
     assert len(made[0].c.breaks) - 1 == math.ceil(turn / (math.pi / 2) - 1e-9)
     end = points(made[1], np.array([1.0]))[0]
@@ -126,8 +132,10 @@ def test_what_is_not_straight_or_round_is_not_taken_for_it():
         solved.uv[1][:, 1] += 1e-6 * np.sin(3 * TURN * np.asarray(t))
         return solved
 
-    assert rail_fit.fit_circular_ribbons((Plane(FRAME), second), bent, (0.0, 1.0), TURN, RibbonTargets(), SIZE) is None
-    assert rail_fit.fit_straight_ribbons((Plane(FRAME), second), bent, (0.0, 0.2), RibbonTargets(), SIZE) is None
+    assert (
+        fit_circular_ribbons((Plane(FRAME), second), bent, ArcLayout((0.0, 1.0), TURN), RibbonTargets(), SIZE) is None
+    )
+    assert fit_straight_ribbons((Plane(FRAME), second), bent, (0.0, 0.2), RibbonTargets(), SIZE) is None
 
 
 # Cubic rails.
@@ -166,12 +174,8 @@ def test_cubic_rails_are_c2_and_say_how_far_off_they_are(name, closed):
     pair = pairs()[name]
     primaries = (Plane(FRAME), pair.primary)
     wanted = RibbonTargets(1e-4)
-    solve = (
-        rail_fit.unwrap_closed_solver(wobbling(pair), primaries)
-        if closed
-        else rail_fit.unwrap_open_solver(wobbling(pair), primaries)
-    )
-    made = rail_fit.fit_cubic_ribbons(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
+    solve = unwrap_closed_solver(wobbling(pair), primaries) if closed else unwrap_open_solver(wobbling(pair), primaries)
+    made = fit_cubic_ribbons(primaries, solve, (0.0, 1.0) if closed else (0.05, 0.8), wanted, closed=closed)
     low, high = made[0].c.domain
     t = np.linspace(low, high, 2001)
     exact = solve(t[:-1] if closed else t)
@@ -225,18 +229,16 @@ def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():
         return Contacts(t, np.column_stack([flat, 0 * u]), (flat, winding), np.ones((2, len(u))))
 
     t = np.linspace(-1, 2, 121)
-    uv = rail_fit.unwrap_closed_solver(solve, primaries)(t).uv[1]
+    uv = unwrap_closed_solver(solve, primaries)(t).uv[1]
     assert np.abs(np.diff(uv[:, 0]) - TURN / 40).max() < 1e-12
 
 
 def test_bulge_multiplies_the_length_of_the_directions():
     pair = pairs()["torus"]
     primaries = (Plane(FRAME), pair.primary)
-    solve = rail_fit.unwrap_open_solver(wobbling(pair), primaries)
+    solve = unwrap_open_solver(wobbling(pair), primaries)
     plain, full = (
-        rail_fit.fit_cubic_ribbons(
-            primaries, solve, (0.1, 0.7), RibbonTargets(1e-4, bulges=bulges(bulge)), closed=False
-        )
+        fit_cubic_ribbons(primaries, solve, (0.1, 0.7), RibbonTargets(1e-4, bulges=bulges(bulge)), closed=False)
         for bulge in (1.0, 1.4)
     )
     t = np.linspace(0.1, 0.7, 33)
@@ -254,4 +256,4 @@ def test_a_kink_that_no_smooth_rail_follows_is_an_error_with_its_size():
         return solved
 
     with pytest.raises(GeometryError, match=r"the rails miss the contacts by .* mm on \d+ stations"):
-        rail_fit.fit_cubic_ribbons(primaries, kinked, (0.0, 1.0), RibbonTargets(1e-7), closed=False)
+        fit_cubic_ribbons(primaries, kinked, (0.0, 1.0), RibbonTargets(1e-7), closed=False)
