@@ -58,3 +58,22 @@ def test_layers(module):
     }
     room = module.partition("/")[0]
     assert inside(module) <= allowed[room] | {room}
+
+
+@pytest.mark.parametrize("module", [module for module in MODULES if module.startswith("blends/")])
+def test_rooms_of_blends_stand_one_on_the_other(module):
+    """From contacts to rails to sections; imports for the type checker count."""
+    below = {
+        "contacts": set(),
+        "rails": {"contacts"},
+        "sections": {"contacts", "rails"},
+        "pde": {"contacts", "rails", "sections"},
+        "potential": {"contacts", "rails", "sections"},
+        "quality": {"contacts", "rails", "sections", "pde", "potential"},
+    }
+    room, _, rest = module.removeprefix("blends/").partition("/")
+    if rest:
+        text = (PACKAGE / module).read_text(encoding="utf-8")
+        names = [node.module for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+        rooms = {name.split(".")[2] for name in names if name and name.startswith("cqblend.blends.")}
+        assert rooms & set(below) <= below[room] | {room}
