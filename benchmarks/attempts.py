@@ -19,13 +19,12 @@ from multiprocessing.connection import Connection
 from OCP.BRep import BRep_Tool
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
-from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.blend_options import BlendRequest
+from cqblend.brep.topology import ShapeIndex
 from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
-from cqblend.brep.verification.soundness import check_solid, list_subshapes, make_skew_plane, measure_volume
+from cqblend.brep.verification.soundness import check_solid, make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.edge_blend import blend_shape
 
@@ -113,18 +112,16 @@ def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None
 
 
 def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], seconds: float) -> Outcome:
-    known = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(before, TopAbs_EDGE, known)
-    fresh = [edge for edge in list_subshapes(after, TopAbs_EDGE) if not known.Contains(edge)]
+    known = ShapeIndex(before, TopAbs_EDGE)
+    fresh = [edge for edge in ShapeIndex(after, TopAbs_EDGE) if edge not in known]
     problems = [] if faces else ["no face was made"]
     problems += check_solid(before, after, faces, tolerance=math.inf)
     plane = make_skew_plane(before)
     change = measure_volume(after, plane)[0] - measure_volume(before, plane)[0]
     angles = [0.0]
-    present = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(after, TopAbs_FACE, present)
+    present = ShapeIndex(after, TopAbs_FACE)
     for face in faces:
-        for edge in list_subshapes(face, TopAbs_EDGE) if present.Contains(face) else []:
+        for edge in ShapeIndex(face, TopAbs_EDGE) if face in present else []:
             if not BRep_Tool.Degenerated_s(edge):
                 angle = _angle(after, edge)
                 angles += [angle] if angle < SMOOTH else []

@@ -16,7 +16,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
 from benchmarks.bodies import FAMILIES, draw
 from cqblend.brep.step_files import read_step
-from cqblend.brep.verification.soundness import list_subshapes
+from cqblend.brep.topology import ShapeIndex
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def real(folder: Path) -> Iterator[Trial]:
     """Yield the edges of real parts listed in ``edges.json``, each at its two radii (once if they are the same)."""
     for file, edges in json.loads((folder / "edges.json").read_text()).items():
         shape = read_step(folder / file)
-        present = list_subshapes(shape, TopAbs_EDGE)
+        present = list(ShapeIndex(shape, TopAbs_EDGE))
         part = file.split("__")[-1].removesuffix(Path(file).suffix).removeprefix("nist_")[:8]
         for listed in edges:
             edge = _found(present, listed["edge"], np.array(listed["mid"]))

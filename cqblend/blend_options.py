@@ -6,12 +6,21 @@ instead of being ignored. It must not know the shape: whether a radius fits is t
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Literal
 
+from cqblend.checks import (
+    check_angle,
+    check_choice,
+    check_count_or_auto,
+    check_pair,
+    check_positive,
+    is_auto,
+    is_default,
+    refuse_ignored_options,
+)
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 
 if TYPE_CHECKING:
@@ -32,10 +41,6 @@ _TANGENTS_LATER = ("guide", "combination")
 _SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 _ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
-
-ChosenT = TypeVar("ChosenT", bound=str)
-CheckedT = TypeVar("CheckedT")
-CallbackT = TypeVar("CallbackT", bound=Callable[..., object])
 
 PDE_ORDERS = (2, 4, 6)  # of partial differential equations
 MAX_TERMS, MAX_MODES = 100, 500  # across and along: far more than any blend takes
@@ -289,20 +294,6 @@ def check_pde_orders(order: object) -> tuple[int, int, int]:
     return int(given[0]), int(given[1]), int(given[2])
 
 
-def check_choice(name: str, value: object, built: tuple[ChosenT, ...], later: tuple[str, ...] = ()) -> ChosenT:
-    """Return the built option that `value` names."""
-    for option in built:
-        if isinstance(value, str) and value == option:
-            return option
-    if isinstance(value, str) and value in later:
-        raise UnsupportedError(f"{name}={value!r} is not built yet; use {_format_choices(built)}")
-    raise InputError(f"{name} must be {_format_choices(built)}, not {shown(value)}")
-
-
-def _format_choices(options: tuple[str, ...]) -> str:
-    return " or ".join(map(repr, options))
-
-
 _RADIUS_PAIR_MESSAGE = (
     "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
     "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
@@ -324,104 +315,3 @@ def _check_size(name: str, value: object) -> float:
             f"{name} {size:g} mm is above {MAX_SIZE:g} mm, where doubles are coarser than OCCT's tolerance"
         )
     return size
-
-
-def check_pair(
-    name: str, value: object, check: Callable[[str, object], CheckedT], each: str = "side"
-) -> tuple[CheckedT, CheckedT]:
-    """Return one checked value for ``each`` of two from one value or a pair."""
-    if not isinstance(value, tuple | list):
-        checked = check(name, value)
-        return checked, checked
-    if len(value) != 2:
-        raise InputError(f"{name} must be one value or a pair, one for each {each}, not {len(value)} values")
-    return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
-
-
-def check_flag(name: str, value: object) -> bool:
-    """Return a value that is True or False."""
-    if not isinstance(value, bool):
-        raise InputError(f"{name} must be True or False, not {shown(value)}")
-    return value
-
-
-def check_count(name: str, value: object, most: int | None = None) -> int:
-    """Return a whole number above 0, of a size that makes sense."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise InputError(f"{name} must be a whole number above 0, not {shown(value)}")
-    number = int(value)
-    if most is not None and number > most:
-        raise InputError(f"{name} must be at most {most}, not {shown(number)}")
-    return number
-
-
-def is_default(value: object, default: object) -> bool:
-    """Whether an option is what it is if it is left out. Objects of the caller's are not asked whether they are equal.
-
-    Examples
-    --------
-    >>> is_default(1, 1.0), is_default(None, "auto"), is_default((1.0, 1.0), 1.0)
-    (True, False, False)
-    """
-    known = str | int | float | None
-    return isinstance(value, known) and isinstance(value, bool) == isinstance(default, bool) and value == default
-
-
-def refuse_ignored_options(why: str, **options: tuple[object, object]) -> None:
-    """Refuse options that have no effect in a combination.
-
-    Parameters
-    ----------
-    why
-        Completes "an option has no effect ..".
-    **options
-        What was given, and the default, of each.
-
-    Raises
-    ------
-    InputError
-        If one is not at its default.
-    """
-    for name, (value, default) in options.items():
-        if not is_default(value, default):
-            raise InputError(f"{name} has no effect {why}: leave {name} out")
-
-
-def is_auto(value: object) -> bool:
-    """Whether a value is the word "auto"."""
-    return is_default(value, "auto")
-
-
-def check_count_or_auto(name: str, value: object, most: int) -> int | None:
-    """Return a whole number above 0, None for "auto"."""
-    return None if is_auto(value) else check_count(name, value, most)
-
-
-def check_callback(name: str, value: CallbackT | None, takes: str) -> CallbackT | None:
-    """Return what is to be called, if anything."""
-    if value is not None and not callable(value):
-        raise InputError(f"{name} is called with {takes}; {shown(value)} cannot be")
-    return value
-
-
-def check_angle(name: str, value: object) -> float:
-    """Return an angle between 0 and a quarter turn, rad."""
-    angle = check_positive(name, value, zero=True)
-    if angle > math.pi / 2:
-        raise InputError(f"{name} is an angle in radians, at most pi/2, not {angle:g}; math.radians converts degrees")
-    return angle
-
-
-def check_positive(name: str, value: object, *, zero: bool = False) -> float:
-    """Return a finite number above 0 (or 0, if that is allowed) as a float. A bool is no number."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        raise InputError(f"{name} must be finite, not a number of more than 308 digits") from None
-    if not math.isfinite(number):
-        raise InputError(f"{name} must be finite, not {number}")
-    if number < 0 or (number == 0 and not zero):
-        raise InputError(f"{name} must {'not be below' if zero else 'be above'} 0, not {number:g}")
-    return number

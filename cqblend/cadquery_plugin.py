@@ -8,7 +8,8 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from cqblend.blend_options import DEFAULT_STEER, check_callback
+from cqblend.blend_options import DEFAULT_STEER
+from cqblend.checks import check_callback
 from cqblend.errors import SelectionError
 
 if TYPE_CHECKING:

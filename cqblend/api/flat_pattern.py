@@ -13,18 +13,19 @@ import numpy as np
 
 from cqblend.api.host_shapes import collect_unroll_shapes, wrap_like
 from cqblend.api.pattern_report import Report
-from cqblend.blend_options import (
+from cqblend.checks import (
     check_callback,
     check_choice,
     check_flag,
+    check_millimetres,
     check_positive,
     is_default,
     refuse_ignored_options,
+    to_float_array,
 )
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.patterns import assembly
 from cqblend.patterns.assembly import UnrollResult
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.flatten.flat_face import UnrollOptions
 from cqblend.patterns.flatten.flat_strip import Layout
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
@@ -35,7 +36,6 @@ from cqblend.patterns.trim.bare_surface import make_surface_shell
 from cqblend.patterns.write import pattern_files
 from cqblend.patterns.write.drawing import LABEL_HEIGHT
 from cqblend.patterns.write.pdf_file import resolve_paper_size
-from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class Pattern:
         sources = self._unrolled.sources
         if isinstance(strip, bool) or not isinstance(strip, int) or not 0 <= strip < len(sources):
             raise InputError(f"strip is an index from 0 to {len(sources) - 1}, not {shown(strip)}")
-        flat = door.to_float_array("points", points)
+        flat = to_float_array("points", points)
         if flat.ndim == 0 or flat.shape[-1] != 2 or not np.isfinite(flat).all():
             raise InputError(f"points are pairs of finite coordinates, not {shown(points)}")
         return sources[strip].fold(flat)

@@ -22,12 +22,7 @@ from cqblend.blend_options import (
     MAX_COLLOCATION_POINTS,
     MAX_MODES,
     MAX_TERMS,
-    check_angle,
-    check_choice,
-    check_count,
-    check_count_or_auto,
     check_pde_orders,
-    check_positive,
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.equations import ShapeParameters
@@ -37,9 +32,10 @@ from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import is_periodic
 from cqblend.certificate import Certificate
+from cqblend.checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 CORNER_TOLERANCE = 1e-6  # of the size: as near as that, an end section meets a side
 END_SECTION_SAMPLES = 65  # across an end section

@@ -15,18 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
-from cqblend.blend_options import (
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_TOLERANCE,
-    EXACT_FORM_IS_EXACT,
-    FORMS,
-    check_angle,
-    check_choice,
-    check_positive,
-    is_default,
-    refuse_ignored_options,
-)
-from cqblend.blends.checks import to_point
+from cqblend.blend_options import DEFAULT_ANGULAR_TOLERANCE, DEFAULT_TOLERANCE, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
 from cqblend.blends.potential.relations import Relation
@@ -38,10 +27,19 @@ from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
+from cqblend.checks import (
+    check_angle,
+    check_choice,
+    check_number,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+    to_finite_array,
+    to_point,
+)
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import check_number, to_finite_array
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
 """How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""

@@ -17,11 +17,12 @@ from cqblend.api.host_shapes import (
     to_topods_face,
     wrap_like,
 )
-from cqblend.blend_options import DEFAULT_STEER, BlendRequest, check_choice, check_positive
+from cqblend.blend_options import DEFAULT_STEER, BlendRequest
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.read import pcurves, spline_conversion
 from cqblend.brep.verification import edge_continuity, soundness
 from cqblend.certificate import Certificate, SkippedEdge
+from cqblend.checks import check_choice, check_positive
 from cqblend.errors import InputError, shown
 from cqblend.solid_blends.edge_blend import blend_shape, insert_into_shape
 from cqblend.solid_blends.largest_size import find_largest_size

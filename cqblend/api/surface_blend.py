@@ -21,13 +21,7 @@ from cqblend.blend_options import (
     EXACT_FORM_IS_EXACT,
     FORMS,
     G0_HAS_NO_CROSS_FIELD,
-    check_angle,
-    check_choice,
-    check_pair,
-    check_positive,
-    refuse_ignored_options,
 )
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
@@ -35,10 +29,19 @@ from cqblend.blends.rails.regularity import sample_stations
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
+from cqblend.checks import (
+    call_user_function,
+    check_angle,
+    check_choice,
+    check_integer,
+    check_pair,
+    check_positive,
+    refuse_ignored_options,
+    to_float_array,
+)
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import check_integer, to_float_array
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Face

@@ -29,11 +29,10 @@ from OCP.StepData import StepData_StepWriter
 from OCP.StepGeom import StepGeom_Curve, StepGeom_Pcurve
 from OCP.StepShape import StepShape_FaceSurface, StepShape_ManifoldSolidBrep
 from OCP.TopAbs import TopAbs_ShapeEnum
-from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import DamagedFileWarning, StepError, shown, warn
 from cqblend.installation import build_interpreter_command
 from cqblend.whole_files import write_atomically
@@ -221,7 +220,7 @@ def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
     """Whether a shape is valid, all its shells are closed, and it has every solid and every face of its file."""
     if shape.IsNull() or not BRepCheck_Analyzer(shape).IsValid():
         return False
-    if not all(map(BRep_Tool.IsClosed_s, _list_subshapes(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
+    if not all(map(BRep_Tool.IsClosed_s, ShapeIndex(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
         return False
     entities = [model.Value(number) for number in range(1, model.NbEntities() + 1)]
     return all(
@@ -235,10 +234,7 @@ def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
 
 def _count_distinct_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
     """Return the number of subshapes of a kind; of one that stands in several places, once."""
-    found = TopTools_IndexedMapOfShape()
-    for one in _list_subshapes(shape, kind):
-        found.Add(one.Located(TopLoc_Location()))
-    return int(found.Extent())
+    return len(ShapeIndex.from_shapes((part.Located(TopLoc_Location()) for part in ShapeIndex(shape, kind)), kind))
 
 
 def _require_pcurve_curves(path: Path, model: Any) -> None:
@@ -266,37 +262,30 @@ def _drop_sphere_pcurves(shape: TopoDS_Shape) -> TopoDS_Shape:
     A sphere with both poles whose seam is cut into three or more comes back as its holes' walls and little else, with a
     seventh of its volume; if its pcurves are left out, the reader builds them anew, and all is well.
     """
-    if not any(map(_has_split_seam, _list_subshapes(shape, TopAbs_ShapeEnum.TopAbs_FACE))):
+    if not any(map(_has_split_seam, ShapeIndex(shape, TopAbs_ShapeEnum.TopAbs_FACE))):
         return shape
     copy, builder = BRepBuilderAPI_Copy(shape, False).Shape(), BRep_Builder()
-    for face in filter(_has_split_seam, _list_subshapes(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
+    for face in filter(_has_split_seam, ShapeIndex(copy, TopAbs_ShapeEnum.TopAbs_FACE)):
         location = TopLoc_Location()
-        surface = BRep_Tool.Surface_s(TopoDS.Face_s(face), location)
-        for edge in map(TopoDS.Edge_s, _list_subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)):
+        surface = BRep_Tool.Surface_s(face, location)
+        for edge in ShapeIndex(face, TopAbs_ShapeEnum.TopAbs_EDGE):
             if not BRep_Tool.Degenerated_s(edge):
-                both = 2 if BRep_Tool.IsClosed_s(edge, TopoDS.Face_s(face)) else 1
+                both = 2 if BRep_Tool.IsClosed_s(edge, face) else 1
                 builder.UpdateEdge(edge, *[None] * both, surface, location, BRep_Tool.Tolerance_s(edge))
     return copy
 
 
-def _has_split_seam(face: TopoDS_Shape) -> bool:
-    face = TopoDS.Face_s(face)
+def _has_split_seam(face: TopoDS_Face) -> bool:
     if GeomAdaptor_Surface(BRep_Tool.Surface_s(face)).GetType() != GeomAbs_SurfaceType.GeomAbs_Sphere:
         return False
-    edges = [TopoDS.Edge_s(edge) for edge in _list_subshapes(face, TopAbs_ShapeEnum.TopAbs_EDGE)]
+    edges = ShapeIndex(face, TopAbs_ShapeEnum.TopAbs_EDGE)
     poles = sum(BRep_Tool.Degenerated_s(edge) for edge in edges)
     pieces = sum(BRep_Tool.IsClosed_s(edge, face) for edge in edges)
     return bool(poles == 2 and pieces >= 3)
 
 
 def _has_geometry(shape: TopoDS_Shape) -> bool:
-    return any(_list_subshapes(shape, kind) for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE))
-
-
-def _list_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
+    return any(len(ShapeIndex(shape, kind)) for kind in (TopAbs_ShapeEnum.TopAbs_FACE, TopAbs_ShapeEnum.TopAbs_EDGE))
 
 
 @contextmanager

@@ -37,10 +37,11 @@ from OCP.TopoDS import (
     TopoDS_Vertex,
     TopoDS_Wire,
 )
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape, TopTools_MapOfShape
 
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors
 
 CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
 BUILDER = BRep_Builder()
@@ -55,12 +56,23 @@ _CAST = {
 
 
 class ShapeIndex:
-    """The sub-shapes of one kind, numbered from 1 as ``TopExp.MapShapes`` numbers them."""
+    """The distinct sub-shapes of one kind, numbered from 1 as ``TopExp.MapShapes`` numbers them.
+
+    Shapes that differ in nothing but orientation are the same; each is kept as it was first met.
+    """
 
     def __init__(self, shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> None:
         self._map = TopTools_IndexedMapOfShape()
         self._kind = kind
         TopExp.MapShapes_s(shape, kind, self._map)
+
+    @classmethod
+    def from_shapes(cls, shapes: Iterable[TopoDS_Shape], kind: TopAbs_ShapeEnum) -> ShapeIndex:
+        """Return the index of the sub-shapes of several shapes; a shape of the kind is its own sub-shape."""
+        index = cls(TopoDS_Shape(), kind)
+        for shape in shapes:
+            TopExp.MapShapes_s(shape, kind, index._map)
+        return index
 
     def __len__(self) -> int:
         return int(self._map.Extent())
@@ -71,33 +83,36 @@ class ShapeIndex:
     def __getitem__(self, number: int) -> TopoDS_Shape:
         return _CAST[self._kind](self._map.FindKey(number))
 
+    def __contains__(self, shape: TopoDS_Shape) -> bool:
+        return bool(self._map.Contains(shape))
+
     def find_number(self, shape: TopoDS_Shape) -> int:
         """Return the number of a sub-shape, whatever its orientation; 0 if it is foreign."""
         return int(self._map.FindIndex(shape))
 
 
 class AncestorMap:
-    """Which sub-shapes of one kind use which of another."""
+    """Which sub-shapes of one kind (the ancestors) use which of another (the parts), such as faces their edges."""
 
-    def __init__(self, shape: TopoDS_Shape, of: TopAbs_ShapeEnum, kind: TopAbs_ShapeEnum) -> None:
+    def __init__(self, shape: TopoDS_Shape, part_kind: TopAbs_ShapeEnum, ancestor_kind: TopAbs_ShapeEnum) -> None:
         self._map = TopTools_IndexedDataMapOfShapeListOfShape()
-        self._kind = kind
-        TopExp.MapShapesAndAncestors_s(shape, of, kind, self._map)
+        self._kind = ancestor_kind
+        TopExp.MapShapesAndUniqueAncestors_s(shape, part_kind, ancestor_kind, self._map)
+
+    def __contains__(self, part: TopoDS_Shape) -> bool:
+        return bool(self._map.Contains(part))
 
     def __call__(self, part: TopoDS_Shape) -> list[TopoDS_Shape]:
-        """Return the distinct ancestors of a sub-shape."""
-        if not self._map.Contains(part):
+        """Return the distinct ancestors of a part, in the order of the shape; none for a foreign part."""
+        if part not in self:
             return []
-        return drop_duplicate_shapes(_CAST[self._kind](s) for s in self._map.FindFromKey(part))
+        return [_CAST[self._kind](ancestor) for ancestor in self._map.FindFromKey(part)]
 
 
 def drop_duplicate_shapes(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
     """Drop repeated shapes, orientation ignored; order is kept."""
-    out: list[TopoDS_Shape] = []
-    for shape in shapes:
-        if not any(shape.IsSame(other) for other in out):
-            out.append(shape)
-    return out
+    known = TopTools_MapOfShape()
+    return [shape for shape in shapes if known.Add(shape)]
 
 
 def explore_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:

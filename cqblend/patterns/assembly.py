@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.errors import CqblendError, GeometryError
+from cqblend.errors import CqblendError, Failure, GeometryError
 from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.patterns.soundness import add_edge_vertices, find_face_mismatch, find_self_overlapping, is_edge_key
@@ -95,14 +95,6 @@ class Areas:
     faces: tuple[int, ...]
     face: float
     pieces: float
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A face that could not be done, and why."""
-
-    faces: tuple[int, ...]
-    error: CqblendError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -292,9 +284,9 @@ def _raise_error(error: CqblendError) -> DividedPatch:
 
 def _make_failure(patch: Patch, error: CqblendError) -> Failure:
     """Name the face in an error, unless it is named already."""
-    text = str(error)
-    named = text.startswith("face ")
-    return Failure(patch.faces, error if named else type(error)(f"face {patch.index}: {text}"))
+    return Failure(
+        patch.faces, error if error.shape.startswith("face") else error.with_details(shape=f"face {patch.index}")
+    )
 
 
 def _ignore_progress(part: float, what: str) -> None:

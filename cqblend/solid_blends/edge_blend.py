@@ -56,7 +56,9 @@ from cqblend.errors import (
 )
 from cqblend.solid_blends import size_limits
 from cqblend.solid_blends.end_plan import EndAttempts, EndPlan, plan_ends, record_ends
-from cqblend.surfaces.primaries import Array, TensorSurface, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import normalise_vectors
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -180,7 +182,7 @@ def _annotate_error(error: CqblendError, joint: Joint, request: BlendRequest, *,
     hint = (
         size_limits.suggest_size(joint, request, _make_contact_solver) if hints and isinstance(error, SizeError) else ""
     )
-    return type(error)(f"edge {joint.edge_number}: {error}{hint}")
+    return error.with_details(shape=joint.name, after=hint)
 
 
 def make_cheap_trial(
@@ -230,16 +232,16 @@ def insert_into_shape(
     except RailsTooShortError as error:
         (low, high), (first_t, last_t) = error.needed_domain, blend.ribbons[0].c.domain
         raise GeometryError(
-            f"edge {joint.edge_number}: the blend ends before it meets the faces at the ends of the edge: it runs "
-            "over t = "
+            "the blend ends before it meets the faces at the ends of the edge: it runs over t = "
             f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
-            "it is made between"
+            "it is made between",
+            shape=joint.name,
         ) from error
     except BlendEndError as error:
-        where = joint.name_end(error.end)
-        raise type(error.cause)(f"edge {joint.edge_number}: the blend cannot end at {where}: {error.cause}") from error
+        before = f"the blend cannot end at {joint.name_end(error.end)}: "
+        raise error.cause.with_details(before=before).with_details(shape=joint.name) from error
     except CqblendError as error:
-        raise type(error)(f"edge {joint.edge_number}: {error}") from error
+        raise error.with_details(shape=joint.name) from error
 
 
 def _insert_at_joint(
@@ -475,9 +477,11 @@ def _check_promises(certificate: Certificate, request: BlendRequest, joint: Join
     for name, value, limit, measure in promises:
         if not value <= limit:
             raise VerificationError(
-                f"edge {joint.edge_number}: the blend was made, but its {name} is {value:.2g} {measure}, over "
-                f"{limit:.2g}; it "
-                "is withheld; try another size or form"
+                f"the blend was made, but its {name} is {value:.2g} {measure}, over {limit:.2g}; it is withheld; try "
+                "another size or form",
+                kind=name,
+                shape=joint.name,
+                value=value,
             )
 
 

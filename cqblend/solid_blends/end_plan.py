@@ -93,7 +93,9 @@ class EndAttempts:
                 first, *others = failures.values()
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
                 way = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
-                return type(first)(f"the blend cannot end at {joint.name_end(end)}: {first}{others_too}{way}")
+                return first.with_details(
+                    before=f"the blend cannot end at {joint.name_end(end)}: ", after=f"{others_too}{way}"
+                )
         return self._errors[0]
 
 
@@ -135,7 +137,7 @@ def record_ends(joint: Joint, plan: EndPlan, attempts: EndAttempts | None = None
         if how == "flat at the vertex" and attempts is not None:
             cause = attempts.get_first_cause(end)
             why, help_ = str(cause), SMALLER_SIZE_HINT if isinstance(cause, SizeError) else EARLIER_BLEND_HINT
-            where = f"edge {joint.edge_number}: the blend ends in a flat cap at {joint.name_end(end)}"
+            where = f"{joint.name}: the blend ends in a flat cap at {joint.name_end(end)}"
             warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
         kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
         records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, before, why))

@@ -46,7 +46,7 @@ def find_largest_size(
         return FALLBACK_RATIO * extent / size
     if not end:
         factor, error = min(refusals, key=lambda refusal: refusal[0])
-        raise type(error)(
-            f"no size was found that works; with the smallest that was tried, {factor * size:.3g}: {error}"
+        raise error.with_details(
+            before=f"no size was found that works; with the smallest that was tried, {factor * size:.3g}: "
         )
     return end

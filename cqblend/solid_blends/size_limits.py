@@ -12,7 +12,8 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 ContactSolverFactory = Callable[[Joint, BlendRequest], ContactSolver]
 """What finds the contacts of a blend."""
@@ -106,11 +107,7 @@ def suggest_size(joint: Joint, request: BlendRequest, solver: ContactSolverFacto
 
 def _bisect_largest(works: Callable[[float], bool], high: float) -> float:
     """Return the largest value up to ``high`` that works, by halving, to a part in 4096 of it; 0 if none does."""
-    low = 0.0
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if works(middle) else (low, middle)
-    return low
+    return bisect_interval(works, 0.0, high, steps=12)[0]
 
 
 def find_working_limit(

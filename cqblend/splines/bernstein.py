@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+EPSILON = float(np.finfo(float).eps)
+"""Distance from 1 to the next float64, 2^-52: twice the largest relative rounding error of one operation."""
+
 PowerSeries: TypeAlias = Sequence[Array]
 """A truncated power series in a second variable: by order, polynomials of any degrees."""
 

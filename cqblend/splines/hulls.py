@@ -8,9 +8,7 @@ not know what the functions mean.
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict_pieces
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
 
 
 def _halve_pieces(f: Array) -> Array:
@@ -21,7 +19,7 @@ def _halve_pieces(f: Array) -> Array:
 
 def _bound_halving_error(f: Array) -> float:
     """By how much one halving may move a coefficient: two sweeps of averages."""
-    return float(2 * len(f) * _EPS * np.abs(f).max())
+    return float(2 * len(f) * EPSILON * np.abs(f).max())
 
 
 def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float, float]:

@@ -7,11 +7,10 @@ removing it would amplify rounding by more than `AMPLIFICATION`. This module mus
 have any number of trailing axes.
 """
 
-from numbers import Integral, Real
-
 import numpy as np
 
-from cqblend.errors import InputError, reason, shown
+from cqblend.checks import check_integer, to_float_array
+from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
 
 SMOOTH = 1 << 20
@@ -185,96 +184,6 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
         values = evaluate_blossom(coefs[..., piece[inexact]], np.take_along_axis(x, order, axis=0))
         poles[inexact] = np.moveaxis(values, -1, 0)
     return knots, poles
-
-
-def to_float_array(name: str, values: object) -> Array:
-    """Copy to a float64 array.
-
-    Raises
-    ------
-    InputError
-        If that is not possible: texts are no numbers, and neither is what raises when it is asked for its number.
-    """
-    try:
-        array = np.array(values)
-        if array.dtype.kind in "biufO":
-            return array.astype(np.float64)
-    except Exception as error:
-        raise InputError(f"{name} must be an array of numbers: {reason(error)}") from error
-    raise InputError(f"{name} must be an array of numbers, not {shown(values)}")
-
-
-def to_finite_array(name: str, values: object) -> Array:
-    """Return finite numbers as a float64 array, the same one if it is one already.
-
-    Raises
-    ------
-    InputError
-        If one is not finite, or as :func:`to_float_array`.
-    """
-    array = values if isinstance(values, np.ndarray) and values.dtype == np.float64 else to_float_array(name, values)
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} must be finite, not {array[~np.isfinite(array)].flat[0]}")
-    return array
-
-
-def check_number(name: str, value: object) -> float:
-    """Return a finite number as a float. A bool is no number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    try:
-        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:
-        found = float("inf")
-    if not np.isfinite(found):
-        raise InputError(f"{name} must be a finite number, not {shown(value)}")
-    return found
-
-
-def check_integer(name: str, value: object, least: int, most: int) -> int:
-    """Return a whole number from `least` to `most`. A bool is none.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    found = None if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
-    if found is None or not least <= found <= most:
-        what = " negative," if found is not None and found < 0 <= least else ""
-        raise InputError(f"{name} must be a whole number from {least} to {most}, not{what} {shown(value)}")
-    return found
-
-
-def unpack_pair(name: str, value: object) -> tuple[object, object]:
-    """Return the two items of a list, a tuple or an array of two.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
-    if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "ndim", 1) == 0 or len(value) != 2:
-        raise InputError(f"{name} must be a pair, not {shown(value)}")
-    return value[0], value[1]
-
-
-def check_interval(name: str, value: object) -> tuple[float, float]:
-    """Return two finite numbers, the lower one first.
-
-    Raises
-    ------
-    InputError
-        If they are none.
-    """
-    low, high = (check_number(name, end) for end in unpack_pair(name, value))
-    if not low < high:
-        raise InputError(f"{name}={shown(value)}: not an interval, lower end first; it is empty")
-    return low, high
 
 
 def to_homogeneous(poles: Array, weights: object) -> Array:

@@ -9,9 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict_pieces
+from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
 
-_EPS = float(np.finfo(float).eps)
 _PARTS_PER_LEVEL = 8
 _MAX_LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
 
@@ -44,7 +43,7 @@ def _solve_single_roots(f: Array) -> Array:
     t: Array = (change - 1 + before / (before + after)) / degree
     if degree == 1:
         return t
-    noise = 2 * _EPS * np.abs(f).max(axis=0)
+    noise = 2 * EPSILON * np.abs(f).max(axis=0)
     lo, hi = np.zeros(count), np.ones(count)
     for _ in range(80):
         s, c = 1 - t, f
@@ -55,7 +54,7 @@ def _solve_single_roots(f: Array) -> Array:
         lo, hi = np.where(left, t, lo), np.where(left, hi, t)
         new = t - value / np.where(rise == 0, 1.0, rise)
         new = np.where((new >= lo) & (new <= hi) & (rise != 0), new, (lo + hi) / 2)
-        done = (np.abs(new - t) <= 4 * _EPS) | (np.abs(value) <= noise)
+        done = (np.abs(new - t) <= 4 * EPSILON) | (np.abs(value) <= noise)
         t = new
         if done.all():
             break

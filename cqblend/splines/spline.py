@@ -13,12 +13,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.checks import check_integer, check_number, to_finite_array, to_float_array
 from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
-from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import SMOOTH, check_integer, check_number, to_finite_array, to_float_array
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.bernstein import EPSILON, Array
+from cqblend.splines.knots import SMOOTH
 
 MAX_DERIVATIVE, MAX_ELEVATION = 100, 500
 """Largest order of a derivative, and largest degree to which a spline is raised: doubles hold nothing beyond."""
@@ -35,7 +34,7 @@ def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, 
 def unite_breaks(first: Array, second: Array) -> Array:
     """Both sets of breaks; one of the second that equals one of the first to rounding gives way."""
     nearest = np.abs(second[:, None] - first).min(axis=1)
-    tolerance = 4 * _EPS * max(abs(first[0]), abs(first[-1]))
+    tolerance = 4 * EPSILON * max(abs(first[0]), abs(first[-1]))
     return np.sort(np.concatenate([first, second[nearest > tolerance]]))
 
 
@@ -223,7 +222,7 @@ class Spline:
         for axis, (a, b) in enumerate(zip(self._breaks, other._breaks, strict=True)):
             if a is b or np.array_equal(a, b):
                 continue
-            slack = 4 * _EPS * max(abs(a[0]), abs(a[-1]))
+            slack = 4 * EPSILON * max(abs(a[0]), abs(a[-1]))
             if abs(a[0] - b[0]) > slack or abs(a[-1] - b[-1]) > slack:
                 raise InputError(
                     f"the domains [{a[0]:.17g}, {a[-1]:.17g}] and [{b[0]:.17g}, {b[-1]:.17g}] differ: clip one of them"
@@ -460,13 +459,13 @@ class Spline:
                 )
             numerator = numerator / weight
         points = np.moveaxis(numerator, k, 0).reshape(self.dim, -1)
-        slack = 4 * _EPS * (1 + sum(self._coefs.shape[:k])) * np.abs(points).max(axis=1)
+        slack = 4 * EPSILON * (1 + sum(self._coefs.shape[:k])) * np.abs(points).max(axis=1)
         return points.min(axis=1) - slack, points.max(axis=1) + slack
 
     def _clip_axis(self, axis: int, start: float, end: float) -> Self:
         old = self._breaks[axis]
         start, end = check_number("the start of a part", start), check_number("the end of a part", end)
-        slack = 4 * _EPS * max(abs(old[0]), abs(old[-1]))
+        slack = 4 * EPSILON * max(abs(old[0]), abs(old[-1]))
         if not (old[0] - slack <= start < end <= old[-1] + slack):
             raise InputError(
                 f"cannot clip to [{start:.17g}, {end:.17g}]: the domain is [{old[0]:.17g}, {old[-1]:.17g}]"
@@ -544,4 +543,4 @@ def _detect_continuity(coefs: Array, axis: int, directions: int) -> Array:
     """Continuity order where none is known: 0 where neighbouring pieces meet to rounding, else -1."""
     lead = np.moveaxis(coefs, (axis, directions + 1 + axis), (0, -1))
     jump = np.abs(lead[-1, ..., :-1] - lead[0, ..., 1:]).max(axis=tuple(range(lead.ndim - 2)))
-    return np.where(jump <= 64 * _EPS * np.abs(coefs).max(), 0, -1)
+    return np.where(jump <= 64 * EPSILON * np.abs(coefs).max(), 0, -1)

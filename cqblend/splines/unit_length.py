@@ -19,17 +19,15 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.checks import check_integer, check_number
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines import knots as door
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
-from cqblend.splines.fit import hermite
 from cqblend.splines.hulls import enclose_values
-from cqblend.splines.knots import SMOOTH
+from cqblend.splines.interpolation import hermite
+from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
-
-_EPS = float(np.finfo(float).eps)
 
 NormaliseMethod = Literal["hermite", "schoenberg"]
 
@@ -146,7 +144,7 @@ def _check_arguments(field: object, tolerance: object, method: object, knots: ob
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
     if knots is not None:
         try:
-            door.check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
+            check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
         except InputError as error:
             raise InputError(
                 f"knots={shown(knots)}: a number of knots to insert, {MAX_PIECES} at most, for method='schoenberg'"
@@ -164,7 +162,7 @@ def _bound_length(field: Curve, length: float | Curve) -> float:
         reach = float(max(-low[0], high[0]))
     else:
         try:
-            reach = abs(door.check_number("length", length))
+            reach = abs(check_number("length", length))
         except InputError:
             reach = nan
     if not isfinite(reach) or reach == 0:
@@ -190,7 +188,7 @@ def _refuse_zeros(direction: Curve) -> None:
     """Raise where the field is zero to rounding: at a break, or where its length is least inside a piece."""
     rate = direction.dot(direction).derivative()
     scale = np.abs(rate.coefs).max()
-    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
+    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * EPSILON * scale))
     breaks = direction.breaks
     inside = breaks[column] + x * (breaks[column + 1] - breaks[column])
     t = np.concatenate([inside, breaks[:-1], breaks[1:]])
@@ -220,7 +218,7 @@ def _compute_length_errors(unit: Curve) -> Array:
 
 def _bound_length_error(unit: Curve, misses: Array) -> float:
     r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1, with the rounding of these and of one more product with U."""
-    rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
+    rounding = EPSILON * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
     low, high = enclose_values(misses, slack=rounding)
     return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 
@@ -407,7 +405,7 @@ def _insert_simple_knots(field: Curve, knots: Array) -> Curve:
 def _fit_schoenberg_factor(field: Curve) -> Curve | None:
     """Replace each pole k of <T, T> by 1/sqrt(k); None if there is one that is not positive."""
     squared = field.dot(field)
-    knots, poles = door.assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
+    knots, poles = assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
     if poles.min() <= 0:
         return None
     return Curve.from_bspline(squared.degree, knots, 1 / np.sqrt(poles))

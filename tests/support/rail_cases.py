@@ -8,7 +8,7 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.surfaces.primaries import LocalFrame
+from cqblend.surfaces.vectors import LocalFrame
 
 FRAME = LocalFrame(np.zeros(3), np.eye(3))
 WALL = LocalFrame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))

@@ -15,7 +15,9 @@ import numpy as np
 
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
-from cqblend.surfaces.primaries import Array, Primary, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 BOTH_SIDES = (0, 1)
 

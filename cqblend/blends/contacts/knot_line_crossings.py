@@ -13,7 +13,11 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import ContactSolver
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, shift_to_period
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import solve_in_brackets
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 
 @dataclass(frozen=True)
@@ -117,37 +121,24 @@ def _bracket_crossings(
 
 
 def _solve_crossings(solve: ContactSolver, brackets: list[_CrossingBracket], side: int) -> Array:
-    """Return the t (n,) at which contacts are on the lines, all at once, by the Illinois variant of regula falsi.
-
-    An end of a bracket that stays twice has its value halved, which keeps both ends moving.
-    """
-    low, high, low_value, high_value = np.array(
-        [(one.low, one.high, one.low_distance, one.high_distance) for one in brackets]
-    ).T
+    """Return the t (n,) at which contacts are on the lines, for all brackets at once."""
+    ends = np.array([(one.low, one.high) for one in brackets]).T
+    distances = np.array([(one.low_distance, one.high_distance) for one in brackets]).T
     axes = np.array([one.line.axis for one in brackets])
-    t, moved = low, np.zeros(len(low), dtype=int)
-    for _ in range(CONTACT_TOLERANCES.secant_steps):
-        difference = np.where(high_value == low_value, 1.0, high_value - low_value)
-        t = np.clip((low * high_value - high * low_value) / difference, low, high)
+
+    def measure_past_lines(t: Array) -> Array:
         ascending = np.argsort(t, kind="stable")
         reached = np.empty_like(t)
         reached[ascending] = solve(t[ascending]).uv[side][np.arange(len(t)), axes[ascending]]
-        values = np.array(
+        return np.array(
             [
                 float(distance_past_knot(reached[k : k + 1], one.line.value, one.line.period)[0])
                 for k, one in enumerate(brackets)
             ]
         )
-        ahead = values * low_value > 0
-        low, high = np.where(ahead, t, low), np.where(ahead, high, t)
-        low_value, high_value = (
-            np.where(ahead, values, np.where(moved == -1, low_value / 2, low_value)),
-            np.where(ahead, np.where(moved == 1, high_value / 2, high_value), values),
-        )
-        moved = np.where(ahead, 1, -1)
-        if np.abs(values).max() <= CONTACT_TOLERANCES.crossing_residual:
-            break
-    return t
+
+    residual, steps = CONTACT_TOLERANCES.crossing_residual, CONTACT_TOLERANCES.secant_steps
+    return solve_in_brackets(measure_past_lines, (ends[0], ends[1]), (distances[0], distances[1]), residual, steps)
 
 
 def _is_smoother_in_parameters(

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
-from cqblend.surfaces.primaries import Array, Primary, unwrap_parameters
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import unwrap_parameters
+from cqblend.surfaces.primary import Primary
 
 
 def unwrap_open_solver(solve: ContactSolver, primaries: tuple[Primary, Primary]) -> ContactSolver:

@@ -14,13 +14,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, TensorSurface
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]
 BoundaryFunction: TypeAlias = Curve | Callable[[Array], Any] | Sequence[ComponentFunction]
@@ -100,9 +101,7 @@ class Boundary:
             return one
         if callable(one):
             function = _wrap_function(one, dim)
-            return fit.approximate_to_rounding(
-                function, self.domain, closed=_is_function_periodic(function, self.domain)
-            )
+            return approximate_to_rounding(function, self.domain, closed=_is_function_periodic(function, self.domain))
         assert isinstance(one, Real)
         return Curve(self.domain, np.full((1, 1, 1), float(one)))
 

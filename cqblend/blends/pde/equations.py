@@ -20,9 +20,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cqblend.checks import check_number
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import check_number
 
 COEFFICIENT_NAMES = "abcd"
 DEGENERATE_SHARE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero

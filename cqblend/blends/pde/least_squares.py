@@ -25,8 +25,8 @@ from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_b
 from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.errors import InputError
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array
 
 Minimise: TypeAlias = Literal["residual", "energy"]
 CollocationCounts: TypeAlias = tuple[int | None, int | None]

@@ -15,7 +15,7 @@ from cqblend.blends.pde.bubble_basis import evaluate_bubbles
 from cqblend.blends.pde.solution import Solution
 from cqblend.blends.sections.hermite_section import Jets
 from cqblend.blends.sections.interior import FilledSection
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 @dataclass(frozen=True)

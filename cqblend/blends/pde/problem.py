@@ -23,9 +23,9 @@ from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import merge_breaks
 from cqblend.splines.integral import Antiderivative, gauss_rule
-from cqblend.surfaces.primaries import Array
 
 BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
 BASIS_NAMES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")

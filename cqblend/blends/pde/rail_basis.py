@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array
 
 LEAST_SPLINE_DEGREE = 5  # least degree of splines: what they fill is C4
 LEAST_GAUSS_POINTS = 4  # points of a span, where an equation is to hold

@@ -11,8 +11,8 @@ import numpy as np
 
 from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import Antiderivative
-from cqblend.surfaces.primaries import Array
 
 SMOOTH_ORDER = 4  # continuity from which on a function counts as smooth
 

@@ -24,7 +24,7 @@ from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.least_squares import ROUNDING_SHARE, CollocationCounts, LeastSquaresProblem, Minimise
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 TERM_COUNTS = (4, 6, 9, 13, 18, 24, 32, 40)  # bubbles that are tried, one number after the other
 MOST_FREE_DEGREE = 9  # degree across of solutions by the energy, at most, where the number of bubbles is free

@@ -16,7 +16,8 @@ import numpy as np
 from cqblend.blends.contacts.contact_solver import solve_damped_newton
 from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 TOUCHING_SINE = 1e-5  # sine of the angle between surfaces, below which they touch
 SHORTEST_X_STEP = 1e-3  # step in x

@@ -21,7 +21,7 @@ from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course, OffsetFamily
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 UNBOUNDED_DOMAINS = np.tile([-np.inf, np.inf], (4, 1))
 
@@ -52,7 +52,7 @@ class EdgeSweep:
             half = ramp.continue_solutions(np.concatenate(at.uv, axis=1), at.t, 0.0, np.array([0.0, 1.0]))[:, 1]
             return curves.continue_solutions(half, at.t, 0.5, np.asarray(x, dtype=np.float64)), at, curves
         except GeometryError as error:
-            raise SizeError(str(error)) from error
+            raise SizeError(error.message, kind=error.kind, place=error.place, value=error.value) from error
 
     def evaluate_points(self, t: Array, x: Array) -> Array:
         """Return the points (n, m, 3) of the curves at t (n,) and x (m,).

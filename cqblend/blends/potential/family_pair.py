@@ -9,7 +9,7 @@ import numpy as np
 from cqblend.blends.potential.relations import Relation
 from cqblend.blends.potential.surface_family import Course, Family
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 DOMAIN_TOLERANCE = 1e-9  # of a domain, by which a point may be outside
 

@@ -22,7 +22,8 @@ from cqblend.blends.potential.continuation import (
 from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface, bernstein
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 BOX_TOLERANCE = 1e-4  # of the size, by which the splines of offsets, whose boxes are tested, may be off
 SUBDIVISION_LIMIT = 48  # of the common box of both surfaces: as large, at most, is a last part

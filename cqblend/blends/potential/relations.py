@@ -18,10 +18,11 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cqblend.blends.checks import call_user_function
+from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
-from cqblend.splines import Curve, fit
-from cqblend.splines.knots import check_number, to_finite_array, to_float_array
+from cqblend.splines import Curve
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bracketing import bisect_intervals
 
 Array = NDArray[Any]
 RelationInput: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
@@ -31,7 +32,6 @@ AXIS_SLOPE_TOLERANCE = (
     1e-6  # of its speed: how nearly it must run along it there; of functions, derivatives are not known better
 )
 ROOT_SAMPLES = 513  # in which roots are looked for
-BISECTION_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -155,10 +155,7 @@ class Relation:
         i = met.argmax(axis=1)
         low, high = x[i], x[i + 1]
         sign = np.sign(ahead[np.arange(len(s)), i + 1] - ahead[np.arange(len(s)), i])
-        for _ in range(BISECTION_STEPS):
-            middle = (low + high) / 2
-            past = (self.curve(middle)[:, 1 - wanted] - s) * sign >= 0
-            low, high = np.where(past, low, middle), np.where(past, middle, high)
+        low, high = bisect_intervals(lambda x: ~((self.curve(x)[:, 1 - wanted] - s) * sign >= 0), low, high)
         off = [np.abs(self.curve(end)[:, 1 - wanted] - s) for end in (low, high)]
         return self.curve(np.where(off[0] <= off[1], low, high))[:, wanted].reshape(values.shape)
 
@@ -267,7 +264,7 @@ def to_relation(given: Any) -> Relation:
         return out
 
     try:
-        curve = fit.approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
+        curve = approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
     except InputError:
         raise
     except CqblendError as error:

@@ -23,13 +23,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
 from cqblend.blends.contacts.contact_solver import differentiate_normal
+from cqblend.checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import Curve, Surface, fit
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_surface, approximate_to_rounding
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.splines.knots import check_integer, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, cross_product, normalise_vectors
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 AmountFunction = Callable[[Array], Any]
 
@@ -145,7 +148,7 @@ class Family(ABC):
             raise InputError(f"s is a Curve of dim 1 over [0, 1], not {shown(s)}")
         if not isinstance(which, str):
             raise InputError(f"which surface it is, is said by a text, not {shown(which)}")
-        amounts = fit.approximate_to_rounding(lambda x: self._evaluate_amounts(s(x)[:, 0], which), (0.0, 1.0))
+        amounts = approximate_to_rounding(lambda x: self._evaluate_amounts(s(x)[:, 0], which), (0.0, 1.0))
         end = 0.0 if abs(s(0.0)[0]) < abs(s(1.0)[0]) else 1.0
         largest = float(np.abs(amounts(np.linspace(0, 1, 65))).max())
         if not largest > 0:
@@ -256,7 +259,7 @@ class ReferenceFamily(Family):
             As :meth:`Family.course`.
         """
         amounts = super().course(s, which).amounts
-        return Course(amounts, fit.approximate_to_rounding(lambda x: self._evaluate_reference(s(x)[:, 0]), (0.0, 1.0)))
+        return Course(amounts, approximate_to_rounding(lambda x: self._evaluate_reference(s(x)[:, 0]), (0.0, 1.0)))
 
     def _evaluate_reference(self, s: Array) -> Array:
         """Return the reference points (n, 3)."""
@@ -368,7 +371,7 @@ class OffsetFamily(Family):
             state = State(now, rates, uv, uv)
             return self.jet(uv, state)[0].reshape(len(u), len(v), 3)
 
-        return fit.approximate_surface(
+        return approximate_surface(
             evaluate_offset_grid,
             surface.breaks,
             self.tolerance * float(np.abs(amounts).max()) if tolerance is None else tolerance,

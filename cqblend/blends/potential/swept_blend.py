@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
@@ -27,8 +27,11 @@ from cqblend.blends.rails.exact_rails import fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, TensorSurface, cross_product, normalise_vectors
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 TABLE_STATIONS, TABLE_STEPS = 65, 17  # of the table from which solutions start
 CLOSING_POINTS = 8  # points by which a closed branch is continued before it is interpolated
@@ -133,14 +136,12 @@ class Sweep:
 
     def _find_domain_exit(self, inside: float, outside: float) -> float:
         """Return the last t, from inside on, at which all curves are on both surfaces."""
-        for _ in range(TRIM_BISECTIONS):
-            middle = (inside + outside) / 2
-            q = self.solve_parameters(np.full(len(self.x), middle), self.x)
-            if self.curves.family_pair.measure_outside(q).max() <= DOMAIN_TOLERANCE / 2:
-                inside = middle
-            else:
-                outside = middle
-        return inside
+
+        def is_on_surfaces(t: float) -> bool:
+            q = self.solve_parameters(np.full(len(self.x), t), self.x)
+            return bool(self.curves.family_pair.measure_outside(q).max() <= DOMAIN_TOLERANCE / 2)
+
+        return bisect_interval(is_on_surfaces, inside, outside, TRIM_BISECTIONS)[0]
 
     def _explain_roughness(self) -> str:
         """Say why rails cannot be fitted: they run next to a singular point, or a surface is not smooth enough."""
@@ -225,7 +226,7 @@ class Sweep:
                 corners=at[orders < CONTACT_TOLERANCES.rough_continuity],
             )
         except TooManySpansError as error:
-            raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error
+            raise TooManySpansError(error.finding, self._explain_roughness()) from error
         return replace(one, fades=True), replace(two, fades=True)
 
 
@@ -274,11 +275,11 @@ def _restart_off_knots(meeting: FamilyPair, branch: IntersectionBranch) -> Inter
 def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     """Interpolate points along a branch: C4, round a closed one too, whose parameters may go on by a period."""
     if not closed:
-        return fit.interpolate(t, values, degree=5 if len(t) > 5 else 3)
+        return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
     lap, k = values[-1] - values[0], min(CLOSING_POINTS, len(t) - 1)
     before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
     long = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
-    return fit.interpolate(long, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
+    return interpolation.interpolate(long, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 
 
 def _find_steady_parameter(meeting: FamilyPair, branch: IntersectionBranch, at: Curve) -> int | None:

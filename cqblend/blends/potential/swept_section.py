@@ -8,14 +8,14 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.interior import FilledSection
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 RAIL_TOLERANCE_SHARE = 1 / 16  # of a tolerance inside, that of the rails
 POINTS_ACROSS = 24  # points at which the swept surface is read

@@ -18,8 +18,9 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 ROUNDING_ANGLE = 1e-9  # rad: below that a crease is rounding, even where none is allowed
 SECTION_POINTS = 33  # points of each section, at which normals are compared

@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 GAUSS_POINTS_ACROSS, GAUSS_POINTS_ALONG = 24, 4  # Gauss points across, and along each cell
 LEAST_CELLS = 128  # along, at least

@@ -81,8 +81,8 @@ from cqblend.blends.quality.rounding import RoundingBounds, bound_rounding
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import MOVED_BREAK, cut_at_breaks, merge_breaks
-from cqblend.surfaces.primaries import Array
 
 if TYPE_CHECKING:
     from cqblend.blends.sections.blend_surface import BlendSurface

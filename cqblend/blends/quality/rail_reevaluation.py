@@ -18,17 +18,14 @@ import numpy as np
 from cqblend.blends.quality.rounding import EPS, RoundingBounds, bound_rounding
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import extract_pieces
 from cqblend.splines.surface import BSplineSurface
-from cqblend.surfaces.primaries import (
-    Array,
-    LocalFrame,
-    Primary,
-    Quadric,
-    RevolvedEllipse,
-    RevolvedSpline,
-    TensorSurface,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Quadric
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame
 
 CLOSED_FORM_ERROR = 64 * EPS  # relative error of derivatives of surfaces that OCCT evaluates by formulas
 PARAMETER_ERROR = 4 * EPS  # by which a rail's parameters are off where they are evaluated, for each degree and one

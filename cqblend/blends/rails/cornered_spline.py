@@ -12,8 +12,9 @@ from functools import reduce
 import numpy as np
 
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.interpolation import interpolate
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def interpolate_with_corners(
         ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
         if np.abs(ends[-1] - values[3 * j]).max() > RAIL_TOLERANCES.same_value_share * size:
             order[j] = -1
-        return fit.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
+        return interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
 
     starts = corners[:-1].tolist()
     pieces = [make_piece(i, j) for i, j in zip(starts, corners[1:].tolist(), strict=True)]

@@ -15,7 +15,8 @@ import numpy as np
 
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)

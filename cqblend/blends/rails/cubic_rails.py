@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.rails.cornered_spline import KinkData, add_third_points, interpolate_with_corners
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import (
@@ -27,8 +27,11 @@ from cqblend.blends.rails.ribbon_fit import (
 )
 from cqblend.blends.rails.steering import Steering, SteeringPin, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, Primary, shift_to_period
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.interpolation import interpolate
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.primary import Primary
 
 NO_CORNERS = np.empty(0)
 
@@ -162,8 +165,8 @@ class _CubicFit:
         missed = max(float(errors.across.max()) for errors in fitted.errors)
         if missed > RAIL_TOLERANCES.largest_miss * wanted.position:
             raise TooManySpansError(
-                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
-                "not smooth enough for this size; try a smaller one"
+                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations",
+                "the edge or its faces are not smooth enough for this size; try a smaller one",
             )
         return breaks, fitted.ribbons
 
@@ -196,7 +199,7 @@ class _CubicFit:
 
         def make_spline(values: Array, kinks: KinkData | None, corners: Array, sharp: Array) -> Curve:
             if not len(corners):
-                return fit.interpolate(nodes, values[::3])
+                return interpolate(nodes, values[::3])
             pieces = np.unique([0, *corners, len(nodes) - 1])
             return interpolate_with_corners(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
 

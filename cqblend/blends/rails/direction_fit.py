@@ -20,8 +20,10 @@ from cqblend.blends.rails.ribbon import Ribbon, SampledRail, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import NEAR_BREAKS, SAME_BREAK, merge_breaks
-from cqblend.surfaces.primaries import Array, TensorSurface, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)

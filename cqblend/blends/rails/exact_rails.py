@@ -18,7 +18,8 @@ from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonCurves
 from cqblend.blends.rails.steering import Steering, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
 
 
 @dataclass(frozen=True)

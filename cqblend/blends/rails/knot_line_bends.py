@@ -20,8 +20,11 @@ import numpy as np
 
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData
 from cqblend.blends.rails.ribbon import BREAK_SIDES, SampledRail, evaluate_space_jets
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.interpolation import interpolate
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class ParametricKinks:
         node_uv, node_t = rail.uv[::3], rail.t[::3]
         for axis in (0, 1):
             unit = rail.primary.lift_directions(node_uv, rail.c(node_t), np.tile(np.eye(2)[axis], (len(node_t), 1)))
-            jets = rail.primary.compose_jets(rail.c, [fit.interpolate(node_t, unit, degree=1)])
+            jets = rail.primary.compose_jets(rail.c, [interpolate(node_t, unit, degree=1)])
             partials[:, 1 + axis] = [rows[1, 0] for rows in _evaluate_both_sides(jets, rail.t[at])]
         return cls(rail.primary, nodes, rail.t[at], rail.uv[at], partials)
 

@@ -13,7 +13,7 @@ import numpy as np
 from cqblend.blends.rails.tolerances import PROJECTION_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 TEST_POINTS_OF_SPAN = (np.arange(1, 4) / 4)[:, None]
 

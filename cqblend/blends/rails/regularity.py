@@ -15,8 +15,9 @@ import numpy as np
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.self_intersection import TOUCHING_DISTANCE, control_points, find_self_crossing, measure_diagonal
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 
 def sample_stations(breaks: Array) -> Array:

@@ -16,8 +16,9 @@ import numpy as np
 
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.surfaces.primary import Primary
 
 BREAK_SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
 """Both sides of a break, that with the smaller parameters first."""

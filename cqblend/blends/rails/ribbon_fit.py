@@ -21,7 +21,9 @@ from cqblend.blends.rails.ribbon import Ribbon, SampledRail, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, Primary, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 Domain = tuple[float, float]
 LengthFactor = Callable[[Array], Array]

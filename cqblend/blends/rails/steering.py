@@ -21,7 +21,9 @@ import numpy as np
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, KnotCrossing, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import KnotCrossing
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 
 @dataclass(frozen=True)

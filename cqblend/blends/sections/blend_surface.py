@@ -28,8 +28,9 @@ from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 Form = Literal["exact", "compact"]
 SectionBuilder = Callable[[tuple[Jets, Jets]], Surface]

@@ -33,7 +33,7 @@ from cqblend.blends.sections.stretch_fit import (
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 class _Refinement(NamedTuple):

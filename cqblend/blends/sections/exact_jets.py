@@ -14,9 +14,10 @@ from cqblend.blends.rails.ribbon import evaluate_space_jets
 from cqblend.blends.sections.hermite_section import Jets
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 JUMP_ERRORS = np.array([0.5, 0.1, 0.017, 0.005])
 """Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""

@@ -17,8 +17,8 @@ import numpy as np
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.surfaces.primaries import Array
 
 Jets: TypeAlias = Sequence[Curve]
 """Derivatives by v of orders 0, 1, .. at a rail, curves of t."""

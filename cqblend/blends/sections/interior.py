@@ -19,15 +19,15 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.fit import approximate_curve
 from cqblend.splines.knots import extract_pieces
-from cqblend.surfaces.primaries import Array
 
 Sampler = Callable[[Array], Array]
 """A function from parameters t (n,) to values there, (n, ..)."""
@@ -138,8 +138,8 @@ class FilledSection(ABC):
                 return _SampledInterior(evaluate, evaluate_weighted, size, across)
         raise TooManySpansError(
             f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
-            f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans "
-            f"across: ask for a larger tolerance, or {self.advice[0]}"
+            f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans across",
+            f"ask for a larger tolerance, or {self.advice[0]}",
         )
 
     def _fit_along(self, sample: Sampler, breaks: Array, weighted_jets: list[Curve] | None) -> Curve:
@@ -172,8 +172,8 @@ class FilledSection(ABC):
             except GeometryError as error:
                 last = error
         raise TooManySpansError(
-            f"the interior between the rails cannot be approximated along them: {last}; ask for a larger tolerance, or "
-            f"{self.advice[1]}"
+            "the interior between the rails cannot be approximated along them",
+            f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
     def _choose_across_basis(self, v: Array, values: Array) -> _AcrossBasis | None:

@@ -15,8 +15,8 @@ import numpy as np
 from cqblend.blends.sections.exact_jets import ExactJets, count_derivatives
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.splines import Curve, bernstein
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import extract_pieces
-from cqblend.surfaces.primaries import Array
 
 COMPACT_DEGREE = 5
 """Degree of the compact form: single knots of a higher one do not survive when curves are assembled of pieces, and the

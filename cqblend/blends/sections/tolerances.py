@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.splines.bernstein import EPSILON
+
 
 @dataclass(frozen=True)
 class SectionTolerances:
@@ -111,7 +113,7 @@ class CompactTolerances:
     explained_share: float = 0.3
     snap_share: float = 0.1
     tiny_length: float = 1e-100
-    coefficient_rounding: float = 16 * float(np.finfo(float).eps)
+    coefficient_rounding: float = 16 * EPSILON
     samples_per_span: int = 4
     test_points_per_span: int = 10
 

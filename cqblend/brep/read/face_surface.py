@@ -43,24 +43,14 @@ from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_map
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import (
-    Array,
-    Cone,
-    Cylinder,
-    KnotCrossing,
-    LocalFrame,
-    Plane,
-    Primary,
-    Quadric,
-    RevolvedEllipse,
-    RevolvedSpline,
-    Sphere,
-    TensorSurface,
-    shift_to_period,
-    to_tangent_coordinates,
-    unwrap_parameters,
-)
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
+from cqblend.surfaces.primary import KnotCrossing, Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Quadric, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
 PCURVE_TOLERANCE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
 
@@ -346,7 +336,7 @@ def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
         stops = _solve_parameter_jets(native, uv[1:], position, breaks[1:], "left")
         same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
         stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
-        curve = fit.hermite(breaks, np.stack([starts, stops], axis=2))
+        curve = interpolation.hermite(breaks, np.stack([starts, stops], axis=2))
         t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
         error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
         bad = (error > PCURVE_TOLERANCE + rounding).reshape(len(inner), -1).any(axis=0)

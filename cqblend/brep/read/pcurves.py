@@ -23,10 +23,10 @@ from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import ConicArcs, ParameterMap, to_surface_with_map
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
-from cqblend.splines import Curve, Surface, fit
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array
 
 PCURVE_TOLERANCE = 1e-11
 """Largest error of a fitted curve in the parameter plane."""
@@ -149,7 +149,7 @@ def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Cur
         stops = _convert_parameter_jets(cut, both, pieces, breaks[1:], "left")
         same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
         stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
-        fitted = fit.hermite(breaks, np.stack([starts, stops], axis=2))
+        fitted = interpolation.hermite(breaks, np.stack([starts, stops], axis=2))
         t = breaks[:-1] + _INNER * np.diff(breaks)
         error = np.abs(fitted(t) - parameters.to_spline(curve(t))).max(axis=(0, 2))
         bad = error > PCURVE_TOLERANCE + rounding

@@ -23,8 +23,8 @@ from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
-from cqblend.splines import fit
-from cqblend.surfaces.primaries import to_tangent_coordinates
+from cqblend.splines import interpolation
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 TOLERANCE_MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
 REFIT_DEVIATION = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
@@ -82,7 +82,7 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
     off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
     if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
         return strays
-    degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
+    degree, knots, poles, _ = interpolation.interpolate(t, uv).to_bspline()
     BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
     strays_now = measure_deviation(use, face)
     if strays_now < strays / 2:

@@ -41,7 +41,9 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve
-from cqblend.surfaces.primaries import Array, LocalFrame, Plane, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.quadrics import Plane
+from cqblend.surfaces.vectors import LocalFrame, normalise_vectors
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit

@@ -12,8 +12,10 @@ from cqblend.blends.contacts.contact_solver import differentiate_normal, solve_d
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit
@@ -26,7 +28,7 @@ class BlendEndError(CqblendError):
     """One end of a blend cannot be built: ``end`` is 0 or 1, and ``cause`` is why."""
 
     def __init__(self, end: int, cause: CqblendError) -> None:
-        super().__init__(str(cause))
+        super().__init__(str(cause), kind=cause.kind, place=float(end), value=cause.value)
         self.end = end
         self.cause = cause
 
@@ -43,7 +45,7 @@ def fit_solved_curve(exact: Callable[[Array], Array], error: Callable[[Array, Ar
     while True:
         v = np.linspace(0, 1, 6 * count + 1)
         values = exact(v)
-        curve = _interpolate_cubic(values) if count == 1 else fit.interpolate(v[::2], values[::2])
+        curve = _interpolate_cubic(values) if count == 1 else interpolation.interpolate(v[::2], values[::2])
         if error(curve(v), v) <= FIT_TOLERANCE or count >= MAX_FIT_REFINEMENT:
             return curve
         count *= 2

@@ -33,7 +33,9 @@ from cqblend.brep.topology import (
     raise_vertex_tolerance,
 )
 from cqblend.errors import SizeError, TopologyError
-from cqblend.surfaces.primaries import Array, shift_to_period, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 if TYPE_CHECKING:
     from cqblend.brep.rewrite.shell_edit import ShellEdit
@@ -104,8 +106,8 @@ def trim_neighbour_edges(surgery: ShellEdit, cuts: Iterable[EdgeTrim]) -> None:
                     beyond.append(_make_extension_edge(cut))
                     continue
             except SizeError as error:
-                name = surgery.name_part(edge)
-                raise BlendEndError(cut.end, SizeError(f"{name} next to the blend: {error}")) from error
+                cause = error.with_details(before=f"{surgery.name_part(edge)} next to the blend: ")
+                raise BlendEndError(cut.end, cause) from error
             span[which], vertices[which] = at, cut.corner
         if (
             np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1])) < 100 * CONFUSION

@@ -57,8 +57,8 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import GeometryError, SizeError, TopologyError
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.roots import find_sign_changes
-from cqblend.surfaces.primaries import Array
 
 SEAM_TOLERANCE = 1e-9  # relative: a rail end this near to a seam lies on it
 CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)  # of an edge, by the order of continuity

@@ -33,7 +33,9 @@ from cqblend.brep.topology import (
     make_vertex,
     reverse_edge,
 )
-from cqblend.surfaces.primaries import Array, LocalFrame, Sphere
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.quadrics import Sphere
+from cqblend.surfaces.vectors import LocalFrame
 
 SPHERE_BOUNDS = np.array([[0.0, 2 * np.pi], [-np.pi / 2, np.pi / 2]])
 

@@ -37,7 +37,8 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
 
 SMOOTH_ANGLE = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
 CAP_PROBE_SHARE, CAP_PROBE_STEP = (
@@ -51,9 +52,7 @@ CONTINUATION_ANGLE = 1e-2  # rad: a joint goes on past a vertex only where it tu
 class NothingToBlendError(SelectionError):
     """An edge that there is nothing to blend at: smooth already, a seam, or degenerate; ``kind`` is which."""
 
-    def __init__(self, kind: SkippedKind, message: str) -> None:
-        super().__init__(message)
-        self.kind: SkippedKind = kind
+    kind: SkippedKind
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,11 @@ class Joint:
     face_numbers: tuple[int, int]
     lookup_number: Callable[[TopoDS_Shape], int] | None = None
     is_backward: bool = False
+
+    @property
+    def name(self) -> str:
+        """What messages call the edge: by its number in the input."""
+        return f"edge {self.edge_number}"
 
     @property
     def primaries(self) -> tuple[Primary, Primary]:
@@ -228,9 +232,9 @@ def find_joint(
     faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
     pair = faces_at(edge)
     if BRep_Tool.Degenerated_s(edge):
-        raise NothingToBlendError("degenerate", f"{name} is degenerate (a pole): it has no length to blend along")
+        raise NothingToBlendError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
     if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
-        raise NothingToBlendError("seam", f"{name} is a seam of one closed face, not a joint of two")
+        raise NothingToBlendError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     if len(pair) != 2:
         raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
     pair.sort(key=ShapeIndex(solid, TopAbs_FACE).find_number, reverse=swap)
@@ -293,7 +297,11 @@ def _check_sharp(joint: Joint, name: str) -> None:
     )
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
     if angle.max() < SMOOTH_ANGLE:
-        raise NothingToBlendError("smooth", f"{name} is smooth already: its faces meet at {angle.max():.2g} rad")
+        raise NothingToBlendError(
+            f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
+            kind="smooth",
+            value=float(angle.max()),
+        )
     if angle.min() < SMOOTH_ANGLE:
         raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
     if angle.max() > np.pi - SMOOTH_ANGLE:

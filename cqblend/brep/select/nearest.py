@@ -11,10 +11,9 @@ from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
-from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.topology import ShapeIndex
 from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.errors import CqblendError, SelectionError
 
@@ -51,10 +50,8 @@ def find_nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
         The shape has no face.
     """
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
-    index = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_FACE, index)
-    faces = [TopoDS.Face_s(index.FindKey(i)) for i in range(1, index.Extent() + 1)]
-    if not faces:
+    faces = ShapeIndex(shape, TopAbs_FACE)
+    if not len(faces):
         raise SelectionError("the shape has no faces")
     picked = [
         PickedFace(face, number, BRepExtrema_DistShapeShape(vertex, face).Value())
@@ -75,9 +72,7 @@ def find_nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> Pick
         The shape has no such edge.
     """
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
-    index = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, TopAbs_EDGE, index)
-    edges = [TopoDS.Edge_s(index.FindKey(i)) for i in range(1, index.Extent() + 1)]
+    edges = ShapeIndex(shape, TopAbs_EDGE)
     picked = [
         PickedEdge(edge, number, BRepExtrema_DistShapeShape(vertex, edge).Value())
         for number, edge in enumerate(edges, 1)

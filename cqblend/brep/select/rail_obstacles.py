@@ -14,6 +14,7 @@ from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes
+from cqblend.splines.bracketing import bisect_interval
 
 OPPOSITE_COSINE = -0.9  # cosine between the outward normals of two faces from which on they are both sides of a wall
 BISECTION_STEPS = 40
@@ -50,13 +51,13 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
     start = one.unwrap_near(one.to_face_parameters(stations.uv[side]), at)[0]
     stop = one.unwrap_near(one.to_face_parameters(contacts.uv[side][[index]]), at)[0]
     classifier = BRepTopAdaptor_FClass2d(one.face, 1e-9)
-    low, high = 0.0, 1.0
-    for _ in range(BISECTION_STEPS):
-        middle = (low + high) / 2
-        (uv,) = one.wrap_to_window((start + middle * (stop - start))[None])
+
+    def is_inside_face(share: float) -> bool:
+        (uv,) = one.wrap_to_window((start + share * (stop - start))[None])
         state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
-        inside = state == TopAbs_IN or (state == TopAbs_ON and one.is_at_seam(uv))
-        low, high = (middle, high) if inside else (low, middle)
+        return bool(state == TopAbs_IN or (state == TopAbs_ON and one.is_at_seam(uv)))
+
+    low, _ = bisect_interval(is_inside_face, 0.0, 1.0, BISECTION_STEPS)
     point = one.face_primary.jet((start + low * (stop - start))[None])[0, 0]
     wide = float(np.linalg.norm(point - stations.points[0]))
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()

@@ -21,7 +21,8 @@ from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.read.face_surface import SupportFace
 from cqblend.brep.topology import explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
-from cqblend.surfaces.primaries import Array, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
 TABLE_SIZE = 65  # points at which the speed along an edge is read
 CIRCLE_TOLERANCE = 1e-9  # relative deviation up to which an edge is an arc of a circle

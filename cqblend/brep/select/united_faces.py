@@ -23,8 +23,7 @@ from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
 from OCP.GProp import GProp_GProps
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_MapOfShape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.brep.select.edge_joint import SMOOTH_ANGLE, Joint
 from cqblend.brep.shape_kinds import downcast_shape
@@ -242,22 +241,19 @@ def _remove_split_edges(
 
     Edges that are near and go on at what was the end of a split become one, too, but not the joint's.
     """
-    kept, loose = TopTools_MapOfShape(), False
     faces_at, edges_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE), AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE)
     along = [seam for split in splits for face in faces_at(split) for seam in find_seam_edges(face)]
-    for part in (*ShapeIndex(solid, TopAbs_EDGE), *ShapeIndex(solid, TopAbs_VERTEX)):
-        kept.Add(part)
-    for edge in (*splits, *along):
-        kept.Remove(edge)
+    removable_vertices: list[TopoDS_Vertex] = []
     for vertex in drop_duplicate_shapes(vertex for split in splits for vertex in find_end_vertices(split)):
         left = [edge for edge in edges_at(vertex) if not _is_among(edge, splits)]
         beside = near(vertex) or all(_is_among(edge, along) for edge in left)
         if len(left) == 2 and beside and not any(_is_among(edge, spine) for edge in left):
-            kept.Remove(vertex)
-            loose = True
-    unify = ShapeUpgrade_UnifySameDomain(solid, loose, True, False)
+            removable_vertices.append(vertex)
+    unify = ShapeUpgrade_UnifySameDomain(solid, bool(removable_vertices), True, False)
     unify.SetAngularTolerance(PARALLEL_ANGLE)
-    unify.KeepShapes(kept)
+    for part in (*ShapeIndex(solid, TopAbs_EDGE), *ShapeIndex(solid, TopAbs_VERTEX)):
+        if not _is_among(part, (*splits, *along, *removable_vertices)):
+            unify.KeepShape(part)
     unify.Build()
     solids = list(explore_subshapes(unify.Shape(), TopAbs_SOLID))
     if len(solids) != 1:

@@ -29,7 +29,7 @@ from cqblend.brep.verification.edge_continuity import (
 from cqblend.brep.verification.measuring_places import find_knot_crossings, spread_samples
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 SAMPLES_PER_EDGE = 400  # points at which each piece of a rail is measured, beside those at its knots
 STATIONS_PER_RAIL = 1000  # and of a rail that is no edge

@@ -33,10 +33,10 @@ from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_OUT, TopAbs_REVERSED, TopAbs_ShapeEnum
-from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
+from cqblend.brep.topology import AncestorMap
 from cqblend.brep.verification.measuring_places import (
     CLUSTER_OFFSETS,
     KNOT_LINE_TOLERANCE,
@@ -196,13 +196,12 @@ def find_edge_sides(shape: TopoDS_Shape, edge: TopoDS_Edge) -> tuple[EdgeSide, E
     """
     require_shape(shape, "shape")
     edge = TopoDS.Edge_s(require_shape(edge, "edge", TopAbs_EDGE))
-    faces_of = TopTools_IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndUniqueAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, faces_of)
-    if not faces_of.Contains(edge):
+    faces_of = AncestorMap(shape, TopAbs_EDGE, TopAbs_FACE)
+    if edge not in faces_of:
         raise SelectionError("the edge is not an edge of the shape: pick it from the shape itself, not from a copy")
     if BRep_Tool.Degenerated_s(edge):
         raise SelectionError("the edge is degenerate (the pole of a surface): it has no length and no continuity")
-    sides = [side for face in faces_of.FindFromKey(edge) for side in find_sides_on_face(TopoDS.Face_s(face), edge)]
+    sides = [side for face in faces_of(edge) for side in find_sides_on_face(face, edge)]
     if len(sides) != 2:
         what = "a free boundary" if len(sides) == 1 else f"used {len(sides)} times"
         raise SelectionError(f"the edge is {what}: continuity is measured between exactly two sides")

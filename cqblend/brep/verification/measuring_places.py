@@ -16,6 +16,8 @@ from OCP.GeomAbs import GeomAbs_BSplineCurve, GeomAbs_BSplineSurface, GeomAbs_CN
 from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.TColStd import TColStd_Array1OfReal
 
+from cqblend.splines.bracketing import solve_in_brackets
+
 Array = NDArray[np.float64]
 
 CLUSTER_OFFSETS = np.array([1e-8, 1e-5, 1e-3])
@@ -90,23 +92,15 @@ def find_knot_crossings(curve: Callable[[Array], Array], low: float, high: float
         crosses = (before * after <= 0.0) & (np.abs(after - before) < size / 2)
         crosses &= np.abs(after - before) > KNOT_LINE_TOLERANCE * size  # else it runs along the line
         i, line = np.nonzero(crosses)
-        a, b, fa, fb = ts[i], ts[i + 1], before[i, line], after[i, line]
-        at_line = uv[i, k] - fa
-        t = a
-        for _ in range(_STEPS):  # regula falsi, the Illinois way
-            t = np.clip(a - fa * (b - a) / np.where(fb == fa, 1.0, fb - fa), a, b)
-            f = curve(t)[:, k] - at_line
-            ahead = fa * f > 0.0
-            done = (np.abs(f) <= np.spacing(np.abs(at_line))) | (b - a <= np.spacing(np.abs(t)))
-            if done.all():
-                break
-            a, fa, b, fb = (
-                np.where(ahead, t, a),
-                np.where(ahead, f, fa / 2),
-                np.where(ahead, b, t),
-                np.where(ahead, fb / 2, f),
-            )
-        found.append(t)
+        distances = before[i, line], after[i, line]
+        knot = uv[i, k] - distances[0]
+
+        def measure_past_knot(t: Array, k: int = k, knot: Array = knot) -> Array:
+            return np.asarray(curve(t)[:, k] - knot)
+
+        found.append(
+            solve_in_brackets(measure_past_knot, (ts[i], ts[i + 1]), distances, np.spacing(np.abs(knot)), _STEPS)
+        )
     return np.concatenate(found)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 from OCP.BRepBndLib import BRepBndLib
@@ -58,12 +58,11 @@ from OCP.TopAbs import (
     TopAbs_VERTEX,
     TopAbs_WIRE,
 )
-from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.step_files import read_step, write_step
+from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
 from cqblend.brep.verification.edge_continuity import (
     EdgeSide,
     choose_sample_parameters,
@@ -98,15 +97,8 @@ _ANALYSIS_EPSILONS = (1e-12, 1e-12, 1e-12, 1e-12, 1e-12)
 _STEP_SLACK = 1e-7
 """How much worse (mm, radians) a smooth edge may come back from STEP, beside a tenth of what it was."""
 
-_CAST = {
-    TopAbs_VERTEX: TopoDS.Vertex_s,
-    TopAbs_EDGE: TopoDS.Edge_s,
-    TopAbs_WIRE: TopoDS.Wire_s,
-    TopAbs_FACE: TopoDS.Face_s,
-    TopAbs_SHELL: TopoDS.Shell_s,
-    TopAbs_SOLID: TopoDS.Solid_s,
-}
-"""Kinds of sub-shapes, parts before wholes, and how OCP tells them apart."""
+_CHECKED_KINDS = (TopAbs_VERTEX, TopAbs_EDGE, TopAbs_WIRE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID)
+"""Kinds of sub-shapes, parts before wholes."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +255,7 @@ def verify_shape(
     solids = list_subshapes(shape, TopAbs_SOLID)
     if not solids:
         raise InputError("shape holds no solid: there is nothing to verify")
-    body = _make_compound(solids)
+    body = make_compound(solids)
     chosen = list_subshapes(body, TopAbs_FACE) if faces is None else _locate_faces(shape, faces)
     complaints = [
         line for exact in (False, True) for line in _describe_flaws(shape, find_flaws(shape, exact=exact), exact=exact)
@@ -328,17 +320,17 @@ def check_solid(
     list of str
         One line for every problem; empty if there is none.
     """
-    index_before, index_after = (_index_subshapes(solid, TopAbs_FACE) for solid in (before, after))
-    old = [face for face in list_subshapes(before, TopAbs_FACE) if not index_after.Contains(face)]
-    new = [face for face in list_subshapes(after, TopAbs_FACE) if not index_before.Contains(face)]
-    missing = [i for i, face in enumerate(new_faces, 1) if not index_after.Contains(face)]
+    index_before, index_after = (ShapeIndex(solid, TopAbs_FACE) for solid in (before, after))
+    old = [face for face in list_subshapes(before, TopAbs_FACE) if face not in index_after]
+    new = [face for face in list_subshapes(after, TopAbs_FACE) if face not in index_before]
+    missing = [i for i, face in enumerate(new_faces, 1) if face not in index_after]
     problems = [f"new face {i} is not in the result" for i in missing]
     for exact in (False, True):
-        found = find_flaws(_make_compound(new), exact=exact)
+        found = find_flaws(make_compound(new), exact=exact)
         if found:
             problems += _abbreviate_lines(
                 _describe_flaws(
-                    after, _drop_inherited_flaws(found, find_flaws(_make_compound(old), exact=exact)), exact=exact
+                    after, _drop_inherited_flaws(found, find_flaws(make_compound(old), exact=exact)), exact=exact
                 )
             )
     known = set(_find_shell_problems(before))
@@ -347,7 +339,7 @@ def check_solid(
         problems += _find_inverted_solids(after)
     problems += _find_loose_edges(old, new, after, tolerance)
     problems += [line for face in new_faces for line in _find_folds(face)]
-    problems += [line for face in new_faces if index_after.Contains(face) for line in _find_collisions(face, after)]
+    problems += [line for face in new_faces if face in index_after for line in _find_collisions(face, after)]
     if grows is not None and not _is_on_wanted_side(before, new_faces, grows):
         problems += _check_volume_change(old, new, grows)
     return problems
@@ -355,8 +347,7 @@ def check_solid(
 
 def list_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> list[TopoDS_Shape]:
     """Return the distinct sub-shapes of a kind, in the order of ``TopExp.MapShapes``, oriented as first met."""
-    index = _index_subshapes(shape, kind)
-    return [_CAST[kind](index.FindKey(i)) for i in range(1, index.Extent() + 1)]
+    return list(ShapeIndex(shape, kind))
 
 
 def measure_volume(
@@ -415,7 +406,7 @@ def find_flaws(shape: TopoDS_Shape, *, exact: bool = True) -> list[Flaw]:
     if analyzer.IsValid():
         return []
     found: dict[tuple[TopoDS_Shape, TopoDS_Shape, BRepCheck_Status], Flaw] = {}
-    for kind in _CAST:
+    for kind in _CHECKED_KINDS:
         for part in list_subshapes(shape, kind):
             for use in (part.Oriented(TopAbs_FORWARD), part.Oriented(TopAbs_REVERSED)):
                 try:
@@ -471,7 +462,7 @@ def _describe_flaws(shape: TopoDS_Shape, found: list[Flaw], *, exact: bool = Tru
     lines, state = [], "exactly valid" if exact else "valid"
     for flaw in found:
         kind = flaw.shape.ShapeType()
-        name = f"{kind.name.removeprefix('TopAbs_').lower()} {_index_subshapes(shape, kind).FindIndex(flaw.shape)}"
+        name = f"{kind.name.removeprefix('TopAbs_').lower()} {ShapeIndex(shape, kind).find_number(flaw.shape)}"
         lines.append(f"{name} is not {state}: {flaw.status.name.removeprefix('BRepCheck_')}")
     return list(dict.fromkeys(lines))
 
@@ -503,30 +494,25 @@ def _find_loose_edges(
     old: list[TopoDS_Shape], new: list[TopoDS_Shape], after: TopoDS_Shape, tolerance: float
 ) -> list[str]:
     """Name new edges whose tolerance is above the limit; a piece of an old edge is as far off its faces as that was."""
-    inherited = {_get_curve(edge) for edge in list_subshapes(_make_compound(old), TopAbs_EDGE)}
+    inherited = {_get_curve(edge) for edge in list_subshapes(make_compound(old), TopAbs_EDGE)}
     loose = [
         edge
-        for edge in list_subshapes(_make_compound(new), TopAbs_EDGE)
+        for edge in list_subshapes(make_compound(new), TopAbs_EDGE)
         if BRep_Tool.Tolerance_s(edge) > tolerance and _get_curve(edge) not in inherited
     ]
-    index = _index_subshapes(after, TopAbs_EDGE)
+    index = ShapeIndex(after, TopAbs_EDGE)
     return [
-        f"edge {index.FindIndex(edge)} has tolerance {BRep_Tool.Tolerance_s(edge):.2g} mm, above {tolerance:.2g}"
+        f"edge {index.find_number(edge)} has tolerance {BRep_Tool.Tolerance_s(edge):.2g} mm, above {tolerance:.2g}"
         for edge in loose
     ]
 
 
 def _find_collisions(face: TopoDS_Face, solid: TopoDS_Shape) -> list[str]:
     """Say which faces of the solid, of those that share no vertex with a face, it touches or cuts through."""
-    own, box = _index_subshapes(face, TopAbs_VERTEX), _make_bounding_box(face)
-    index = _index_subshapes(solid, TopAbs_FACE)
+    own, box = ShapeIndex(face, TopAbs_VERTEX), _make_bounding_box(face)
     lines = []
-    for number in range(1, index.Extent() + 1):
-        other = index.FindKey(number)
-        vertices = _index_subshapes(other, TopAbs_VERTEX)
-        if any(own.Contains(vertices.FindKey(i)) for i in range(1, vertices.Extent() + 1)) or box.IsOut(
-            _make_bounding_box(other)
-        ):
+    for number, other in enumerate(ShapeIndex(solid, TopAbs_FACE), 1):
+        if any(vertex in own for vertex in ShapeIndex(other, TopAbs_VERTEX)) or box.IsOut(_make_bounding_box(other)):
             continue
         if BRepExtrema_DistShapeShape(face, other).Value() <= _CONFUSION:
             lines.append(f"a new face cuts through face {number}")
@@ -562,7 +548,7 @@ def _check_volume_change(old: list[TopoDS_Shape], new: list[TopoDS_Shape], grows
     The new faces and the old ones, reversed, enclose what changed, but for gaps along edges that lie on their faces to
     a tolerance only.
     """
-    between = _make_compound([*new, *(face.Reversed() for face in old)])
+    between = make_compound([*new, *(face.Reversed() for face in old)])
     low, high = _compute_bounds(between)
     gaps = float(np.linalg.norm(high - low)) * sum(map(_estimate_gap_area, list_subshapes(between, TopAbs_EDGE)))
     for accuracy in _CHANGE_ACCURACIES:
@@ -631,10 +617,10 @@ def _check_edges(
     shape: TopoDS_Shape, faces: list[TopoDS_Face], *, everything: bool, angular_tolerance: float
 ) -> tuple[list[EdgeCheck], list[str]]:
     """Measure the smooth edges of faces, or every one they share with another face; return what is wrong with them."""
-    index = _index_subshapes(shape, TopAbs_EDGE)
-    faces_of = _map_edge_faces(shape)
+    index = ShapeIndex(shape, TopAbs_EDGE)
+    faces_of = AncestorMap(shape, TopAbs_EDGE, TopAbs_FACE)
     checks, lines = [], []
-    for edge in list_subshapes(_make_compound(faces), TopAbs_EDGE):
+    for edge in list_subshapes(make_compound(faces), TopAbs_EDGE):
         sides = _get_edge_sides(edge, faces_of)
         if sides is None:
             continue
@@ -642,7 +628,7 @@ def _check_edges(
         if not smooth and (not everything or sides[0][0].IsSame(sides[1][0])):
             continue
         gap, angle, folded = _analyse_continuity(sides)
-        check = EdgeCheck(index.FindIndex(edge), smooth, gap, angle)
+        check = EdgeCheck(index.find_number(edge), smooth, gap, angle)
         checks.append(check)
         tolerance = BRep_Tool.Tolerance_s(edge)
         if gap > 2 * tolerance:
@@ -669,20 +655,11 @@ def _analyse_continuity(sides: tuple[EdgeSide, EdgeSide]) -> tuple[float, float,
     return gap, angle, bool((np.einsum("ni,ni->n", one.normals, two.normals) < 0.0).any())
 
 
-def _map_edge_faces(shape: TopoDS_Shape) -> TopTools_IndexedDataMapOfShapeListOfShape:
-    """Map edges to their faces."""
-    faces = TopTools_IndexedDataMapOfShapeListOfShape()
-    TopExp.MapShapesAndUniqueAncestors_s(shape, TopAbs_EDGE, TopAbs_FACE, faces)
-    return faces
-
-
-def _get_edge_sides(
-    edge: TopoDS_Edge, faces_of: TopTools_IndexedDataMapOfShapeListOfShape
-) -> tuple[EdgeSide, EdgeSide] | None:
+def _get_edge_sides(edge: TopoDS_Edge, faces_of: AncestorMap) -> tuple[EdgeSide, EdgeSide] | None:
     """Return the two sides of an edge; None if it is degenerate or has not two."""
     if BRep_Tool.Degenerated_s(edge):
         return None
-    sides = [use for face in faces_of.FindFromKey(edge) for use in find_sides_on_face(TopoDS.Face_s(face), edge)]
+    sides = [use for face in faces_of(edge) for use in find_sides_on_face(face, edge)]
     return (sides[0], sides[1]) if len(sides) == 2 else None
 
 
@@ -751,7 +728,7 @@ def _check_step(
             again = read_step(path)
     except CqblendError as failure:
         return None, [f"the shape does not survive STEP: {failure}"]
-    volume_again, error_again = measure_volume(_make_compound(list_subshapes(again, TopAbs_SOLID)), plane)
+    volume_again, error_again = measure_volume(make_compound(list_subshapes(again, TopAbs_SOLID)), plane)
     counts = [len(list_subshapes(one, TopAbs_FACE)) for one in (shape, again)]
     off = abs(volume_again - volume)
     gap, angle, lines = _remeasure_edges(shape, again, [edge for edge in edges if edge.smooth])
@@ -772,7 +749,7 @@ def _remeasure_edges(
     before = list_subshapes(shape, TopAbs_EDGE)
     after = [edge for edge in list_subshapes(again, TopAbs_EDGE) if not BRep_Tool.Degenerated_s(edge)]
     middles = np.array([_evaluate_edge_middle(edge) for edge in after]).reshape(-1, 3)
-    faces_of = _map_edge_faces(again)
+    faces_of = AncestorMap(again, TopAbs_EDGE, TopAbs_FACE)
     gap = angle = 0.0
     lines = []
     for check in smooth:
@@ -809,36 +786,20 @@ def _evaluate_edge_middle(edge: TopoDS_Edge) -> tuple[float, float, float]:
 
 def _locate_faces(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:
     """Return the faces in question, oriented as in the shape."""
-    index = _index_subshapes(shape, TopAbs_FACE)
+    index = ShapeIndex(shape, TopAbs_FACE)
     if isinstance(faces, TopoDS_Shape) or not isinstance(faces, Iterable):
         raise InputError(f"faces is of type {type(faces).__name__}: an iterable of faces is needed")
-    numbers = [index.FindIndex(require_shape(face, f"faces[{i}]", TopAbs_FACE)) for i, face in enumerate(faces)]
+    numbers = [index.find_number(require_shape(face, f"faces[{i}]", TopAbs_FACE)) for i, face in enumerate(faces)]
     if not numbers:
         raise InputError("faces is empty: pass None for all faces of the shape")
     if 0 in numbers:
         raise SelectionError(f"faces[{numbers.index(0)}] is not a face of the shape: pick it from the shape itself")
-    return [TopoDS.Face_s(index.FindKey(number)) for number in numbers]
-
-
-def _index_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> TopTools_IndexedMapOfShape:
-    """Return the map that numbers the distinct sub-shapes of a kind from 1."""
-    index = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, index)
-    return index
+    return [index[number] for number in numbers]
 
 
 def _get_curve(edge: TopoDS_Edge) -> object:
     """Return the 3D curve, shared with trimmed copies of the edge; None if it has none."""
     return BRep_Tool.Curve_s(edge, TopLoc_Location(), 0.0, 0.0)
-
-
-def _make_compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
-    """Put shapes together."""
-    compound, builder = TopoDS_Compound(), BRep_Builder()
-    builder.MakeCompound(compound)
-    for shape in shapes:
-        builder.Add(compound, shape)
-    return compound
 
 
 def _compute_bounds(shape: TopoDS_Shape) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.trimmed_patch import Patch
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_intervals
 
 _MAX_DEPTH = 4
 """A strip is divided again so often at most because of its strain."""
@@ -166,11 +167,9 @@ class UnrolledStrip:
 def _invert_monotone(function: Curve, values: Array) -> Array:
     """Return where a function that never decreases takes values; the first and the last at its ends."""
     start, stop = function.domain
-    low, high = np.full(values.shape, start), np.full(values.shape, stop)
-    for _ in range(60):
-        middle = (low + high) / 2
-        below = function(middle)[..., 0] < values
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    _, high = bisect_intervals(
+        lambda r: function(r)[..., 0] < values, np.full(values.shape, start), np.full(values.shape, stop)
+    )
     ends = function(np.array([start, stop]))[:, 0]
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
 
@@ -285,9 +284,10 @@ def _map_to_surface(strip: RuledStrip, parameters: tuple[Curve, Curve] | None, r
     """Return the points of the surface that a strip has in the places (r, w), of the shape that these broadcast to."""
     r, w = np.broadcast_arrays(r, w)
     u = r if parameters is None else parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
-    low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
-    for _ in range(52):
-        middle = (low + high) / 2
-        below = strip.find_fractions(u, middle) < w
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    low, high = bisect_intervals(
+        lambda across: strip.find_fractions(u, across) < w,
+        np.full(u.shape, strip.span[0]),
+        np.full(u.shape, strip.span[1]),
+        steps=52,
+    )
     return np.asarray(strip.surface(u, np.where(w > 0, high, low)))

@@ -31,6 +31,7 @@ from cqblend.patterns.strips.developability import (
 )
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate_degree
+from cqblend.splines.bracketing import solve_in_brackets
 from cqblend.splines.evaluation import locate_pieces
 from cqblend.splines.integral import Antiderivative
 
@@ -286,7 +287,7 @@ class _RulingChart:
         return np.asarray(value[:, :3] + w[:, None] * value[:, 3:])
 
     def to_parameters(self, points: Array) -> tuple[Array, Array]:
-        """Return (t, w) of points: the ruling through each, found between two of many, by regula falsi (Illinois).
+        """Return (t, w) of points: the ruling through each, found between two of many.
 
         Where several come near a point, as next to an edge of regression, that on which it lies is taken.
         """
@@ -330,20 +331,9 @@ class _RulingChart:
     def _solve_rulings(self, low: Array, high: Array, points: Array, size: float) -> tuple[Array, Array, Array]:
         """Return t, w, and by how much points are off the strip there."""
         miss_low, miss_high = self._signed_miss(low, points), self._signed_miss(high, points)
-        t, done = high, np.zeros(len(high), dtype=bool)
-        for _ in range(60):
-            rise = miss_high - miss_low
-            new = np.where(
-                rise == 0, (low + high) / 2, high - miss_high * (high - low) / np.where(rise == 0, 1.0, rise)
-            )
-            t = np.where(done, t, np.clip(new, np.minimum(low, high), np.maximum(low, high)))
-            miss = self._signed_miss(t, points)
-            stays = miss * miss_high > 0  # then the root is between low and new
-            low, miss_low = np.where(stays, low, high), np.where(stays, miss_low / 2, miss_high)
-            high, miss_high = t, miss
-            done |= np.abs(miss) <= 1e-15 * size**2
-            if done.all():
-                break
+        t = solve_in_brackets(
+            lambda t: self._signed_miss(t, points), (low, high), (miss_low, miss_high), 1e-15 * size**2
+        )
         first, second = self.map_rails(t)
         ruling = second - first
         square = np.abs(ruling) ** 2

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cqblend.patterns.checks import check_millimetres
+from cqblend.checks import check_millimetres
 from cqblend.patterns.outline.parallel_path import PathByLength, signed_angles
 from cqblend.patterns.outline.plane_path import Path, solve_bulges
 from cqblend.splines.bernstein import Array

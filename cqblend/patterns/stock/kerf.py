@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import SizeError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.arc_fit import fit_arcs
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.plane_path import Path

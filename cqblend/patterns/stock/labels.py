@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.parallel_path import PathByLength, rotate_vectors
 from cqblend.patterns.outline.pieces import Piece, Seam

@@ -14,8 +14,8 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, SizeError, VerificationError, shown
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.bounding_boxes import (
     find_convex_hull,
     find_fitting_angle,

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.bounding_boxes import (
     find_convex_hull,
     find_fitting_angle,
@@ -31,6 +31,7 @@ from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Score, Se
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.trim.trimmed_patch import CurveFunction
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 VERTEX_CLEARANCE = 1e-6
 """A line keeps this distance from vertices, relative to the size of the piece."""
@@ -304,12 +305,12 @@ class _CutLine:
         """Return where a segment crosses the line, by bisection of a stretch on which its height is monotone."""
         which = np.array([k])
         rising = self.signed_distances(path.at(which, np.array([high])))[0] > 0
-        while low < (middle := (low + high) / 2) < high:
-            if (self.signed_distances(path.at(which, np.array([middle])))[0] > 0) == rising:
-                high = middle
-            else:
-                low = middle
-        return middle
+
+        def is_before_line(part: float) -> bool:
+            return bool((self.signed_distances(path.at(which, np.array([part])))[0] > 0) != rising)
+
+        low, high = bisect_interval(is_before_line, low, high)
+        return (low + high) / 2
 
 
 def _find_divisions(pieces: Pieces, index: int, line: _CutLine) -> dict[Place, Array]:

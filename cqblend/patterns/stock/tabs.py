@@ -15,8 +15,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, shown
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.overlap import find_winding_errors
 from cqblend.patterns.outline.parallel_path import PathByLength
 from cqblend.patterns.outline.pieces import Fold, Piece, Pieces, Place, Run, Score, Seam

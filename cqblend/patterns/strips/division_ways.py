@@ -179,7 +179,7 @@ def _divide_first_working(
     cause = failed[0][1]
     tried = {str(other): str(way) for way, other in reversed(failed[1:]) if str(other) != str(cause)}
     rest = "".join(f"; {way}: {text}" for text, way in reversed(tried.items()))
-    raise type(cause)(f"{cause}{rest}")
+    raise cause.with_details(after=rest)
 
 
 def _divide_with_strategy(

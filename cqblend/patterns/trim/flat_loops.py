@@ -216,8 +216,7 @@ class SampledEdges:
             sides = []
             for use in loop:
                 if use.edge in self.refused:
-                    error = self.refused[use.edge]
-                    raise type(error)(f"edge {use.edge}: {error}")
+                    raise self.refused[use.edge].with_details(shape=f"edge {use.edge}")
                 uv = self.uv[id(use)]
                 sides.append(DomainSide(count, uv if use.forward else uv[::-1]))
                 count += 1

@@ -15,6 +15,7 @@ from cqblend.errors import GeometryError
 from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, PatchEdge
 from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_intervals
 
 LINE_SNAP_SHARE = 1e-9
 """A parameter closer to a line than this part of the lines' extent is on it."""
@@ -65,10 +66,11 @@ def find_crossings(use: EdgeUse, lines: CutLines, extent: tuple[float, float], t
         found.append((t[place], np.full(len(place), axis), values[line]))
         place, line = np.nonzero(off[:-1] * off[1:] < 0)
         low, high, side, value = t[place], t[place + 1], off[place, line], values[line]
-        for _ in range(60 if len(place) else 0):
-            middle = (low + high) / 2
-            before = (use.pcurve(middle)[:, axis] - value) * side > 0
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
+
+        def is_before_line(t: Array, axis: int = axis, side: Array = side, value: Array = value) -> Array:
+            return np.asarray((use.pcurve(t)[:, axis] - value) * side > 0)
+
+        low, high = bisect_intervals(is_before_line, low, high)
         found.append(((low + high) / 2, np.full(len(place), axis), value))
     at, axes, on = zip(*found, strict=True)
     return np.concatenate(at), np.concatenate(axes), np.concatenate(on)

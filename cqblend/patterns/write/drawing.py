@@ -11,8 +11,8 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import PatternWarning, VerificationError, warn
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.arc_fit import fit_arcs
 from cqblend.patterns.outline.overlap import find_winding_errors
 from cqblend.patterns.outline.pieces import Piece, Seam, close_loop

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, PatternWarning, shown, warn
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.parallel_path import rotate_vectors
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.write.drawing import STYLES, Drawing, Layer, find_free_corner, write_notes

@@ -30,16 +30,11 @@ from cqblend.blends.contacts.contact_solver import (
 )
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import (
-    Cone,
-    Cylinder,
-    LocalFrame,
-    Plane,
-    Primary,
-    RevolvedEllipse,
-    Sphere,
-    TensorSurface,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame
 
 UP = np.eye(3)
 

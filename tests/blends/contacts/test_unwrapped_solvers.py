@@ -8,7 +8,7 @@ from rail_cases import FRAME, TURN
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver
-from cqblend.surfaces.primaries import Plane
+from cqblend.surfaces.quadrics import Plane
 
 
 def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():

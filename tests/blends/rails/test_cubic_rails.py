@@ -13,7 +13,7 @@ from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Plane
+from cqblend.surfaces.quadrics import Plane
 
 
 def wobbling(pair: Pair):

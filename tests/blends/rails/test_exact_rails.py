@@ -12,7 +12,8 @@ from rail_cases import FRAME, TURN, WALL, fields, points, wedge
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails.exact_rails import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
-from cqblend.surfaces.primaries import Cone, Cylinder, Plane, Primary, Sphere
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
 
 
 def rim(second: Primary, v: float, ring: float):

@@ -13,7 +13,7 @@ from cqblend.blends.rails.steering import Steering, SteeringPin, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 PINS = (
     SteeringPin(0.2, 0, 0.5, 0.3, second_order=False),

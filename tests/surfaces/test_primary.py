@@ -7,11 +7,11 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from kernel_surfaces import ORIGIN, SIZE, Pair, pairs
+from kernel_surfaces import ORIGIN, SIZE, Pair, pairs, sample_parameters, seeded_random
 
-from cqblend.errors import GeometryError
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Cone, Plane, Quadric, Sphere, TensorSurface, to_tangent_coordinates
+from cqblend.splines import Curve, interpolation
+from cqblend.surfaces.quadrics import Cone, Plane, Quadric, Sphere
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 every = pytest.mark.parametrize("pair", pairs().values(), ids=pairs().keys())
 analytic = pytest.mark.parametrize(
@@ -21,22 +21,9 @@ analytic = pytest.mark.parametrize(
 )
 
 
-def rng(pair: Pair) -> np.random.Generator:
-    return np.random.default_rng(sum(pair.name.encode()))
-
-
 def kinked(pair: Pair) -> bool:
     """Whether the homogeneous spline has kinks; then a rail's weight is levelled instead of scaled."""
     return isinstance(pair.primary, TensorSurface) and pair.primary.levels_weight
-
-
-def samples(pair: Pair, n: int = 12) -> np.ndarray:
-    """Native parameters in the window; on spheres with a free pole, away from its antipode."""
-    uv = pair.uv(rng(pair).uniform(size=(n, 2)))
-    if isinstance(pair.primary, Sphere):
-        n3 = (pair.jet(uv)[0] - pair.primary.frame.origin) / pair.primary.radius
-        uv = uv[n3 @ pair.primary.pole > -0.9]
-    return uv
 
 
 def constant(values: np.ndarray) -> Curve:
@@ -45,7 +32,7 @@ def constant(values: np.ndarray) -> Curve:
 
 def rail(pair: Pair, spans: int = 6) -> Curve:
     """A C2 cubic of lifted parameters along a random walk through the window, with its weight anything but constant."""
-    draw = rng(pair)
+    draw = seeded_random(pair)
     angle = np.linspace(0, 4, spans + 1) + draw.uniform(0, 6)
     uv = pair.uv(0.5 + 0.45 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1))
     if isinstance(pair.primary, Sphere) and not pair.primary.spinning:
@@ -53,12 +40,12 @@ def rail(pair: Pair, spans: int = 6) -> Curve:
         x, y, z = pair.primary.frame.axes @ pair.primary.pole
         uv = np.array([math.atan2(y, x), math.asin(z)]) + 0.5 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1)
     c = pair.primary.scale_weight(pair.primary.lift_points(uv), draw.uniform(0.5, 2, len(uv)))
-    return fit.interpolate(np.linspace(0, 1, spans + 1), c)
+    return interpolation.interpolate(np.linspace(0, 1, spans + 1), c)
 
 
 def field(pair: Pair, c: Curve) -> Curve:
     """Return any lifted direction at all, on the rail's own breaks."""
-    return fit.interpolate(c.breaks, rng(pair).normal(size=(len(c.breaks), c.dim)))
+    return interpolation.interpolate(c.breaks, seeded_random(pair).normal(size=(len(c.breaks), c.dim)))
 
 
 def rounding(curve: Curve, k: int) -> float:
@@ -85,7 +72,7 @@ def native(pair: Pair, c: np.ndarray) -> np.ndarray:
 
 @every
 def test_jet_is_the_kernels(pair):
-    uv = samples(pair)
+    uv = sample_parameters(pair)
     kernel = pair.jet(uv)
     scale = np.abs(kernel).max(axis=(1, 2), keepdims=True) + SIZE
     assert np.abs((pair.primary.jet(uv) - kernel) / scale).max() < 1e-14
@@ -112,7 +99,7 @@ def test_jet_of_analytic_surfaces_is_the_derivative_of_their_closed_form(pair):
             return origin + 6 * (mpmath.cos(v) * ring + mpmath.sin(v) * z)
         return origin + (6 + mpmath.cos(v) * 2.5) * ring + mpmath.sin(v) * 2.5 * z
 
-    u, v = samples(pair)[0].tolist()
+    u, v = sample_parameters(pair)[0].tolist()
     jet = primary.jet(np.array([[u, v]]))[:, 0]
     for found, order in zip(jet, ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)), strict=True):
         for i in range(3):
@@ -122,7 +109,7 @@ def test_jet_of_analytic_surfaces_is_the_derivative_of_their_closed_form(pair):
 
 @every
 def test_normals_are_the_kernels(pair):
-    uv = samples(pair)
+    uv = sample_parameters(pair)
     _, su, sv = pair.jet(uv)[:3]
     normal = np.cross(su, sv)
     assert (
@@ -135,7 +122,7 @@ def test_normals_are_the_kernels(pair):
 
 @every
 def test_lifted_points_come_back_and_have_weight_one(pair):
-    uv = samples(pair)
+    uv = sample_parameters(pair)
     c = pair.primary.lift_points(uv)
     assert np.abs(pair.primary.unlift_points(c, uv) - uv).max() < 1e-13 * max(1, np.abs(uv).max())
     x = np.array([pair.primary.compose_position(constant(one))(0.5) for one in c])
@@ -155,8 +142,8 @@ def test_lift_is_continuous_over_more_than_a_turn(pair):
 
 @every
 def test_pushed_directions_have_the_asked_velocity_and_keep_the_weight(pair):
-    uv = samples(pair)
-    rs = rng(pair).normal(size=uv.shape)
+    uv = sample_parameters(pair)
+    rs = seeded_random(pair).normal(size=uv.shape)
     _, su, sv = pair.jet(uv)[:3]
     wanted = rs[:, :1] * su + rs[:, 1:] * sv
     for factor in (1.0, 1.7):
@@ -173,8 +160,8 @@ def test_pushed_directions_have_the_asked_velocity_and_keep_the_weight(pair):
 
 @every
 def test_scale_multiplies_the_weight_and_moves_nothing(pair):
-    uv = samples(pair)
-    factor = rng(pair).uniform(0.2, 3, len(uv))
+    uv = sample_parameters(pair)
+    factor = seeded_random(pair).uniform(0.2, 3, len(uv))
     c = pair.primary.lift_points(uv)
     before, after = (
         np.array([pair.primary.compose_position(constant(one))(0.5) for one in many])
@@ -207,7 +194,7 @@ def test_even_a_wild_lifted_curve_satisfies_the_equation_of_the_quadric(pair):
     """Random coefficients, weights of any sign: the homogeneous equation holds all the same."""
     primary = pair.primary
     k = primary.quadratic.shape[-1]
-    c = Curve(np.linspace(0, 1, 5), rng(pair).normal(size=(4, k, 4)), continuity=[-1, -1, -1])
+    c = Curve(np.linspace(0, 1, 5), seeded_random(pair).normal(size=(4, k, 4)), continuity=[-1, -1, -1])
     position = primary.compose_position(c)
     x = position(np.linspace(0, 1, 200, endpoint=False))
     size = np.abs(position.coefs).max()
@@ -290,44 +277,9 @@ def test_patch_boundaries_are_crossed_both_ways_and_along_a_whole_lap():
     pair = pairs()["closed spline 3 x 2"]
     t = np.linspace(0, 1, 40)
     uv = np.stack([-0.4 + 2.2 * t, 0.5 + 0.3 * np.sin(9 * t)], -1)
-    c = fit.interpolate(t, pair.primary.lift_points(uv))
+    c = interpolation.interpolate(t, pair.primary.lift_points(uv))
     dense = np.linspace(0, 1, 700)
     wanted = pair.jet(native(pair, c(dense)))[0]
     found = pair.primary.compose_position(c)(dense)
     assert np.abs(found[:, :3] - wanted).max() < 1e-14 * SIZE
     assert set(pair.primary.inner_knot_lines(0)) == {0.2, 0.5, 0.8}
-
-
-# Tangent coordinates, and what cannot be lifted.
-
-
-@every
-def test_tangent_coordinates_undo_the_partial_derivatives(pair):
-    uv = samples(pair)
-    jet = pair.primary.jet(uv)
-    rs = rng(pair).normal(size=uv.shape)
-    vector = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
-    normal = np.cross(jet[1], jet[2])
-    assert np.abs(to_tangent_coordinates(jet, vector) - rs).max() < 1e-12
-    assert np.abs(to_tangent_coordinates(jet, vector + normal) - rs).max() < 1e-12
-
-
-def test_a_cone_is_not_lifted_across_its_apex():
-    pair = pairs()["cone +0.4, nappe +1"]
-    apex = -3 / math.sin(0.4)
-    with pytest.raises(GeometryError, match="apex of a cone"):
-        pair.primary.lift_points(np.array([[0.0, apex + 1], [0.0, apex - 1]]))
-
-
-def test_a_sphere_is_not_lifted_opposite_to_its_pole():
-    pair = pairs()["spinning sphere"]
-    with pytest.raises(GeometryError, match="opposite"):
-        pair.primary.lift_points(np.array([[0.0, -math.pi / 2]]))
-
-
-def test_a_pole_of_a_sphere_has_no_tangent_coordinates():
-    pair = pairs()["sphere"]
-    jet = pair.primary.jet(np.array([[0.0, math.pi / 2]]))
-    jet[1] = 0
-    with pytest.raises(GeometryError, match="singular"):
-        to_tangent_coordinates(jet, np.ones((1, 3)))
