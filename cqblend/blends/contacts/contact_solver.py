@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.blends.contacts.surface_normals import differentiate_normal_unchecked
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
@@ -96,75 +98,20 @@ ContactSolver = Callable[[Array], Contacts]
 
 def cache_contacts(solve: ContactSolver) -> ContactSolver:
     """Return a solver that remembers contacts: a rail is refined by stations in addition to those already solved."""
-    known: list[Contacts] = []
+    known: Contacts | None = None
 
     def solve_missing_stations(t: Array) -> Contacts:
+        nonlocal known
         wanted = np.unique(t)
-        missing = wanted if not known else np.setdiff1d(wanted, known[0].t, assume_unique=True)
-        if len(missing):
-            found = solve(missing)
-            known[:] = [known[0].merge_with(found) if known else found]
-        return known[0].select_stations(np.searchsorted(known[0].t, t))
+        if known is None:
+            known = solve(wanted)
+        else:
+            missing = np.setdiff1d(wanted, known.t, assume_unique=True)
+            if len(missing):
+                known = known.merge_with(solve(missing))
+        return known.select_stations(np.searchsorted(known.t, t))
 
     return solve_missing_stations
-
-
-def differentiate_normal(jet: Array) -> tuple[Array, Array, Array]:
-    """Return the unit normal and its two derivatives, each (n, 3), of a native jet."""
-    if not np.all(np.linalg.norm(cross_product(jet[1], jet[2]), axis=1) > 0):
-        raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
-    return _differentiate_normal_unchecked(jet)
-
-
-def _differentiate_normal_unchecked(jet: Array) -> tuple[Array, Array, Array]:
-    """As :func:`differentiate_normal`, but nan where the surface is singular: an iteration may touch such a point."""
-    outer = cross_product(jet[1], jet[2])
-    length = np.linalg.norm(outer, axis=1, keepdims=True)
-
-    def normalise_rate(change: Array) -> Array:
-        return (change - (change * n).sum(1, keepdims=True) * n) / length
-
-    n = outer / length
-    du = normalise_rate(cross_product(jet[3], jet[2]) + cross_product(jet[1], jet[4]))
-    dv = normalise_rate(cross_product(jet[4], jet[2]) + cross_product(jet[1], jet[5]))
-    return n, du, dv
-
-
-def solve_damped_newton(
-    system: Callable[[Array], tuple[Array, Array, Array]],
-    start: Array,
-    scale: float | Array,
-    longest_step: float | Array,
-) -> tuple[Array, Array]:
-    """Solve F(x) = 0 for all stations at once.
-
-    ``system`` returns F (n, m), its Jacobian (n, m, m) and the length (n, m) of a unit step of each unknown in space.
-    Steps are at most ``longest_step`` long in space; residuals are measured relative to ``scale``: both are numbers, or
-    one for each station (n,). Returns x and a mask of the stations that converged to rounding.
-    """
-    x = start.copy()
-    best, settled = np.full(len(x), np.inf), np.zeros(len(x), dtype=bool)
-    for _ in range(CONTACT_TOLERANCES.newton_steps):
-        residual, jacobian, metric = system(x)
-        size = np.abs(residual).max(1) / scale
-        stalled = (size < CONTACT_TOLERANCES.stalled_residual) & (size >= best / 2)  # only rounding moves it from here
-        settled |= (size < CONTACT_TOLERANCES.exact_residual) | stalled
-        lost = ~(np.isfinite(residual).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2)))
-        settled |= lost  # they stay where they are and do not disturb the others
-        if settled.all():
-            break
-        best = np.minimum(best, size)
-        jacobian[lost], residual[lost] = np.eye(x.shape[1]), 0.0
-        try:
-            step = np.linalg.solve(jacobian, -residual[..., None])[..., 0]
-        except np.linalg.LinAlgError:
-            step = np.stack([np.linalg.lstsq(j, -r)[0] for j, r in zip(jacobian, residual, strict=True)])
-        length = (np.abs(step) * metric).max(1)
-        damping = np.minimum(1.0, longest_step / np.maximum(length, 1e-300))
-        following = x + step * damping[:, None]
-        x = np.where(np.isfinite(following).all(axis=1, keepdims=True), following, x)
-    converged = np.abs(system(x)[0]).max(1) < CONTACT_TOLERANCES.converged_residual * scale
-    return x, converged
 
 
 def _measure_unit_steps(jets: tuple[Array, ...]) -> Array:
@@ -333,7 +280,7 @@ def solve_ball_contacts(sides: tuple[SupportSurface, SupportSurface], stations: 
             jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
             centre, rates = [], []
             for i in BOTH_SIDES:
-                n, nu, nv = _differentiate_normal_unchecked(jets[i])
+                n, nu, nv = differentiate_normal_unchecked(jets[i])
                 centre.append(jets[i][0] + r * sign[i] * n)
                 rates += [jets[i][1] + r * sign[i] * nu, jets[i][2] + r * sign[i] * nv]
             middle = (centre[0] + centre[1]) / 2 - point
@@ -348,7 +295,7 @@ def solve_ball_contacts(sides: tuple[SupportSurface, SupportSurface], stations: 
         normals = []
         for i, into in ((0, into1), (1, into2)):
             jet = sides[i].primary.jet(x[:, 2 * i : 2 * i + 2])
-            normals.append(sign[i] * _differentiate_normal_unchecked(jet)[0])
+            normals.append(sign[i] * differentiate_normal_unchecked(jet)[0])
             solved &= ((jet[0] - point) * into[index]).sum(1) > 0
         solved &= measure_opening(*normals) > CONTACT_TOLERANCES.least_ball_opening
         return x, solved
@@ -379,36 +326,39 @@ def solve_setback_contacts(
     """
     into = compute_inward_directions(sides, stations)[:2]
     edge = _make_edge_start(sides, stations, into)
-    found = []
-    for i, (side, width) in enumerate(zip(sides, widths, strict=True)):
-        primary, direction, mine = side.primary, into[i], slice(2 * i, 2 * i + 2)
-
-        def attempt_setback_contacts(
-            index: Array, sizes: Array, start: Array, primary: Primary = primary, direction: Array = direction
-        ) -> tuple[Array, Array]:
-            point, tau = stations.points[index], stations.tangents[index]
-
-            def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
-                jet = primary.jet(x)
-                offset = jet[0] - point
-                distance = np.linalg.norm(offset, axis=1, keepdims=True)
-                residual = np.concatenate([distance - sizes[:, None], (offset * tau).sum(1, keepdims=True)], 1)
-                radial = offset / distance
-                rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
-                return residual, np.stack(rows, 1), _measure_unit_steps((jet,))
-
-            x, solved = solve_damped_newton(evaluate_system, start, sizes, sizes)
-            solved &= ((primary.jet(x)[0] - point) * direction[index]).sum(1) > 0
-            return x, solved
-
-        x, reached = grow_contacts(attempt_setback_contacts, edge.select_parameters(mine), width)
-        if reached.min() < width:
-            raise _make_size_error(
-                f"no point of the face lies at width {width:g} from the edge", stations, reached, width
-            )
-        found.append(x)
-    chord = sides[1].primary.jet(found[1])[0] - sides[0].primary.jet(found[0])[0]
-    shares = 2 * np.array(widths) / sum(widths)
-    return Contacts(
-        stations.t, stations.points, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
+    first, second = (
+        _solve_setback_points(side.primary, stations, direction, edge.select_parameters(columns), width)
+        for side, direction, columns, width in zip(sides, into, (slice(0, 2), slice(2, 4)), widths, strict=True)
     )
+    chord = sides[1].primary.jet(second)[0] - sides[0].primary.jet(first)[0]
+    shares = 2 * np.array(widths) / sum(widths)
+    cross_lengths = np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
+    return Contacts(stations.t, stations.points, (first, second), cross_lengths)
+
+
+def _solve_setback_points(primary: Primary, stations: Stations, into: Array, edge: EdgeStart, width: float) -> Array:
+    """Return the native parameters (n, 2) of the points of one face at a distance ``width`` from the edge points.
+
+    ``into`` (n, 3) are the directions from the edge into the face.
+    """
+
+    def attempt_setback_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
+        point, tau = stations.points[index], stations.tangents[index]
+
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            jet = primary.jet(x)
+            offset = jet[0] - point
+            distance = np.linalg.norm(offset, axis=1, keepdims=True)
+            residual = np.concatenate([distance - sizes[:, None], (offset * tau).sum(1, keepdims=True)], 1)
+            radial = offset / distance
+            rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
+            return residual, np.stack(rows, 1), _measure_unit_steps((jet,))
+
+        x, solved = solve_damped_newton(evaluate_system, start, sizes, sizes)
+        solved &= ((primary.jet(x)[0] - point) * into[index]).sum(1) > 0
+        return x, solved
+
+    x, reached = grow_contacts(attempt_setback_contacts, edge, width)
+    if reached.min() < width:
+        raise _make_size_error(f"no point of the face lies at width {width:g} from the edge", stations, reached, width)
+    return x

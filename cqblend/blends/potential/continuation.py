@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import solve_damped_newton
+from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import differentiate_normal
+from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface

@@ -60,31 +60,31 @@ def project_curve(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Cu
     feet = _FootPoints(surface, curve, tolerance)
     t = np.union1d(np.linspace(*curve.domain, 5), curve.breaks)
     for _ in range(PROJECTION_TOLERANCES.refinements):
-        found, error, between = feet.interpolate_feet(t, feet(t))
+        fitted, error, between = feet.interpolate_feet(t, feet(t))
         if error.max() <= tolerance:
-            crossing, error, _ = feet.interpolate_feet(*_snap_to_crossings(surface, found, t, feet(t)))
-            return (crossing if error.max() <= tolerance else found).reduce()
+            snapped, error, _ = feet.interpolate_feet(*_snap_to_crossings(surface, fitted, t, feet(t)))
+            return (snapped if error.max() <= tolerance else fitted).reduce()
         if len(t) > PROJECTION_TOLERANCES.most_stations:
             break
         # with a margin, since refining a span moves the spline in its neighbours
         t = np.sort(np.concatenate([t, between[1][error > tolerance / 2]]))
     raise GeometryError(
-        f"the projection onto the surface misses its foot points by {error.max():.3g} still, with {len(found.breaks)} "
-        f"stations, at t = {found.breaks[error.argmax()]:.9g}, where they have a kink: the curve has one, or is "
+        f"the projection onto the surface misses its foot points by {error.max():.3g} still, with {len(fitted.breaks)} "
+        f"stations, at t = {fitted.breaks[error.argmax()]:.9g}, where they have a kink: the curve has one, or is "
         f"off the surface where that is only C1; split the curve there, or allow more than {tolerance:g}"
     )
 
 
-def _snap_to_crossings(surface: Surface, found: Curve, t: Array, values: Array) -> tuple[Array, Array]:
-    """Let stations be where the curve crosses knot lines, instead of next to there.
+def _snap_to_crossings(surface: Surface, curve: Curve, t: Array, values: Array) -> tuple[Array, Array]:
+    """Return stations and foot points, with stations where a curve through these crosses knot lines, not next to there.
 
     Its composition with the surface has a break at every crossing: two breaks nearly at one place would leave a piece
     between them whose derivatives are rounding.
     """
     for axis in (0, 1):
         lines = surface.breaks[axis]
-        for at in surface.crossings(found, axis).tolist():
-            foot = found(at)
+        for at in surface.crossings(curve, axis).tolist():
+            foot = curve(at)
             foot[axis] = lines[np.abs(lines - foot[axis]).argmin()]
             i = int(np.abs(t - at).argmin())
             if 0 < i < len(t) - 1 and abs(t[i] - at) < np.diff(t)[i - 1 : i + 1].min() / 3:
@@ -124,19 +124,20 @@ class _FootPoints:
         """Interpolate foot points; also return the largest error in each span, and where it was looked for, (3, n)."""
         if self.closed:
             values[-1] = values[0]
-        found = interpolate(t, values, periodic=self.closed)
+        curve = interpolate(t, values, periodic=self.closed)
         between = t[:-1] + TEST_POINTS_OF_SPAN * np.diff(t)
-        return found, self.measure_error(found, between.ravel()).reshape(between.shape).max(axis=0), between
+        return curve, self.measure_error(curve, between.ravel()).reshape(between.shape).max(axis=0), between
 
     def measure_error(self, c: Curve, t: Array) -> Array:
         """Return how far S(c(t)) is from the foot points, (n,)."""
-        found, foot = (self._surface(uv[:, 0], uv[:, 1]) for uv in (c(t), self(t)))
-        return np.asarray(np.linalg.norm(found - foot, axis=-1))
+        on_curve, foot = (self._surface(uv[:, 0], uv[:, 1]) for uv in (c(t), self(t)))
+        return np.asarray(np.linalg.norm(on_curve - foot, axis=-1))
 
     def _find_nearest(self, points: Array) -> Array:
-        """Return the nearest of the points that two starts lead to: the nearest of a grid, and the nearest far from it.
+        """Return the foot points (n, 2) of points: for each the nearer of the results of iterations from two starts.
 
-        At a seam those are its two sides, and only one may lead to a foot inside the domain.
+        One start is the nearest point of a grid, the other the nearest of those far from it in the parameter plane. At
+        a seam these are its two sides, and only one may lead to a foot inside the domain.
         """
         inner = (
             np.arange(PROJECTION_TOLERANCES.seeds_per_patch) + 0.5
@@ -158,9 +159,9 @@ class _FootPoints:
         return np.where(better[:, None], second, first)
 
     def _solve_feet(self, points: Array, uv: Array) -> Array:
-        """Minimise the distances by Newton's method, halving steps that do not, all points at once.
+        """Minimise the distances by Newton's method, halving steps that increase them, all points at once.
 
-        Iterations may leave the domain by a little; what comes back is inside.
+        Iterations may leave the domain by a little; the results are clipped to it.
         """
         width = self._high - self._low
         low, high = (
@@ -188,6 +189,7 @@ class _FootPoints:
         return np.clip(uv, self._low, self._high)
 
     def _measure_distances(self, points: Array, uv: Array) -> Array:
+        """Return the distances (n,) between points and S(u, v)."""
         return np.asarray(np.linalg.norm(self._surface(uv[:, 0], uv[:, 1]) - points, axis=-1))
 
     def _compute_newton_step(self, points: Array, uv: Array) -> Array:
@@ -206,13 +208,16 @@ class _FootPoints:
         return np.where(regular[:, None], np.stack([b * g - c * f, b * f - a * g], axis=-1) / det[:, None], single)
 
     def _connect_feet(self, points: Array, uv: Array) -> Array:
-        """Where neighbours are far apart, as on both sides of a seam, start anew from the one before, or after."""
+        """Return foot points with jumps removed, if an iteration from a neighbour leads to a foot that is as near.
+
+        Jumps are those between the two sides of a seam, mostly.
+        """
         width = self._high - self._low
         for order in (range(1, len(uv)), range(len(uv) - 2, -1, -1)):
             for i in order:
-                beside, here = uv[i - order.step], slice(i, i + 1)
-                if (np.abs(uv[i] - beside) > PROJECTION_TOLERANCES.jump_share * width).any():
-                    again = self._solve_feet(points[here], beside[None])
+                neighbour, here = uv[i - order.step], slice(i, i + 1)
+                if (np.abs(uv[i] - neighbour) > PROJECTION_TOLERANCES.jump_share * width).any():
+                    again = self._solve_feet(points[here], neighbour[None])
                     if (
                         self._measure_distances(points[here], again)
                         <= self._measure_distances(points[here], uv[here]) + self._tolerance
@@ -228,7 +233,7 @@ class _FootPoints:
         return uv
 
     def _check_feet(self, t: Array, points: Array, uv: Array) -> Array:
-        """Return the parameters, all of which must be of foot points: no step along the surface leads nearer."""
+        """Return the parameters, after a check that all are of foot points: no step along the surface leads nearer."""
         jet, step = self._surface.jet(uv[:, 0], uv[:, 1], 1), self._compute_newton_step(points, uv)
         outside = np.linalg.norm(step[:, :1] * jet[1, 0] + step[:, 1:] * jet[0, 1], axis=-1) > self._tolerance
         if outside.any():

@@ -13,7 +13,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import solve_damped_newton
+from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.brep.read.face_surface import SupportFace, read_support_face
 from cqblend.brep.rewrite.edge_accuracy import TOLERANCE_MARGIN, measure_deviation
 from cqblend.brep.rewrite.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
