@@ -26,7 +26,7 @@ from cqblend.blend_options import (
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.equations import ShapeParameters
-from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings
+from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
@@ -211,7 +211,7 @@ def pde_blend(
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
         held = _check_ends(ends, wanted, closed, (side1, side2))
-        made, solution = make((first, second), closed=closed, by_length=False, ends=held)
+        made, solution = make((first, second), setup=SideSetup(closed, by_length=False, ends=held))
         rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
     else:
@@ -222,7 +222,7 @@ def pde_blend(
         rails, ribbons = prepare_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
         if rails[0].closed != rails[1].closed:
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
-        made, solution = make(ribbons, closed=rails[0].closed and all(map(is_periodic, ribbons)))
+        made, solution = make(ribbons, setup=SideSetup(rails[0].closed and all(map(is_periodic, ribbons))))
         known = (2, 2)
     check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
     return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)

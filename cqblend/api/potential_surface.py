@@ -18,9 +18,10 @@ from cqblend.api.surface_blend import Blend
 from cqblend.blend_options import DEFAULT_ANGULAR_TOLERANCE, DEFAULT_TOLERANCE, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
-from cqblend.blends.potential.relations import Relation
-from cqblend.blends.potential.relations import to_relation as relation_of
-from cqblend.blends.potential.surface_family import Family, OffsetFamily, ReferenceFamily
+from cqblend.blends.potential.offset_family import OffsetFamily
+from cqblend.blends.potential.reference_family import ReferenceFamily
+from cqblend.blends.potential.relations import Relation, to_relation
+from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_blend import Sweep, sweep_branch
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
@@ -337,7 +338,7 @@ def potential_blend(
     >>> bool(abs(radius - 2) < 2e-5), blend.certificate.angle < 1e-10
     (True, True)
     """
-    pair = relation_of(relation)
+    pair = to_relation(relation)
     form = check_choice("form", form, FORMS)
     if form == "exact" and skin is not None:
         refuse_ignored_options(EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, DEFAULT_TOLERANCE))
@@ -388,7 +389,7 @@ def _blend_within_skin(
     )
 
 
-def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
+def _choose_branch(meeting: FamilyPair[Family], near: ArrayLike | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
     target = to_point(near)
     if near is not None and target is None:
@@ -422,7 +423,7 @@ def _mark_faded(ribbon: Ribbon) -> Ribbon:
 
 def _make_rail(ribbon: Ribbon, family: Family) -> Rail:
     """Return what a ribbon starts on: a surface, with laps of it where that is periodic, and a curve on it."""
-    surface = family.primary.surface  # type: ignore[attr-defined]
+    surface = family.surface
     c = ribbon.c
     weight = c[0] + c[1]
     plane = Curve.stack([c[1], c[3], weight])

@@ -25,6 +25,7 @@ from cqblend.brep.topology import (
     BUILDER,
     CONFUSION,
     attach_pcurves,
+    chain_segments,
     explore_subshapes,
     locate_vertex,
     make_bare_face,
@@ -327,19 +328,20 @@ def _chain_rails(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
     """Join rails end to end at every point at which exactly two ends meet; all of a chain run one way."""
     ends = np.array([rail(rail.domain) for rail in rails]).reshape(-1, 3)  # 2i and 2i + 1 are those of rail i
     near = np.linalg.norm(ends[:, None] - ends, axis=-1) <= tolerance
-    mate = {i: int(np.flatnonzero(row & (np.arange(len(row)) != i))[0]) for i, row in enumerate(near) if row.sum() == 2}
-    waiting, chains = set(range(len(rails))), []
-    while waiting:
-        # a chain starts at an end that meets nothing; what has no such end is closed
-        at = min((e for e in range(len(ends)) if e // 2 in waiting), key=lambda e: (e in mate, e))
-        chain = []
-        while at // 2 in waiting:
-            waiting.remove(at // 2)
-            chain.append(rails[at // 2] if at % 2 == 0 else rails[at // 2].reverse())
-            if (at ^ 1) not in mate:
-                break
-            at = mate[at ^ 1]
-        chains.append(chain)
+    partner = {
+        end: int(np.flatnonzero(row & (np.arange(len(row)) != end))[0])
+        for end, row in enumerate(near)
+        if row.sum() == 2
+    }
+    # each rail is a segment from either of its ends; chains start at ends without a partner, or else are closed
+    segments = sorted(range(len(ends)), key=lambda end: (end in partner, end))
+    chains: list[list[Curve]] = []
+    used: set[int] = set()
+    for chain in chain_segments(segments, [partner.get(end ^ 1, -1) for end in segments]):
+        entered = [segments[k] for k in chain]
+        if used.isdisjoint(end // 2 for end in entered):  # else it is one of the others, run the other way
+            used.update(end // 2 for end in entered)
+            chains.append([rails[end // 2] if end % 2 == 0 else rails[end // 2].reverse() for end in entered])
     return chains
 
 

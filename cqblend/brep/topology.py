@@ -5,7 +5,7 @@ Thin functions over OCP: no geometry is decided here, and nothing is searched by
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
@@ -107,6 +107,60 @@ class AncestorMap:
         if part not in self:
             return []
         return [_CAST[self._kind](ancestor) for ancestor in self._map.FindFromKey(part)]
+
+
+def chain_segments(
+    starts: Sequence[int],
+    stops: Sequence[int],
+    measure_gap: Callable[[int, int], float] | None = None,
+    *,
+    both_ways: bool = False,
+    until_closed: bool = False,
+) -> list[list[int]]:
+    """Order directed segments head to tail into chains, each as the list of its segments' indices.
+
+    A chain begins with the first segment that is left over, and grows at its tail for as long as one fits there.
+
+    Parameters
+    ----------
+    starts, stops
+        Numbers of the points at which the segments start and stop: a segment fits where another stops.
+    measure_gap
+        ``measure_gap(i, k)`` is a distance between the stop of segment i and the start of k: of several that fit, the
+        nearest follows. Without it, the first one does.
+    both_ways
+        Whether a chain also grows at its head: the first segment left over that fits at either end is taken.
+    until_closed
+        Whether a chain is complete as soon as its own first segment is the one that follows, even if others fit.
+
+    Examples
+    --------
+    >>> chain_segments([1, 3, 5, 2], [2, 1, 6, 3])
+    [[0, 3, 1], [2]]
+    >>> chain_segments([2, 1, 3], [3, 2, 4], both_ways=True)
+    [[1, 0, 2]]
+    """
+    waiting = list(range(len(starts)))
+    chains: list[list[int]] = []
+    while waiting:
+        chain = [waiting.pop(0)]
+        while True:
+            head, tail = chain[0], chain[-1]
+            fitting = [k for k in ([head] if until_closed else []) + waiting if starts[k] == stops[tail]]
+            leading = [k for k in waiting if stops[k] == starts[head]] if both_ways else []
+            if leading and (not fitting or leading[0] < fitting[0]):
+                chain.insert(0, leading[0])
+                waiting.remove(leading[0])
+                continue
+            if not fitting:
+                break
+            nearest = fitting[0] if measure_gap is None else min(fitting, key=lambda k: measure_gap(tail, k))
+            if nearest == head:
+                break
+            chain.append(nearest)
+            waiting.remove(nearest)
+        chains.append(chain)
+    return chains
 
 
 def drop_duplicate_shapes(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:

@@ -23,7 +23,7 @@ from cqblend.blends.contacts.contact_solver import (
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
-from cqblend.blends.pde.problem import PdeSettings
+from cqblend.blends.pde.problem import PdeSettings, SideSetup
 from cqblend.blends.potential.edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
@@ -416,7 +416,7 @@ def _make_blend_surface(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: B
     if request.order is None:
         return blend_ribbons(ribbons, *form)
     problem = PdeSettings(request.order, request.parameters, request.terms)
-    return problem.blend_ribbons(ribbons, *form, closed=joint.spine.closed)[0]
+    return problem.blend_ribbons(ribbons, *form, SideSetup(joint.spine.closed))[0]
 
 
 def _check_sections(blend: BlendSurface, request: BlendRequest) -> None:

@@ -81,7 +81,7 @@ def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
 
     Examples
     --------
-    >>> product(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
+    >>> multiply_polynomials(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
     array([0. , 0.5, 0. ])
     """
     out = _convolve_scaled(a * _binomial_weights(a, directions), b * _binomial_weights(b, directions), directions)
@@ -93,7 +93,7 @@ def elevate_degree(coefs: Array, amount: int) -> Array:
 
     Examples
     --------
-    >>> elevate(np.array([[0.0], [1.0]]), 1).ravel()
+    >>> elevate_degree(np.array([[0.0], [1.0]]), 1).ravel()
     array([0. , 0.5, 1. ])
     """
     if amount == 0:

@@ -24,7 +24,8 @@ from cqblend.splines.knots import (
     is_clamped,
     to_homogeneous,
 )
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _elevate_to
+from cqblend.splines.piece_arrays import match_degrees
+from cqblend.splines.spline import MAX_DERIVATIVE, Spline
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -69,7 +70,7 @@ class Curve(Spline):
     """
 
     __slots__ = ()
-    _directions: ClassVar[int] = 1
+    _parameter_count: ClassVar[int] = 1
 
     def __init__(
         self, breaks: ArrayLike, coefs: ArrayLike, *, rational: bool = False, continuity: ArrayLike | None = None
@@ -278,8 +279,7 @@ class Curve(Spline):
         first, second = (
             (self, other) if self._rational is other._rational else (self._to_rational(), other._to_rational())
         )
-        degree = max(first.degree, second.degree)
-        coefs = np.concatenate([_elevate_to(first._coefs, [degree]), _elevate_to(second._coefs, [degree])], axis=-1)
+        coefs = np.concatenate(match_degrees(first._coefs, second._coefs, 1), axis=-1)
         order = np.concatenate([first.continuity, [continuity], second.continuity])
         return self._from_pieces((np.concatenate([first.breaks, second.breaks[1:]]),), coefs, first._rational, (order,))
 

@@ -75,7 +75,7 @@ class Antiderivative:
 
     Examples
     --------
-    >>> sine = Integral(np.cos, [0.0, 3.0])
+    >>> sine = Antiderivative(np.cos, [0.0, 3.0])
     >>> bool(np.abs(sine([0.5, 3.0]) - np.sin([0.5, 3.0])).max() < 1e-15)
     True
     """

@@ -77,7 +77,7 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
 
     Examples
     --------
-    >>> breaks, coefs, continuity = extract(1, np.array([0.0, 0.0, 1.0, 2.0, 2.0]), np.array([0.0, 5.0, 6.0]))
+    >>> breaks, coefs, continuity = extract_pieces(1, np.array([0.0, 0.0, 1.0, 2.0, 2.0]), np.array([0.0, 5.0, 6.0]))
     >>> coefs
     array([[0., 5.],
            [5., 6.]])
@@ -158,7 +158,7 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
 
     Examples
     --------
-    >>> assemble(np.array([0.0, 1.0, 2.0]), np.array([[0.0, 5.0], [5.0, 6.0]]), np.array([0]))
+    >>> assemble_bspline(np.array([0.0, 1.0, 2.0]), np.array([[0.0, 5.0], [5.0, 6.0]]), np.array([0]))
     (array([0., 0., 1., 2., 2.]), array([0., 5., 6.]))
     """
     p = len(coefs) - 1

@@ -79,7 +79,7 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
 
     Examples
     --------
-    >>> sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
+    >>> find_sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
     (array([0]), array([0.25]))
     """
     column = np.arange(f.shape[1])

@@ -48,9 +48,9 @@ def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
 
     Examples
     --------
-    >>> self_crossing(Curve.bezier([[0.0, 0.0], [0.0, 2.0], [1.0, 2.0], [1.0, 0.0]])) is None
+    >>> find_self_crossing(Curve.bezier([[0.0, 0.0], [0.0, 2.0], [1.0, 2.0], [1.0, 0.0]])) is None
     True
-    >>> a, b = self_crossing(Curve.bezier([[0.0, 0.0], [3.0, 2.0], [-2.0, 2.0], [1.0, 0.0]]))
+    >>> a, b = find_self_crossing(Curve.bezier([[0.0, 0.0], [3.0, 2.0], [-2.0, 2.0], [1.0, 0.0]]))
     >>> round(a + b, 6)
     1.0
     """

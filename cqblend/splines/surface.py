@@ -32,7 +32,8 @@ from cqblend.splines.knots import (
     is_clamped,
     to_homogeneous,
 )
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _replace_item, apply_along_axis
+from cqblend.splines.piece_arrays import apply_along_axis
+from cqblend.splines.spline import MAX_DERIVATIVE, Spline
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
 
@@ -86,7 +87,7 @@ class Surface(Spline):
     """
 
     __slots__ = ()
-    _directions: ClassVar[int] = 2
+    _parameter_count: ClassVar[int] = 2
 
     def __init__(
         self,
@@ -363,12 +364,7 @@ class Surface(Spline):
         breaks = np.concatenate([old[:-1] + i * period for i in copies] + [old[-1:] + after * period])
         coefs = apply_along_axis(lambda c: np.concatenate([c] * len(copies), axis=-1), self._coefs, axis, 2)
         orders = np.concatenate([np.append(order, continuity)] * len(copies))[:-1]
-        return self._from_pieces(
-            _replace_item(self._breaks, axis, breaks),
-            coefs,
-            self._rational,
-            _replace_item(self._continuity, axis, orders),
-        )
+        return self._replace_axis(axis, breaks, coefs, orders)
 
     def isoparametric(self, *, u: float | None = None, v: float | None = None) -> Curve:
         """Take the curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""

@@ -5,7 +5,7 @@ Depends on splines and on :mod:`cqblend.surfaces.tensor_surface` only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,12 +43,12 @@ def revolve_jet(frame: LocalFrame, angle: Array, profile: Array) -> Array:
     return out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RevolvedSpline(TensorSurface):
     """S(u, v) = the profile spline C(v) turned by u about the frame's Z axis; C is given in the frame."""
 
-    frame: LocalFrame = field(default_factory=lambda: LocalFrame(np.zeros(3), np.eye(3)))
-    profile: Curve | None = None
+    frame: LocalFrame
+    profile: Curve
 
     @classmethod
     def from_profile(cls, frame: LocalFrame, profile: Curve, *, closed: bool = False) -> RevolvedSpline:
@@ -61,7 +61,7 @@ class RevolvedSpline(TensorSurface):
             breaks=(np.array([0.0, 1.0]), profile.breaks),
             patches=revolve_profile(frame, coefs),
             rational=profile.rational,
-            angular=(True, False),
+            is_angular=(True, False),
             periods=(2 * np.pi, period),
             knot_continuity=(np.empty(0, int), profile.continuity),
             levels_weight=profile.rational and has_weight_kinks((profile.continuity,)),
@@ -70,30 +70,26 @@ class RevolvedSpline(TensorSurface):
         )
 
     def jet(self, uv: Array) -> Array:
-        assert self.profile is not None
         v = self.wrap_parameters(uv)[:, 1]
         return revolve_jet(self.frame, uv[:, 0], np.stack([self.profile(v, k) for k in range(3)]))
 
-    def _one_sided_derivative(self, uv: Array, axis: int, k: int, side: BreakSide) -> Array:
-        assert self.profile is not None
-        return self.profile(uv[:, axis], k, side=side)
-
-    def _evaluate_weight(self, uv: Array) -> tuple[Array, Array]:
+    def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
         if not self.rational or self.levels_weight:
-            return super()._evaluate_weight(uv)
-        assert self.profile is not None
-        weight, slope = Curve(self.profile.breaks, self.profile.coefs[:, 3:]).jet(self.wrap_parameters(uv)[:, 1], 1)[
-            ..., 0
-        ]
-        return weight, np.stack([np.zeros_like(slope), slope], -1)
+            return np.ones(len(uv)), np.zeros((len(uv), 2))
+        weight = Curve(self.profile.breaks, self.profile.coefs[:, 3:])
+        value, slope = weight.jet(self.wrap_parameters(uv)[:, 1], 1)[..., 0]
+        return value, np.stack([np.zeros_like(slope), slope], -1)
+
+    def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
+        return self.profile(uv[:, axis], order, side=side)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RevolvedEllipse(TensorSurface):
     """S(u, v) = the ellipse M + A cos v + B sin v, given in the frame, turned by u about its Z axis: tori and more."""
 
-    frame: LocalFrame = field(default_factory=lambda: LocalFrame(np.zeros(3), np.eye(3)))
-    ellipse: Array = field(default_factory=lambda: np.array([[2.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0]]))
+    frame: LocalFrame
+    ellipse: Array
 
     @classmethod
     def from_ellipse(cls, frame: LocalFrame, ellipse: Array) -> RevolvedEllipse:
@@ -107,7 +103,7 @@ class RevolvedEllipse(TensorSurface):
             breaks=(unit_span, unit_span),
             patches=revolve_profile(frame, profile),
             rational=True,
-            angular=(True, True),
+            is_angular=(True, True),
             periods=(2 * np.pi, 2 * np.pi),
             frame=frame,
             ellipse=ellipse,
@@ -118,3 +114,9 @@ class RevolvedEllipse(TensorSurface):
         cos, sin = np.cos(uv[:, 1:]), np.sin(uv[:, 1:])
         profile = np.array([middle + cos * a + sin * b, cos * b - sin * a, -cos * a - sin * b])
         return revolve_jet(self.frame, uv[:, 0], profile)
+
+    def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
+        return np.ones(len(uv)), np.zeros((len(uv), 2))
+
+    def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
+        raise NotImplementedError("both parameters are angles: there are no knot lines")

@@ -6,8 +6,9 @@ interface in :mod:`cqblend.surfaces.primary` only.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import comb, factorial
 from typing import Literal
 
@@ -25,49 +26,72 @@ from cqblend.surfaces.primary import JET_ORDERS, KnotCrossing, Primary
 JUMP_ROUNDING = 1e-10  # of a surface: jumps of derivatives up to that are rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TensorSurface(Primary):
-    """A tensor-product spline. Lifted: barycentric pairs (alpha, beta, gamma, delta), u = beta/(alpha + beta).
+    """A tensor product of Bernstein pieces, in each of whose parameters it is a spline, or a circle.
 
-    A direction that is ``angular`` is one Bernstein span in the half-angle pair (a, b) itself and its native parameter
-    is the angle; ``patches`` are homogeneous, (p+1, q+1, 4, nu, nv). ``surface`` serves the numbers of a plain spline;
-    where a direction is angular a subclass computes them.
+    Lifted coordinates are one pair for each parameter. Where the parameter is that of a spline they are barycentric:
+    (alpha, beta) with u = beta / (alpha + beta), and likewise (gamma, delta) for v. Where it is an angle they are its
+    half-angle pair, in which the surface is a single Bernstein piece.
     """
 
     breaks: tuple[Array, Array]
+    """Knot lines of both native parameters, ends included; (0, 1) for an angle."""
     patches: Array
+    """Homogeneous Bernstein coefficients (p+1, q+1, 4, nu, nv)."""
     surface: Surface | None = None
+    """The spline itself; None where a parameter is an angle."""
     rational: bool = False
-    angular: tuple[bool, bool] = (False, False)
+    """Whether weights differ from 1 for another reason than an angle."""
+    is_angular: tuple[bool, bool] = (False, False)
+    """Which native parameters are angles."""
     periods: tuple[float | None, float | None] = (None, None)
-    knot_continuity: tuple[Array, Array] | None = None  # continuity at the inner breaks
-    seam_continuity: tuple[int, int] = (0, 0)  # and where a closed direction meets itself
-    levels_weight: bool = False  # the weight of a rail is evened out after composing, not by scaling lifted parameters
+    knot_continuity: tuple[Array, Array] = field(default_factory=lambda: (np.empty(0, int), np.empty(0, int)))
+    """Continuity at the inner breaks of both parameters."""
+    seam_continuity: tuple[int, int] = (0, 0)
+    """Continuity with which the surface meets itself in a parameter that has a period, up to 2."""
+    levels_weight: bool = False
+    """Whether the weight of a rail is made 1 after composing it (`_level_weight`), not by scaling its lifted points."""
 
-    @classmethod
+    @staticmethod
     def from_spline(
-        cls, surface: Surface, closed: tuple[bool, bool] = (False, False), *, level: bool = False
-    ) -> TensorSurface:
-        """Wrap a spline; in a ``closed`` direction it goes on periodically past its ends.
+        surface: Surface, closed: tuple[bool, bool] = (False, False), *, level: bool = False
+    ) -> SplineSurface:
+        """Wrap a spline.
 
-        Lifted points can be scaled so that the weight of a rail is one; where the surface's own weight has kinks, or
-        to ``level`` those of rails that are given as they are, it is evened out after composing.
+        Parameters
+        ----------
+        surface
+            Of dim 3.
+        closed
+            In which parameters it goes on periodically past its ends.
+        level
+            Whether to make the weight of rails 1 after composing them, as for rails whose lifted points are given and
+            must not be scaled. It is done in any case where the weight function of the surface has kinks.
         """
         coefs = surface.coefs
         if not surface.rational:
             coefs = np.concatenate([coefs, np.ones_like(coefs[:, :, :1])], axis=2)
         periods = [float(b[-1] - b[0]) if flag else None for b, flag in zip(surface.breaks, closed, strict=True)]
-        joints = [_measure_seam_continuity(surface, axis) if closed[axis] else 0 for axis in (0, 1)]
-        return cls(
-            surface.breaks,
-            coefs,
-            surface,
-            surface.rational,
+        seams = [_measure_seam_continuity(surface, axis) if closed[axis] else 0 for axis in (0, 1)]
+        return SplineSurface(
+            breaks=surface.breaks,
+            patches=coefs,
+            surface=surface,
+            rational=surface.rational,
             periods=(periods[0], periods[1]),
             knot_continuity=surface.continuity,
-            seam_continuity=(joints[0], joints[1]),
+            seam_continuity=(seams[0], seams[1]),
             levels_weight=level or (surface.rational and has_weight_kinks(surface.continuity)),
         )
+
+    @abstractmethod
+    def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
+        """Return the weight w (n,) that lifted points of scale 1 have, and its derivatives (wu, wv), (n, 2)."""
+
+    @abstractmethod
+    def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
+        """Return the derivative by a native parameter on one side of a knot line, (n, 3); in the frame of a profile."""
 
     @property
     def degrees(self) -> tuple[int, int]:
@@ -75,7 +99,7 @@ class TensorSurface(Primary):
         return self.patches.shape[0] - 1, self.patches.shape[1] - 1
 
     def has_exact_pcurves(self) -> bool:
-        return not any(self.angular)
+        return not any(self.is_angular)
 
     def inner_knot_lines(self, axis: int) -> Array:
         return self.breaks[axis][1:-1]
@@ -84,43 +108,26 @@ class TensorSurface(Primary):
         """Shift native parameters (n, 2) into the domain along periodic directions."""
         out = uv.copy()
         for axis, period in enumerate(self.periods):
-            if period is not None and not self.angular[axis]:
+            if period is not None and not self.is_angular[axis]:
                 start = self.breaks[axis][0]
                 out[:, axis] = start + np.mod(uv[:, axis] - start, period)
         return out
 
-    def jet(self, uv: Array) -> Array:
-        assert self.surface is not None
-        jet = self._evaluate_spline_jet(self.surface, uv, 2)
-        return np.stack([jet[i, j] for i, j in JET_ORDERS])
-
-    def _evaluate_spline_jet(self, spline: Surface, uv: Array, order: int) -> Array:
-        u, v = self.wrap_parameters(uv).T
-        return spline.jet(u, v, order)
-
     def _lift_parameter(self, value: Array, axis: int) -> Array:
-        return to_half_angle_pair(value) if self.angular[axis] else np.stack([1 - value, value], -1)
-
-    def _evaluate_weight(self, uv: Array) -> tuple[Array, Array]:
-        """Return the weight w (n,) of the spline and its derivatives (wu, wv), (n, 2)."""
-        if not self.rational or self.surface is None or self.levels_weight:
-            return np.ones(len(uv)), np.zeros((len(uv), 2))
-        weight = Surface(self.breaks, self.patches[:, :, 3:])
-        jet = self._evaluate_spline_jet(weight, uv, 1)[..., 0]
-        return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
+        return to_half_angle_pair(value) if self.is_angular[axis] else np.stack([1 - value, value], -1)
 
     def lift_points(self, uv: Array) -> Array:
-        scale = self._evaluate_weight(uv)[0] ** (-1 / sum(self.degrees))
+        scale = self.evaluate_weights(uv)[0] ** (-1 / sum(self.degrees))
         return (
             np.concatenate([self._lift_parameter(uv[:, 0], 0), self._lift_parameter(uv[:, 1], 1)], 1) * scale[:, None]
         )
 
     def lift_directions(self, uv: Array, c: Array, rs: Array) -> Array:
-        weight, slope = self._evaluate_weight(uv)
+        weight, slope = self.evaluate_weights(uv)
         out = c * (-(rs * slope).sum(1) / weight / sum(self.degrees))[:, None]
         for axis in (0, 1):
             pair = c[:, 2 * axis : 2 * axis + 2]
-            if self.angular[axis]:
+            if self.is_angular[axis]:
                 rate = half_angle_velocity(pair, rs[:, axis])
             else:
                 rate = (rs[:, axis] * pair.sum(1))[:, None] * np.array([-1.0, 1.0])
@@ -129,7 +136,7 @@ class TensorSurface(Primary):
 
     @property
     def weight_exponents(self) -> Array:
-        if self.angular[0]:
+        if self.is_angular[0]:
             return np.array([0.5, 0.5, 0.0, 0.0])
         return np.full(4, 1 / sum(self.degrees))
 
@@ -137,7 +144,7 @@ class TensorSurface(Primary):
         out = np.empty((len(c), 2))
         for axis in (0, 1):
             x, y = c[:, 2 * axis], c[:, 2 * axis + 1]
-            if self.angular[axis]:
+            if self.is_angular[axis]:
                 out[:, axis] = shift_to_period(2 * np.arctan2(y, x), near[:, axis], 2 * np.pi)
             else:
                 out[:, axis] = y / (x + y)
@@ -175,7 +182,7 @@ class TensorSurface(Primary):
         """Differentiate P along a rail by u or v, or by the angle; up to a positive factor."""
         p = patches.shape[axis] - 1
         first, last = (patches.take(range(i, i + p), axis) for i in (0, 1))
-        if not self.angular[axis]:
+        if not self.is_angular[axis]:
             return Curve(breaks, bernstein.compose_patch(last - first, *pairs))
         a, b = (pair[:, None] for pair in pairs[2 * axis : 2 * axis + 2])
         turned = [bernstein.compose_patch(part, *pairs) for part in (first, last)]
@@ -185,7 +192,6 @@ class TensorSurface(Primary):
 
     def _list_crossable_lines(self, c: Curve, axis: int) -> tuple[Array, Array]:
         """Return the knot lines that the rail may cross, ends included, periodically repeated, and their continuity."""
-        assert self.knot_continuity is not None
         breaks, orders = self.breaks[axis], np.asarray(self.knot_continuity[axis])
         period = self.periods[axis]
         if period is None:
@@ -201,7 +207,7 @@ class TensorSurface(Primary):
     def find_knot_crossings(self, c: Curve, most: int) -> list[KnotCrossing]:
         found = []
         for axis in (0, 1):
-            if self.angular[axis]:
+            if self.is_angular[axis]:
                 continue
             lines, orders = self._list_crossable_lines(c, axis)
             if not (orders <= most).any():
@@ -244,7 +250,7 @@ class TensorSurface(Primary):
         index, pairs, rates = [], [], []
         for k in (0, 1):
             value, breaks, ones = uv[:, k], self.breaks[k], np.ones(len(uv))
-            if self.angular[k]:
+            if self.is_angular[k]:
                 index.append(np.zeros(len(uv), int))
                 pairs.append(to_half_angle_pair(value).T)
                 rates.append(half_angle_velocity(pairs[k].T, ones).T)
@@ -269,17 +275,11 @@ class TensorSurface(Primary):
         span, size = np.diff(self.breaks[axis]).min(), np.abs(self.patches).max()
         smooth = np.full(len(uv), 4)
         for k in range(4, 0, -1):
-            jump = self._one_sided_derivative(after, axis, k, "right") - self._one_sided_derivative(
+            jump = self.differentiate_beside_knot(after, axis, k, "right") - self.differentiate_beside_knot(
                 before, axis, k, "left"
             )
             smooth[np.abs(jump).max(axis=1) * span**k > JUMP_ROUNDING * size] = k - 1
         return smooth
-
-    def _one_sided_derivative(self, uv: Array, axis: int, k: int, side: BreakSide) -> Array:
-        """Return the k-th derivative along a native parameter on one side of a knot line."""
-        assert self.surface is not None
-        order = (k, 0) if axis == 0 else (0, k)
-        return self.surface(uv[:, 0], uv[:, 1], *order, side=side)
 
     def _cut_at_knots(self, c: Curve) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
         """Cut the rail at knot lines.
@@ -287,7 +287,7 @@ class TensorSurface(Primary):
         Returns the rail; the patch under each piece, (p+1, q+1, 4, n); per direction the interval that each piece lies
         in, None if angular; and the surface's continuity where the rail crosses from one patch to another.
         """
-        axes = [axis for axis in (0, 1) if not self.angular[axis]]
+        axes = [axis for axis in (0, 1) if not self.is_angular[axis]]
         if not axes:
             count = len(c.breaks) - 1
             return c, np.repeat(self.patches[..., 0], count, axis=-1), [None, None], np.full(count - 1, SMOOTH)
@@ -321,6 +321,29 @@ class TensorSurface(Primary):
                 low, high = span
                 pairs += [(high * (x + y) - y) / (high - low), (y - low * (x + y)) / (high - low)]
         return pairs[0], pairs[1], pairs[2], pairs[3]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplineSurface(TensorSurface):
+    """A spline surface in both of its parameters."""
+
+    surface: Surface = field()
+
+    def jet(self, uv: Array) -> Array:
+        u, v = self.wrap_parameters(uv).T
+        jet = self.surface.jet(u, v, 2)
+        return np.stack([jet[i, j] for i, j in JET_ORDERS])
+
+    def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
+        if not self.rational or self.levels_weight:
+            return np.ones(len(uv)), np.zeros((len(uv), 2))
+        u, v = self.wrap_parameters(uv).T
+        jet = Surface(self.breaks, self.patches[:, :, 3:]).jet(u, v, 1)[..., 0]
+        return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
+
+    def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
+        orders = (order, 0) if axis == 0 else (0, order)
+        return self.surface(uv[:, 0], uv[:, 1], *orders, side=side)
 
 
 def _lines_between(first: int, second: int) -> range:

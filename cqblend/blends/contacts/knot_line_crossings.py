@@ -66,7 +66,7 @@ def find_contact_crossings(
 
     Parametric kinks are reported for jets up to ``order``.
     """
-    if not isinstance(primary, TensorSurface) or primary.knot_continuity is None:
+    if not isinstance(primary, TensorSurface) or all(primary.is_angular):
         return []
     rough = [line for line in _list_knot_lines(primary) if line.continuity < CONTACT_TOLERANCES.rough_continuity]
     if not rough:
@@ -94,9 +94,8 @@ def _list_knot_lines(primary: TensorSurface) -> list[_KnotLine]:
     """Return the knot lines inside the domain, and those at which a periodic surface closes."""
     lines = []
     for axis, period in enumerate(primary.periods):
-        if primary.knot_continuity is not None:
-            inner = zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True)
-            lines += [_KnotLine(axis, value, period, continuity) for value, continuity in inner]
+        inner = zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True)
+        lines += [_KnotLine(axis, value, period, continuity) for value, continuity in inner]
         if period is not None:
             lines.append(_KnotLine(axis, float(primary.breaks[axis][0]), period, primary.seam_continuity[axis]))
     return lines

@@ -201,7 +201,7 @@ def _multiply_by_weight(evaluate: Sampler, sides: tuple[Jets, Jets], v: Array) -
 
 def _iterate_spaces(conditions: tuple[int, int, int], most_spans: float) -> Iterator[tuple[int, int]]:
     """Yield degrees across and numbers of spans: polynomials first, then splines."""
-    most_degree = SECTION_TOLERANCES.most_degree_across
+    most_degree = SECTION_TOLERANCES.most_interior_degree
     yield from ((degree, 1) for degree in range(2 * max(conditions), most_degree + 1))
     spans = 2
     while spans <= most_spans:

@@ -27,7 +27,7 @@ class SectionTolerances:
         Points across, at which folds are looked for.
     unit_weight_share
         Difference of a weight from 1 up to which a blend is polynomial.
-    most_degree_across
+    most_interior_degree
         Degree across of interiors: OCCT's rounding grows with it, by a factor of 2.4 for each.
     least_points_across
         Points across, at least, at which solutions of differential equations are sampled.
@@ -55,7 +55,7 @@ class SectionTolerances:
     torn_jump: float = 1e-7
     fold_sections: int = 97
     unit_weight_share: float = 1e-12
-    most_degree_across: int = 7
+    most_interior_degree: int = 7
     least_points_across: int = 72
     finer_points_factor: int = 3
     spans_per_point: float = 2 / np.pi

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -36,6 +37,7 @@ from cqblend.brep.read.unshared_edges import sew_faces
 from cqblend.brep.shape_kinds import is_topods
 from cqblend.brep.topology import (
     ShapeIndex,
+    chain_segments,
     explore_subshapes,
     find_end_vertices,
     locate_vertex,
@@ -392,27 +394,21 @@ def _measure_normal_turn(direction: Array, witnesses: list[_UseSamples]) -> floa
 
 def _chain_uses(drawn: list[_LoopSegment], extent: Array) -> list[EdgeUse]:
     """Return uses in such an order that each starts where the one before ends."""
-    waiting, chain = drawn[1:], drawn[:1]
-    while waiting:
-        stop = chain[-1].use.ends[1]
-        near = [
-            _measure_relative_gap(stop, one.use.ends[0], extent)
-            if one.start_vertex == chain[-1].stop_vertex
-            else np.inf
-            for one in waiting
-        ]
-        chain.append(waiting.pop(int(np.argmin(near))))
-    for one, following in zip(chain, chain[1:] + chain[:1], strict=True):
-        if not _measure_relative_gap(one.use.ends[1], following.use.ends[0], extent) <= _LOOP_SLACK:
+    uses, ends = [one.use for one in drawn], [one.use.ends for one in drawn]
+
+    def measure_gap(one: int, following: int) -> float:
+        return float(np.abs((ends[one][1] - ends[following][0]) / extent).max())
+
+    # a loop of which edges share no vertex comes as several chains
+    chains = chain_segments([one.start_vertex for one in drawn], [one.stop_vertex for one in drawn], measure_gap)
+    loop = [k for chain in chains for k in chain]
+    for one, following in pairwise([*loop, loop[0]]):
+        if not measure_gap(one, following) <= _LOOP_SLACK:
             raise TopologyError(
-                f"its loop does not close between edges {one.use.edge} and {following.use.edge}: heal the shape "
+                f"its loop does not close between edges {uses[one].edge} and {uses[following].edge}: heal the shape "
                 "(ShapeFix_Shape) first"
             )
-    return [one.use for one in chain]
-
-
-def _measure_relative_gap(one: Array, other: Array, extent: Array) -> float:
-    return float(np.abs((one - other) / extent).max())
+    return [uses[k] for k in loop]
 
 
 def _read_space_curve(edge: TopoDS_Edge) -> SampledCurve | None:

@@ -41,6 +41,7 @@ from cqblend.brep.topology import (
     AncestorMap,
     ShapeIndex,
     attach_pcurves,
+    chain_segments,
     explore_subshapes,
     find_end_uv,
     find_end_vertices,
@@ -393,25 +394,17 @@ def trace_loops(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_
     TopologyError
         If a loop does not close: the new boundary crosses itself or swallows an edge.
     """
-    starts, stops = zip(*(find_end_uv(use, face) for use in uses), strict=True)
-    rest = list(range(len(uses)))
-    loops = []
-    while rest:
-        loop = [rest.pop(0)]
-        while True:
-            vertex, at = find_end_vertices(uses[loop[-1]])[1], stops[loop[-1]]
-            waiting = [k for k in [loop[0], *rest] if find_end_vertices(uses[k])[0].IsSame(vertex)]
-            if not waiting:
-                raise TopologyError(
-                    "the face's boundary cannot be closed along the rail: the size is too large for the face"
-                )
-            nearest = min(waiting, key=lambda k: float(np.abs(starts[k] - at).max()))
-            if nearest == loop[0]:
-                break
-            loop.append(nearest)
-            rest.remove(nearest)
-        loops.append([uses[k] for k in loop])
-    return loops
+    ends = [find_end_uv(use, face) for use in uses]
+    vertices = ShapeIndex.from_shapes(uses, TopAbs_VERTEX)
+    starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
+
+    def measure_gap(one: int, following: int) -> float:
+        return float(np.abs(ends[following][0] - ends[one][1]).max())
+
+    loops = chain_segments(starts, stops, measure_gap, until_closed=True)
+    if any(stops[loop[-1]] != starts[loop[0]] for loop in loops):
+        raise TopologyError("the face's boundary cannot be closed along the rail: the size is too large for the face")
+    return [[uses[k] for k in loop] for loop in loops]
 
 
 def to_shifted_pcurve(curve: Curve, shift: Array) -> Geom2d_Curve:

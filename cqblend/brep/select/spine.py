@@ -14,12 +14,12 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.read.face_surface import SupportFace
-from cqblend.brep.topology import explore_subshapes, find_end_vertices, orient_forward
+from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
@@ -56,22 +56,12 @@ def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[T
         If they do not form one chain.
     """
     uses = [next(use for use in explore_subshapes(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
-    ordered = [uses.pop(0)]
-    while uses:
-        start, end = find_end_vertices(ordered[0])[0], find_end_vertices(ordered[-1])[1]
-        for use in uses:
-            first, last = find_end_vertices(use)
-            if first.IsSame(end):
-                ordered.append(use)
-            elif last.IsSame(start):
-                ordered.insert(0, use)
-            else:
-                continue
-            uses.remove(use)
-            break
-        else:
-            raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
-    return ordered, find_end_vertices(ordered[0])[0].IsSame(find_end_vertices(ordered[-1])[1])
+    vertices = ShapeIndex(face, TopAbs_VERTEX)
+    starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
+    chain, *others = chain_segments(starts, stops, both_ways=True)
+    if others:
+        raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
+    return [uses[k] for k in chain], starts[chain[0]] == stops[chain[-1]]
 
 
 @dataclass(frozen=True)

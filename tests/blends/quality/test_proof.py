@@ -10,7 +10,8 @@ import pytest
 from kernel_surfaces import Pair, kernel_surface, pairs
 from wavy_rails import wavy_pair
 
-from cqblend.blends.quality.proof import COMPOSITION_ERROR, Proof, prove_blend, prove_side
+from cqblend.blends.quality.proof import Proof, prove_blend, prove_side
+from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, build_section
 from cqblend.errors import InputError
@@ -201,9 +202,9 @@ def test_what_is_composed_is_as_exact_as_is_taken_for_granted(name):
             point, n = on_primary(rail.primary, rail.c, t), true_normal(rail.primary, rail.c, t)
             n = n / length(n)
             x, d, m = (high(curve, t) for curve in (position, field, normal))
-            assert length(x[:3] - x[3] * point) < COMPOSITION_ERROR / 2 * size(position, t)
-            assert abs(n @ (d[:3] - d[3] * point)) < COMPOSITION_ERROR / 2 * size(field, t)
-            assert length(np.cross(n, m)) < COMPOSITION_ERROR / 2 * size(normal, t)
+            assert length(x[:3] - x[3] * point) < PROOF_TOLERANCES.composition / 2 * size(position, t)
+            assert abs(n @ (d[:3] - d[3] * point)) < PROOF_TOLERANCES.composition / 2 * size(field, t)
+            assert length(np.cross(n, m)) < PROOF_TOLERANCES.composition / 2 * size(normal, t)
 
 
 @every
