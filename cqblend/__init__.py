@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
     from cqblend.blends.rails.rail import Rail
-    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.measure.edge_continuity import Continuity
     from cqblend.brep.verification.soundness import Verification
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
@@ -101,7 +101,7 @@ _HOME = {
     "Boundary": "blends.pde.boundary_data",
     "Combination": "api.surface_blend",
     "Conic": "blends.potential.relations",
-    "Continuity": "brep.verification.edge_continuity",
+    "Continuity": "brep.measure.edge_continuity",
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
     "Guide": "api.surface_blend",

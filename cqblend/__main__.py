@@ -19,11 +19,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, get_args
 
 from cqblend import __version__
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation import build_interpreter_command
+from cqblend.option_records import collect_options
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Method, UnrollOptions
 
 OK, FAILED, USAGE, INTERRUPTED, OUTPUT_CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
@@ -211,18 +214,22 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
-    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
+    blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
         type=_parse_orders,
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
+    blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
+    blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
-        "--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT_HELP}"
+        "--steer",
+        type=float,
+        metavar="S",
+        default=BLEND_DEFAULTS.steer,
+        help="largest turn next to knot lines, rad; default: %(default).2g",
     )
-    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT_HELP)
-    blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
     blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
     continuity = _add_command(
@@ -254,8 +261,10 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
         action="append",
         help="only the face nearest to this point, mm; may be repeated",
     )
-    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT_HELP)
-    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT_HELP)
+    unroll.add_argument("--method", choices=get_args(Method), default=UNROLL_DEFAULTS.method, help=_DEFAULT_HELP)
+    unroll.add_argument(
+        "--direction", choices=get_args(Direction), default=UNROLL_DEFAULTS.direction, help=_DEFAULT_HELP
+    )
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
@@ -342,23 +351,13 @@ def _attach_points(arguments: Sequence[str]) -> list[str]:
 
 
 def _run_blend(options: argparse.Namespace) -> None:
-    from cqblend.blend_options import BlendRequest
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.edge_blend import blend_shape
 
-    request = BlendRequest.from_options(
-        options.radius,
-        width=options.width,
-        continuity=options.continuity,
-        ends=options.ends,
-        form=options.form,
-        section="potential" if options.potential else "hermite" if options.order is None else "pde",
-        order=options.order,
-        crease=options.crease,
-        **({} if options.steer is None else {"steer": options.steer}),
-        **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
-    )
+    section = "potential" if options.potential else "hermite" if options.order is None else "pde"
+    relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
+    request = collect_options(BlendOptions, {**vars(options), "section": section, **relation}).to_request()
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
@@ -374,9 +373,9 @@ def _run_blend(options: argparse.Namespace) -> None:
 
 
 def _run_continuity(options: argparse.Namespace) -> None:
+    from cqblend.brep.measure.edge_continuity import measure_continuity
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step
-    from cqblend.brep.verification.edge_continuity import measure_continuity
 
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
@@ -388,7 +387,7 @@ def _run_continuity(options: argparse.Namespace) -> None:
 
 
 def _run_unroll(options: argparse.Namespace) -> None:
-    from cqblend.api.flat_pattern import unroll
+    from cqblend.api.flat_pattern import unroll_with_options
     from cqblend.brep.select.nearest import find_nearest_face
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.patterns.write.pattern_files import check_pattern_path
@@ -405,15 +404,8 @@ def _run_unroll(options: argparse.Namespace) -> None:
         picked = find_nearest_face(shape, point)
         print(f"face {picked.index}, {picked.distance:.3g} mm from the point")
         faces.append(picked.face)
-    pattern = unroll(
-        faces or shape,
-        options.tolerance,
-        method=options.method,
-        direction=options.direction,
-        developable=options.developable,
-        least_width=options.least_width,
-        progress=_ProgressPrinter(),
-    )
+    wanted = collect_options(UnrollOptions, vars(options))
+    pattern = unroll_with_options(faces or shape, wanted, _ProgressPrinter())
     if options.tabs:
         with _announce_step("adding tabs"):
             width = _TAB_WIDTH if options.tab_width is None else options.tab_width

@@ -3,8 +3,10 @@
 import inspect
 import pickle
 
+import cadquery as cq
 import pytest
 
+import cqblend
 from cqblend import errors
 from cqblend.errors import CqblendError, Failure, SizeError, UnrollError
 
@@ -40,3 +42,15 @@ def test_attributes_of_a_type_of_its_own():
 def test_errors_cross_processes(kind):
     error = pickle.loads(pickle.dumps(kind("too large").with_details(shape="edge 14")))
     assert (type(error), str(error), error.shape) == (kind, "edge 14: too large", "edge 14")
+
+
+def test_what_a_refused_size_tells_a_program():
+    box = cq.Workplane().box(30, 20, 10)
+    with pytest.raises(SizeError) as caught:
+        cqblend.blend_edges(box.val(), box.edges("|Z and >X and >Y").vals(), 25)
+    error = caught.value
+    assert (error.kind, error.value) == ("too large", 25.0)
+    assert str(error) == f"{error.shape}: {error.message}"
+    assert error.shape.startswith("edge ")
+    assert error.place is not None
+    assert 0 <= error.place <= 1

@@ -9,8 +9,8 @@ from math import isnan
 
 import numpy as np
 
-from cqblend.patterns.assembly import Areas, Record, UnrollResult
-from cqblend.patterns.flatten.flat_face import UnrollOptions
+from cqblend.patterns.unroll_result import Areas, Record, UnrollResult
+from cqblend.unroll_options import UnrollOptions
 
 THIN_WIDTH = 2.0
 """Pieces thinner than this are hard to cut, mm."""
@@ -101,12 +101,12 @@ class Report:
     detours: tuple[str, ...]
 
     @classmethod
-    def from_unroll_result(cls, unrolled: UnrollResult, wishes: UnrollOptions) -> "Report":
+    def from_unroll_result(cls, unrolled: UnrollResult, options: UnrollOptions) -> "Report":
         """Sum up what is known of the pieces."""
         records, pieces = unrolled.records, unrolled.pieces
         return cls(
-            tolerance=wishes.tolerance,
-            flat=wishes.flat,
+            tolerance=options.tolerance,
+            flat=options.flat,
             strips=unrolled.strips,
             elber=unrolled.elber,
             ideal=unrolled.ideal,
@@ -126,7 +126,7 @@ class Report:
             pieces=records,
             areas=unrolled.areas,
             thin=tuple(one.name for one in records if one.width < THIN_WIDTH),
-            unmerged=tuple(one.name for one in records if one.width < (wishes.least_width or 0.0)),
+            unmerged=tuple(one.name for one in records if one.width < (options.least_width or 0.0)),
             detours=unrolled.detours,
         )
 

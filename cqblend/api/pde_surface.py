@@ -15,13 +15,9 @@ import numpy as np
 
 from cqblend.api.surface_blend import Amount, Blend, CrossLength, Tangents, prepare_rails, refuse_derivative_options
 from cqblend.blend_options import (
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_STEER,
-    DEFAULT_TOLERANCE,
+    BLEND_DEFAULTS,
     FORMS,
-    MAX_COLLOCATION_POINTS,
-    MAX_MODES,
-    MAX_TERMS,
+    OPTION_LIMITS,
     check_pde_orders,
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
@@ -107,9 +103,9 @@ def pde_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
-    steer: float = DEFAULT_STEER,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
@@ -190,9 +186,9 @@ def pde_blend(
     wanted = PdeSettings(
         check_pde_orders(order),
         parameters,
-        check_count_or_auto("terms", terms, MAX_TERMS),
+        check_count_or_auto("terms", terms, OPTION_LIMITS.max_terms),
         check_choice("basis", basis, BASIS_NAMES),
-        check_count_or_auto("modes", modes, MAX_MODES),
+        check_count_or_auto("modes", modes, OPTION_LIMITS.max_modes),
         _check_points(points),
         check_choice("minimise", minimise, ("auto", "residual", "energy")),
     )
@@ -279,7 +275,7 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
 
 def _check_points(value: object) -> tuple[int | None, int | None]:
     if isinstance(value, list | tuple) and len(value) == 2:
-        return check_count("points[0]", value[0], MAX_COLLOCATION_POINTS), check_count(
-            "points[1]", value[1], MAX_COLLOCATION_POINTS
+        return check_count("points[0]", value[0], OPTION_LIMITS.max_collocation_points), check_count(
+            "points[1]", value[1], OPTION_LIMITS.max_collocation_points
         )
-    return check_count_or_auto("points", value, MAX_COLLOCATION_POINTS), None
+    return check_count_or_auto("points", value, OPTION_LIMITS.max_collocation_points), None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
-from cqblend.blend_options import DEFAULT_ANGULAR_TOLERANCE, DEFAULT_TOLERANCE, EXACT_FORM_IS_EXACT, FORMS
+from cqblend.blend_options import BLEND_DEFAULTS, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
 from cqblend.blends.potential.offset_family import OffsetFamily
@@ -96,7 +96,9 @@ class PotentialBlend(Blend):
     def hermite(self) -> Blend:
         """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = blend_surface.blend_ribbons((first, second), self.form, DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE)
+        made = blend_surface.blend_ribbons(
+            (first, second), self.form, BLEND_DEFAULTS.tolerance, BLEND_DEFAULTS.angular_tolerance
+        )
         return Blend(made.surface, self.ribbons, made.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
@@ -270,8 +272,8 @@ def potential_blend(
     *,
     near: ArrayLike | None = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     skin: float | None = None,
     crease: float | None = None,
 ) -> PotentialBlend:
@@ -341,7 +343,9 @@ def potential_blend(
     pair = to_relation(relation)
     form = check_choice("form", form, FORMS)
     if form == "exact" and skin is not None:
-        refuse_ignored_options(EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, DEFAULT_TOLERANCE))
+        refuse_ignored_options(
+            EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, BLEND_DEFAULTS.tolerance)
+        )
     tolerance, angular_tolerance = (
         check_positive("tolerance", tolerance),
         check_positive("angular_tolerance", angular_tolerance),

@@ -14,10 +14,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from cqblend.blend_options import (
+    BLEND_DEFAULTS,
     CONTINUITIES,
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_STEER,
-    DEFAULT_TOLERANCE,
     EXACT_FORM_IS_EXACT,
     FORMS,
     G0_HAS_NO_CROSS_FIELD,
@@ -140,9 +138,9 @@ def hermite_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
-    steer: float = DEFAULT_STEER,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
 ) -> Blend:
     r"""Blend two surfaces along given rails.
@@ -212,7 +210,7 @@ def hermite_blend(
     )
     form = check_choice("form", form, FORMS)
     if form == "exact":
-        refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, DEFAULT_TOLERANCE))
+        refuse_ignored_options(EXACT_FORM_IS_EXACT, tolerance=(tolerance, BLEND_DEFAULTS.tolerance))
     tolerance, angular_tolerance = (
         check_positive("tolerance", tolerance),
         check_positive("angular_tolerance", angular_tolerance),
@@ -245,7 +243,7 @@ def prepare_rails(
         rail2 if rail2.side is not None else rail2.towards(rail1),
     )
     if orders == (0, 0):
-        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, DEFAULT_STEER))
+        refuse_ignored_options(G0_HAS_NO_CROSS_FIELD, bulge=(bulge, 1.0), steer=(steer, BLEND_DEFAULTS.steer))
     kinds = check_pair("tangents", tangents, _check_tangents)
     for kind in kinds:
         if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
@@ -275,7 +273,7 @@ def refuse_derivative_options(why: str, tangents: object, bulge: object, length:
         tangents=(tangents, "perpendicular"),
         bulge=(bulge, 1.0),
         length=(length, None),
-        steer=(steer, DEFAULT_STEER),
+        steer=(steer, BLEND_DEFAULTS.steer),
     )
 
 

@@ -19,8 +19,8 @@ MAP = re.compile(r"(?<=first lines of the modules -->\n).*?(?=<!-- end of the ma
 
 ROOMS = (
     ("errors",),
-    ("checks",),
-    ("installation", "whole_files"),
+    ("checks", "option_records"),
+    ("installation", "whole_files", "unroll_options"),
     ("splines",),
     ("surfaces",),
     ("blends",),

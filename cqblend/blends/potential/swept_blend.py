@@ -17,7 +17,6 @@ import numpy as np
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
@@ -26,6 +25,7 @@ from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
 from cqblend.blends.rails.exact_rails import fit_straight_ribbons
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError

@@ -11,8 +11,8 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons

@@ -14,8 +14,8 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
-from cqblend.blends.fit_errors import TooManySpansError
 from cqblend.blends.rails.cornered_spline import KinkData, add_third_points, interpolate_with_corners
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import (
     ContactSamples,

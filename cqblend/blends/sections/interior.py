@@ -19,7 +19,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from cqblend.blends.fit_errors import TooManySpansError
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError

@@ -22,7 +22,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.read.face_surface import SupportFace, read_support_face
-from cqblend.brep.rewrite.neighbour_edges import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.select.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
 from cqblend.brep.select.spine import EdgeSpine, chain_edges
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (

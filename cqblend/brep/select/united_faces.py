@@ -25,6 +25,7 @@ from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
 from cqblend.brep.select.edge_joint import SMOOTH_ANGLE, Joint
 from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
@@ -38,7 +39,6 @@ from cqblend.brep.topology import (
     make_trimmed_copy,
     orient_forward,
 )
-from cqblend.brep.verification.edge_continuity import measure_continuity_between
 
 REACH_MARGIN = 1.1  # how much further than its rails a blend may touch something
 AREA_TOLERANCE = 1e-4  # relative: OCCT integrates spline faces at few points

@@ -7,7 +7,7 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
-from cqblend.brep.verification.measuring_places import find_knot_crossings, spread_samples
+from cqblend.brep.measure.measuring_places import find_knot_crossings, spread_samples
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.breaks import NEAR_BREAKS, align_breaks, merge_breaks

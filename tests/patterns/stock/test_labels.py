@@ -12,14 +12,8 @@ from pieces_cases import box, cone, cylinder, frustum, gores, lattice, tower
 from cqblend.errors import InputError
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.labels import (
-    GLYPHS,
-    is_underlined,
-    make_label_strokes,
-    make_text_strokes,
-    measure_text_width,
-    place_labels,
-)
+from cqblend.patterns.stock.labels import is_underlined, make_label_strokes, place_labels
+from cqblend.patterns.stock.stroke_font import GLYPHS, make_text_strokes, measure_text_width
 
 MODELS = [box, cylinder, tower, frustum, cone, gores]
 

@@ -17,9 +17,9 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Face, TopoDS_Wire
 
-from cqblend.brep.pattern_shapes import make_formers, make_planar_faces, sew_strip_faces
 from cqblend.brep.read.trimmed_patches import read_patches
 from cqblend.brep.topology import ShapeIndex
+from cqblend.brep.write.pattern_shapes import make_formers, make_planar_faces, sew_strip_faces
 from cqblend.errors import GeometryError, InputError
 from cqblend.patterns.outline.pieces import Piece, Run
 from cqblend.patterns.outline.plane_path import Path

@@ -5,84 +5,22 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
+from measured_shapes import bspline, edges, faces, real_edges, roof, wave, wrapped
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Sewing
-from OCP.Geom import Geom_BSplineSurface
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
-from OCP.TColgp import TColgp_Array2OfPnt
-from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
-from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
-from OCP.TopTools import TopTools_IndexedMapOfShape
+from OCP.TopoDS import TopoDS_Edge
 
-from cqblend.brep.verification.edge_continuity import (
-    choose_sample_parameters,
-    find_edge_sides,
-    find_inner_crease,
-    measure_continuity,
-    sample_edge_side,
-)
+from cqblend.brep.measure.edge_continuity import measure_continuity
+from cqblend.brep.measure.edge_samples import choose_sample_parameters, sample_edge_side
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.errors import InputError, SelectionError
-
-
-def subshapes(shape, kind):
-    found = TopTools_IndexedMapOfShape()
-    TopExp.MapShapes_s(shape, kind, found)
-    cast = TopoDS.Edge_s if kind == TopAbs_EDGE else TopoDS.Face_s
-    return [cast(found.FindKey(i)) for i in range(1, found.Extent() + 1)]
-
-
-def edges(shape):
-    return subshapes(shape, TopAbs_EDGE)
-
-
-def faces(shape):
-    return subshapes(shape, TopAbs_FACE)
-
-
-def real_edges(shape):
-    return [edge for edge in edges(shape) if not BRep_Tool.Degenerated_s(edge)]
-
-
-def wrapped(workplane: cq.Workplane) -> TopoDS_Shape:
-    return workplane.val().wrapped
 
 
 def picked(workplane: cq.Workplane, selector: str) -> TopoDS_Edge:
     (edge,) = workplane.edges(selector).vals()
     return edge.wrapped
-
-
-def bspline(poles, knots_u, knots_v, degrees):
-    """A B-spline surface from poles (nu, nv, 3) and (knots, multiplicities) in each direction."""
-    poles = np.asarray(poles, dtype=float)
-    grid = TColgp_Array2OfPnt(1, poles.shape[0], 1, poles.shape[1])
-    for i, j in np.ndindex(poles.shape[:2]):
-        grid.SetValue(i + 1, j + 1, gp_Pnt(*poles[i, j].tolist()))
-    reals, integers = [], []
-    for knots, multiplicities in (knots_u, knots_v):
-        reals.append(TColStd_Array1OfReal(1, len(knots)))
-        integers.append(TColStd_Array1OfInteger(1, len(knots)))
-        for i, (knot, multiplicity) in enumerate(zip(knots, multiplicities, strict=True), start=1):
-            reals[-1].SetValue(i, float(knot))
-            integers[-1].SetValue(i, multiplicity)
-    return Geom_BSplineSurface(grid, *reals, *integers, *degrees)
-
-
-def roof():
-    """A ridge inside one bilinear surface: z = 1 - |x - 1| over [0, 2] x [0, 1], C0 at u = 1."""
-    poles = [[[0, 0, 0], [0, 1, 0]], [[1, 0, 1], [1, 1, 1]], [[2, 0, 0], [2, 1, 0]]]
-    return bspline(poles, ((0, 1, 2), (2, 1, 2)), ((0, 1), (2, 2)), (1, 1))
-
-
-def wave():
-    """One freeform face: a biquintic Bezier patch."""
-    x, y = np.meshgrid(np.linspace(0, 10, 6), np.linspace(0, 10, 6), indexing="ij")
-    z = np.sin(x) + np.cos(0.7 * y) + 0.02 * x * y
-    surface = bspline(np.stack((x, y, z), axis=-1), ((0, 1), (6, 6)), ((0, 1), (6, 6)), (5, 5))
-    return BRepBuilderAPI_MakeFace(surface, 1e-7).Face()
 
 
 def capsule():
@@ -317,40 +255,6 @@ class TestKnotLines:
     @staticmethod
     def uv(edge, face, ts=(0.1, 0.9)):
         return sample_edge_side(edge, face, ts).parameters
-
-
-class TestInnerCrease:
-    def test_the_ridge_of_a_roof(self):
-        crease = find_inner_crease(BRepBuilderAPI_MakeFace(roof(), 1e-7).Face())
-        assert crease.angle == pytest.approx(math.pi / 2, abs=1e-14)
-        assert crease.parameters[0] == pytest.approx(1.0, abs=1e-10)
-        assert crease.point[0] == pytest.approx(1.0, abs=1e-10)
-        assert crease.point[2] == pytest.approx(1.0, abs=1e-10)
-        assert "1.6 rad" in str(crease)
-
-    def test_a_face_that_stays_clear_of_the_ridge_has_none(self):
-        crease = find_inner_crease(BRepBuilderAPI_MakeFace(roof(), 0, 0.9, 0, 1, 1e-7).Face())
-        assert crease.angle == 0.0
-        assert crease.parameters is None
-        assert str(crease) == "no crease"
-
-    def test_a_crease_in_the_other_direction_that_opens_linearly(self):
-        """z = a u |v - 1|: the one-sided slopes are +-a u, so the angle is 2 atan(a u), largest at u = 1."""
-        poles = [[[0, 0, 0], [0, 1, 0], [0, 2, 0]], [[1, 0, 0.5], [1, 1, 0], [1, 2, 0.5]]]
-        face = BRepBuilderAPI_MakeFace(bspline(poles, ((0, 1), (2, 2)), ((0, 1, 2), (2, 1, 2)), (1, 1)), 1e-7).Face()
-        crease = find_inner_crease(face)
-        assert crease.angle == pytest.approx(2 * math.atan(0.5), rel=1e-7)
-        assert crease.parameters == pytest.approx((1.0, 1.0), abs=1e-7)
-
-    def test_knot_lines_without_a_crease(self):
-        shape = BRepBuilderAPI_NurbsConvert(wrapped(cq.Workplane().circle(4).extrude(9)), True).Shape()
-        for face in faces(shape):
-            assert find_inner_crease(face).angle < 1e-11
-        assert find_inner_crease(wave()).parameters is None
-
-    def test_not_a_face(self):
-        with pytest.raises(InputError, match="face is of type solid: face is needed"):
-            find_inner_crease(wrapped(cq.Workplane().box(1, 1, 1)))
 
 
 class TestRefusals:
