@@ -1,7 +1,8 @@
 """``Workplane.blend`` and ``Workplane.unroll``, and their registration on CadQuery.
 
-Exists so that blends and patterns read like fillets in a chain of CadQuery calls. It must stay importable without
-CadQuery: CadQuery comes to it, through an import hook, and what a blend needs is imported when one is made.
+They make blends and patterns read like fillets in a chain of CadQuery calls. This module is loaded by ``import
+cqblend`` and imports neither CadQuery nor NumPy: an import hook passes it the module CadQuery, and the methods import
+what they need when they are called.
 """
 
 from collections.abc import Callable
@@ -143,6 +144,6 @@ def unroll(
 
 
 def register_methods(cadquery: ModuleType) -> None:
-    """Give ``cadquery.Workplane`` its methods; those that are there already are overwritten."""
+    """Set the methods ``blend`` and ``unroll`` of ``cadquery.Workplane``, in place of any that it has."""
     cadquery.Workplane.blend = blend
     cadquery.Workplane.unroll = unroll

@@ -1,7 +1,7 @@
 """Patterns for flat stock: ``cqblend.unroll``, and what it returns.
 
-Thin: takes shapes of the caller's library, checks the arguments, has the core divide, flatten and assemble, and gives
-back shapes of the same library, or files. Must not compute anything.
+Takes shapes of the caller's library, checks the arguments, has `cqblend.patterns` divide, flatten and assemble, and
+returns shapes of the same library, or files. Nothing is computed here.
 """
 
 from collections.abc import Callable
@@ -45,11 +45,18 @@ if TYPE_CHECKING:
 
     from cqblend.splines.bernstein import Array
 
-DEFAULT_TAPER, DEFAULT_PAGE, DEFAULT_PACKING_SECONDS = np.pi / 4, "a4", 30.0
-"""Of tabs, rad; of the PDF; for packing, s: unless told otherwise."""
+DEFAULT_TAPER = np.pi / 4
+"""Angle between the legs of a tab and its base, rad."""
 
-_SEWING_RATIO = 2.5
-"""Strips on both sides of an edge are as far from it as the tolerance allows, and their borders are polygons."""
+DEFAULT_PAGE = "a4"
+"""Paper of a PDF."""
+
+DEFAULT_PACKING_SECONDS = 30.0
+"""Time for packing one sheet by spyrrow, s."""
+
+SEWING_RATIO = 2.5
+"""Quotient of the tolerance by which strips in space are sewn and the pattern's tolerance: at an edge of the shape, the
+strips of both faces are up to one tolerance from it, and their borders are polygons."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,16 +68,17 @@ class Pattern:
     pieces : Pieces
         The pieces and the seams between them.
     report : Report
-        How far all this is from the shape. ``print`` it.
+        How far the strips and the pieces are from the shape. ``print`` it.
     tabs : Tabs or None
-        How far the tabs are what was asked for; ``tabs.missing`` and ``tabs.narrowed`` name seams.
+        Which tabs differ from those asked for: ``tabs.missing`` and ``tabs.narrowed`` name their seams. None if there
+        are no tabs.
     """
 
     pieces: Pieces
     report: Report
     tabs: Tabs | None
     _unrolled: UnrollResult
-    _model: Any
+    _host_shape: Any
     _tab_options: TabOptions | None = None
 
     @property
@@ -80,7 +88,7 @@ class Pattern:
 
     @property
     def seams(self) -> tuple[Seam, ...]:
-        """Which run of which piece is joined to which."""
+        """Pairs of outline runs that are joined to each other."""
         return self.pieces.seams
 
     def faces(self, *, tabs: bool = False) -> list[Any]:
@@ -96,14 +104,14 @@ class Pattern:
         if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
         placed = sheets.arrange_pieces(self.pieces).pieces
-        return [wrap_like(self._model, face) for face in make_planar_faces(placed.pieces, tabs=tabs)]
+        return [wrap_like(self._host_shape, face) for face in make_planar_faces(placed.pieces, tabs=tabs)]
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
         from cqblend.brep.write.pattern_shapes import sew_strip_faces
 
         trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
-        return wrap_like(self._model, sew_strip_faces(trims, _SEWING_RATIO * self.report.tolerance))
+        return wrap_like(self._host_shape, sew_strip_faces(trims, SEWING_RATIO * self.report.tolerance))
 
     def cross_sections(self) -> list[Any]:
         """Return the formers over which strips are assembled: faces through their planar rails, wires through others.
@@ -114,7 +122,7 @@ class Pattern:
 
         strips = (source.unrolled_strip for source in self._unrolled.sources)
         rails = [rail for strip in strips if strip is not None for rail in strip.rails]
-        return [wrap_like(self._model, former) for former in make_formers(rails)]
+        return [wrap_like(self._host_shape, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
         """Return where points of a flat piece are in space when it is rolled.
@@ -356,19 +364,20 @@ def unroll_with_options(
     if isinstance(shape, Surface):
         import cadquery
 
-        model, skin = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
+        host_shape, shell = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
     else:
         from cqblend.brep.read.trimmed_patches import read_patches
 
-        model, parts, whole = collect_unroll_shapes(shape)
+        given = collect_unroll_shapes(shape)
+        host_shape = given.model
         try:
-            skin = read_patches(parts, whole=whole, join=options.flat)
-        except SelectionError:  # the solid in the chain is another one
-            skin = read_patches(parts, join=options.flat)
-    unrolled = assembly.unroll_patches(skin, options, progress)
+            shell = read_patches(given.shapes, whole=given.solid, join=options.flat)
+        except SelectionError:  # the faces are not those of the solid in the chain
+            shell = read_patches(given.shapes, join=options.flat)
+    unrolled = assembly.unroll_patches(shell, options, progress)
     if options.developable:
         _check_rulings_paired(unrolled)
-    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, options), None, unrolled, model)
+    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, options), None, unrolled, host_shape)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
         some = pattern if pattern.strips else None

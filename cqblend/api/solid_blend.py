@@ -1,7 +1,7 @@
-"""The functions that cqblend offers to scripts.
+"""Public functions on solids: blend edges, find the largest size, insert a blend, measure, verify, convert to splines.
 
-Thin: each takes shapes of the caller's library, checks the arguments, hands TopoDS and a `BlendRequest` to the core,
-and gives back shapes of the same library. Must not compute anything.
+Each takes shapes of the caller's library, checks the arguments, has `cqblend.solid_blends` or `cqblend.brep` do the
+work on TopoDS shapes, and returns shapes of the same library. Nothing is computed here.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class BlendResult:
-    """A blended shape, and what is known about it.
+    """A blended shape, with its blend faces and their certificate.
 
     Attributes
     ----------
     shape : cadquery.Shape, build123d.Shape or TopoDS_Shape
-        The whole, in the library of the input.
+        The blended shape, in the library of the input.
     faces : tuple of faces
         The blend faces in it, in the order of the edges, in the library of the input.
     certificate : Certificate
@@ -56,7 +56,7 @@ class BlendResult:
 
     @property
     def skipped(self) -> tuple[SkippedEdge, ...]:
-        """Picked edges that were passed over, there being nothing to blend at them: smooth ones, seams and poles."""
+        """Picked edges that were not blended, because they are smooth already, seams, or degenerate."""
         return self.certificate.skipped
 
 
@@ -170,22 +170,21 @@ def max_size(
 ) -> float:
     """Return the largest radius or width with which edges can be blended: with all smaller ones, they can as well.
 
-    That is the end of the first interval from 0 in which all sizes work, as trials of `blend_edges` find it, some
-    fifteen to thirty of them: what the two faces tell is cheap, but what their ends and the rest of the solid allow is
-    not known before. Sizes beyond it may work again, as behind a hole. Sizes that are too small to be told from the
-    edge's tolerance do not count.
+    That is the end of the first interval from 0 in which all sizes work. It is found by some fifteen to thirty trials
+    of `blend_edges`, because the ends of the edges and the rest of the solid limit the size as well as the two faces.
+    Larger sizes may work again, beyond a hole for example. Sizes no larger than the edge's tolerance do not count.
 
     Parameters
     ----------
     shape, edges
         As of `blend_edges`.
     by : {"radius", "width"}
-        Which of the two is meant.
+        Which of the two is looked for.
     tolerance : float
-        Of the result, relative, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result. It is not
-        that of the compact form.
+        Relative accuracy of the result, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result.
+        It is not the tolerance of the compact form.
     **options
-        All others of `blend_edges`, but for its sizes, and for `tolerance`, which is the default of the compact form.
+        All other options of `blend_edges`, except for its sizes, and for `tolerance`, which has its default there.
 
     Returns
     -------

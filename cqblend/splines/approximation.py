@@ -13,6 +13,7 @@ from cqblend.splines.bernstein import Array, differentiate_coefs, evaluate_basis
 from cqblend.splines.curve import Curve
 from cqblend.splines.interpolation import check_parameters, hermite
 from cqblend.splines.surface import Surface
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 
 def approximate_curve(
@@ -87,7 +88,9 @@ def approximate_curve(
         if not bad.any():
             return curve
         middles = _bisect_spans(t[:-1][bad], t[1:][bad], given)
-        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < MIN_SPAN_SHARE * (given[-1] - given[0]):
+        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < SPLINE_LIMITS.shortest_span * (
+            given[-1] - given[0]
+        ):
             worst = t[missed.argmax()]
             raise GeometryError(
                 f"a spline of {len(t) - 1} spans errs by {missed.max():.2g} near t = {worst:.6g}, more than "
@@ -97,7 +100,6 @@ def approximate_curve(
 
 
 SPAN_SAMPLES = np.concatenate([(np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8])  # in a span: to fit, to measure
-MIN_SPAN_SHARE = 1 / 4096  # span, as a share of the domain
 
 
 def _bisect_spans(starts: Array, ends: Array, breaks: Array) -> Array:
@@ -179,17 +181,16 @@ def approximate_surface(
         spans *= 2
 
 
-KNOT_SNAP_SHARE = 0.01  # of the domain
-
-
 def _merge_kinks(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
     """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers.
 
     Those of functions that are C4 there move to breaks farther off: next to a break, a knot would leave a sliver.
     """
     near = breaks[np.abs(at[:, None] - breaks).argmin(axis=1)]
-    same = 1e-9 * (breaks[-1] - breaks[0])
-    at = np.where(np.abs(near - at) <= np.where(times > 1, same, KNOT_SNAP_SHARE * (breaks[-1] - breaks[0])), near, at)
+    same = SPLINE_TOLERANCES.same_kink * (breaks[-1] - breaks[0])
+    at = np.where(
+        np.abs(near - at) <= np.where(times > 1, same, SPLINE_TOLERANCES.kink_snap * (breaks[-1] - breaks[0])), near, at
+    )
     order = np.argsort(at, kind="stable")
     at, times = at[order], times[order]
     first = np.append(True, np.diff(at) > same) if len(at) else np.empty(0, bool)
@@ -221,8 +222,6 @@ def _build_quintic_basis(t: Array, repeats: Array, *, closed: bool) -> Curve:
 
 
 CHEBYSHEV_POINTS = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
-MAX_PIECES = 4096  # pieces
-TARGET_ERROR, ACCEPTED_ERROR = 5e-14, 1e-12  # of the largest value: enough, and what a function may have of its own
 
 
 def approximate_to_rounding(
@@ -275,12 +274,14 @@ def approximate_to_rounding(
         values = function(between)
         error = np.abs(curve(between) - values).max(axis=1)
         share = float(error.max()) / (float(np.abs(values).max()) or 1.0)
-        if share <= TARGET_ERROR or (best is not None and share > best[0] / 4 and best[0] <= ACCEPTED_ERROR):
+        if share <= SPLINE_TOLERANCES.refined_fit or (
+            best is not None and share > best[0] / 4 and best[0] <= SPLINE_TOLERANCES.accepted_fit
+        ):
             return curve if best is None or share <= best[0] else best[1]
         best = share, curve
-        if count >= MAX_PIECES and share <= ACCEPTED_ERROR:
+        if count >= SPLINE_LIMITS.fit_pieces and share <= SPLINE_TOLERANCES.accepted_fit:
             return curve
-        if count >= MAX_PIECES:
+        if count >= SPLINE_LIMITS.fit_pieces:
             raise GeometryError(
                 f"a function of t is not smooth enough at t = {between[error.argmax()]:.6g} to be a spline: give it as "
                 "a Curve, with its kinks at breaks"

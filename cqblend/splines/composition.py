@@ -16,15 +16,9 @@ import numpy as np
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.roots import find_sign_changes
 from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 SplineT = TypeVar("SplineT", bound=Spline)
-
-_MERGE_DISTANCE = 1e-9
-"""Crossings of C1 lines closer than this (relative to the domain) are one break: continuing the wrong patch over such a
-distance errs by its square, while a piece so short would have derivatives of rounding noise."""
-
-_KINK_MERGE_DISTANCE = 1e-12
-"""The same of lines with a kink: nearer than that, a break was meant to be on the line."""
 
 
 def _split_coordinates(curve: Spline) -> tuple[Array, Array]:
@@ -62,7 +56,9 @@ def _find_line_crossings(
     length = breaks[-1] - breaks[0]
     least = 4 * EPSILON * size
     slack = np.where(
-        np.concatenate(loose)[line_of], np.maximum(merge * length, least), max(_KINK_MERGE_DISTANCE * length, least)
+        np.concatenate(loose)[line_of],
+        np.maximum(merge * length, least),
+        max(SPLINE_TOLERANCES.kink_crossing_merge * length, least),
     )
     return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
@@ -101,7 +97,7 @@ def _assign_patches(coordinate: Array, weight: Array, lines: Array) -> Array:
 
 
 def cut_at_knot_lines(
-    curve: SplineT, lines: Sequence[Array], orders: Sequence[Array], merge: float = _MERGE_DISTANCE
+    curve: SplineT, lines: Sequence[Array], orders: Sequence[Array], merge: float = SPLINE_TOLERANCES.crossing_merge
 ) -> tuple[SplineT, Array, Array]:
     """Cut a curve at the lines it crosses.
 

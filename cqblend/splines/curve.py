@@ -25,7 +25,8 @@ from cqblend.splines.knots import (
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import match_degrees
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline
+from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -188,7 +189,7 @@ class Curve(Spline):
         """
         t, k, side = (
             to_finite_array("t", t),
-            check_integer("the order k", k, 0, MAX_DERIVATIVE),
+            check_integer("the order k", k, 0, SPLINE_LIMITS.derivative),
             check_break_side(side),
         )
         if self._rational:
@@ -201,7 +202,7 @@ class Curve(Spline):
         """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
         t, order, side = (
             to_finite_array("t", t),
-            check_integer("the order", order, 0, MAX_DERIVATIVE),
+            check_integer("the order", order, 0, SPLINE_LIMITS.derivative),
             check_break_side(side),
         )
         jets = self._evaluate_derivatives(t.ravel(), range(order + 1), side)
@@ -274,7 +275,7 @@ class Curve(Spline):
         continuity = check_integer("continuity", continuity, -1, SMOOTH)
         if self.dim != other.dim:
             raise InputError(f"cannot join curves of dim {self.dim} and {other.dim}")
-        if abs(a - b) > 1e-14 * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
+        if abs(a - b) > SPLINE_TOLERANCES.consecutive_domains * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
             raise InputError(f"cannot join: the first domain ends at {a:.17g}, the second starts at {b:.17g}")
         first, second = (
             (self, other) if self._rational is other._rational else (self._to_rational(), other._to_rational())

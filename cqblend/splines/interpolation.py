@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.curve import Curve
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 
 @lru_cache(maxsize=32)
@@ -148,7 +149,7 @@ def interpolate(
         raise InputError(f"interpolation of degree {degree}: choose 1, 3 or 5")
     if sign not in (1, -1) or (sign == -1 and not periodic):
         raise InputError(f"sign={sign}: it is 1, or -1 together with periodic=True")
-    if sign == -1 and np.abs(data[0] + data[-1]).max() > 1e-9 * np.abs(data).max():
+    if sign == -1 and np.abs(data[0] + data[-1]).max() > SPLINE_TOLERANCES.antiperiodic_gap * np.abs(data).max():
         raise InputError(f"antiperiodic values must return with the opposite sign, not from {data[0]} to {data[-1]}")
     k = (degree - 1) // 2
     jets = np.concatenate([data[None], np.zeros((k, n + 1, data.shape[1]))])

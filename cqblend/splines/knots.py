@@ -12,15 +12,10 @@ import numpy as np
 from cqblend.checks import check_integer, to_float_array
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 SMOOTH = 1 << 20
 """Continuity order of a break where both pieces are one and the same polynomial: a break that no function asked for."""
-
-MAX_BSPLINE_DEGREE = 10_000
-"""Largest degree of a B-spline, far beyond what doubles hold."""
-
-MAX_AMPLIFICATION = 50.0
-"""Largest factor by which re-assembly may amplify rounding errors before it keeps another knot."""
 
 
 def check_knot_vector(degree: object, knots: Array, count: int) -> int:
@@ -33,7 +28,7 @@ def check_knot_vector(degree: object, knots: Array, count: int) -> int:
         finite or smaller than its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the
         domain is empty.
     """
-    degree = check_integer("the degree", degree, 0, MAX_BSPLINE_DEGREE)
+    degree = check_integer("the degree", degree, 0, SPLINE_LIMITS.bspline_degree)
     if knots.ndim != 1 or len(knots) != count + degree + 1:
         raise InputError(
             f"{np.size(knots)} knots for {count} poles of degree {degree}: a full knot vector has {count + degree + 1}"
@@ -166,7 +161,7 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
     inner = np.clip(p - continuity, 0, p + 1).astype(int)
     while True:
         knots, window, piece, factor = _choose_pole_pieces(breaks, p, np.concatenate([ends, inner, ends]))
-        bad = np.flatnonzero(factor > MAX_AMPLIFICATION)
+        bad = np.flatnonzero(factor > SPLINE_TOLERANCES.amplification)
         if not len(bad):
             break
         raise_at = np.zeros(len(inner), dtype=bool)

@@ -15,6 +15,7 @@ from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import find_value_below
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 Interval = tuple[float, float]
 
@@ -64,7 +65,7 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
         raise InputError(f"the change of parameter jumps at r = {change.breaks[1:-1][jump][0]:.9g}")
     _, weight = change._split_weight()
     if weight is not None:
-        weightless = find_value_below(weight[:, 0], 1e-9 * float(np.abs(weight).max()))
+        weightless = find_value_below(weight[:, 0], SPLINE_TOLERANCES.least_weight * float(np.abs(weight).max()))
         if weightless is not None:
             raise InputError(
                 f"the change of parameter has no positive weight at r = {_locate_parameter(change, weightless):.9g}"
@@ -177,7 +178,11 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
     slopes = []
     for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
         present = float(np.linalg.norm(curve(t, 1, side="right" if name == "start" else "left")))
-        if present <= 1e-12 * float(np.abs(curve(np.array(ends))).max()) / (ends[1] - ends[0]) or present == 0:
+        if (
+            present
+            <= SPLINE_TOLERANCES.standing_speed * float(np.abs(curve(np.array(ends))).max()) / (ends[1] - ends[0])
+            or present == 0
+        ):
             raise GeometryError(f"the curve stands still at its {name}, t = {t:.9g}: no parameter gives it a speed")
         slopes.append(speed / present)
     return reparameterise(curve, change_of_parameter(*slopes, domain=domain or ends, onto=ends))

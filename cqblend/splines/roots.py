@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 
 from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
+from cqblend.splines.tolerances import SPLINE_LIMITS
 
 _PARTS_PER_LEVEL = 8
-_MAX_LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
 
 
 @lru_cache(maxsize=64)
@@ -86,13 +86,13 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     start, width = np.zeros(f.shape[1]), 1.0
     touched: list[tuple[Array, Array]] = []  # column, root
     brackets: list[tuple[Array, Array, float, Array]] = []  # column, start, width, coefficients
-    for level in range(_MAX_LEVELS):
+    for level in range(SPLINE_LIMITS.root_levels):
         f = np.where(np.abs(f) <= tolerance, 0.0, f)
         count = _count_sign_changes(f)
         single, several = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
         if len(single):
             brackets.append((column[single], start[single], width, f[:, single]))
-        if not len(several) or level == _MAX_LEVELS - 1:
+        if not len(several) or level == SPLINE_LIMITS.root_levels - 1:
             break
         parts = _build_subdivision_matrix(len(f) - 1) @ f[:, several]  # (8, p+1, k)
         width /= _PARTS_PER_LEVEL

@@ -28,9 +28,7 @@ from cqblend.splines.piece_arrays import (
     replace_item,
     unite_breaks,
 )
-
-MAX_DERIVATIVE, MAX_ELEVATION = 100, 500
-"""Largest order of a derivative, and largest amount by which a degree is raised: doubles hold nothing beyond."""
+from cqblend.splines.tolerances import SPLINE_LIMITS
 
 
 class Spline:
@@ -351,7 +349,7 @@ class Spline:
 
     def _take_derivative(self, orders: Sequence[int]) -> Self:
         """Mixed partial derivative. For N / w^m the quotient rule keeps (N, w, m): (N' w - m N w') / w^(m+1)."""
-        orders = [check_integer("the order of a derivative", order, 0, MAX_DERIVATIVE) for order in orders]
+        orders = [check_integer("the order of a derivative", order, 0, SPLINE_LIMITS.derivative) for order in orders]
         count = self._parameter_count
         numerator, weight = self._split_weight()
         power = 1
@@ -379,9 +377,8 @@ class Spline:
         return self._replace_coefs(numerator, denominator, continuity)
 
     def _elevate_degrees(self, amounts: Sequence[int]) -> Self:
-        amounts = [
-            check_integer("the amount by which a degree is raised", amount, 0, MAX_ELEVATION) for amount in amounts
-        ]
+        most = SPLINE_LIMITS.elevation
+        amounts = [check_integer("the amount by which a degree is raised", amount, 0, most) for amount in amounts]
         degrees = [
             n - 1 + amount for n, amount in zip(self._coefs.shape[: self._parameter_count], amounts, strict=True)
         ]

@@ -33,12 +33,10 @@ from cqblend.splines.knots import (
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import apply_along_axis
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline
+from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
-
-MAX_PERIODS = 1000
-"""Most further periods of a closed surface."""
 
 
 def _check_axis(value: object) -> int:
@@ -243,8 +241,8 @@ class Surface(Spline):
         """
         u, v = _broadcast_parameters(u, v)
         ku, kv = (
-            check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
-            check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+            check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
+            check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
         jets = self._evaluate_partials(u.ravel(), v.ravel(), ku, kv, ku + kv, check_break_side(side))
         values = (dehomogenise_derivatives(jets) if self._rational else jets)[ku, kv]
@@ -260,7 +258,7 @@ class Surface(Spline):
             > order.
         """
         u, v = _broadcast_parameters(u, v)
-        order = check_integer("the order", order, 0, MAX_DERIVATIVE)
+        order = check_integer("the order", order, 0, SPLINE_LIMITS.derivative)
         jets = self._evaluate_partials(u.ravel(), v.ravel(), order, order, order, check_break_side(side))
         if self._rational:
             jets = dehomogenise_derivatives(jets)
@@ -272,8 +270,8 @@ class Surface(Spline):
         """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
         u, v = to_finite_array("u", u).ravel(), to_finite_array("v", v).ravel()
         ku, kv = (
-            check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
-            check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+            check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
+            check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
         (p, q), dim_h = self.degree, self._coefs.shape[2]
         arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
@@ -351,10 +349,12 @@ class Surface(Spline):
             If the surface does not close, to 1e-7 of its largest coefficient.
         """
         axis, continuity = _check_axis(axis), check_integer("continuity", continuity, -1, SMOOTH)
-        before, after = (check_integer("a number of periods", count, 0, MAX_PERIODS) for count in (before, after))
+        before, after = (
+            check_integer("a number of periods", count, 0, SPLINE_LIMITS.periods) for count in (before, after)
+        )
         lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
         gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
-        if continuity >= 0 and gap > 1e-7 * np.abs(self._coefs).max():
+        if continuity >= 0 and gap > SPLINE_TOLERANCES.closing_gap * np.abs(self._coefs).max():
             raise InputError(
                 f"the surface is open in {'uv'[axis]}: its ends are {gap:.3g} apart (homogeneous coefficients)"
             )

@@ -28,6 +28,7 @@ from cqblend.splines.hulls import enclose_values
 from cqblend.splines.interpolation import hermite
 from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 NormaliseMethod = Literal["hermite", "schoenberg"]
 
@@ -37,11 +38,8 @@ _DEGREES = np.arange(3, 25)
 FACTOR_CONTINUITY = 2
 """Continuity of M where the field has it, from degree 5 on."""
 
-MAX_PIECES = 4096
-"""Pieces of M before the tolerance counts as out of reach."""
 
 _CHEBYSHEV_POINTS = 33
-_ATTEMPTS = 5
 
 
 @dataclass(frozen=True)
@@ -144,10 +142,11 @@ def _check_arguments(field: object, tolerance: object, method: object, knots: ob
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
     if knots is not None:
         try:
-            check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
+            check_integer("knots", knots, 0, SPLINE_LIMITS.factor_pieces if method == "schoenberg" else -1)
         except InputError as error:
             raise InputError(
-                f"knots={shown(knots)}: a number of knots to insert, {MAX_PIECES} at most, for method='schoenberg'"
+                f"knots={shown(knots)}: a number of knots to insert, {SPLINE_LIMITS.factor_pieces} at most, "
+                "for method='schoenberg'"
             ) from error
     return wanted
 
@@ -195,7 +194,7 @@ def _refuse_zeros(direction: Curve) -> None:
     values = np.concatenate([direction(np.concatenate([inside, breaks[:-1]])), direction(breaks[1:], side="left")])
     lengths = np.linalg.norm(values, axis=1)
     least = int(lengths.argmin())
-    if lengths[least] <= 1e-9 * lengths.max():
+    if lengths[least] <= SPLINE_TOLERANCES.vanishing_field * lengths.max():
         raise GeometryError(
             f"the field vanishes at t = {t[least]:.9g}, where it has no direction: cut it there and treat the parts"
         )
@@ -206,8 +205,9 @@ def _unreachable_error(direction: Curve, tolerance: float) -> GeometryError:
     lengths = np.linalg.norm(direction(t), axis=1)
     at, ratio = t[lengths.argmin()], lengths.max() / lengths.min()
     return GeometryError(
-        f"no {MAX_PIECES} pieces bring the field to its length within a relative {tolerance:.3g}: it is shortest near "
-        f"t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it there"
+        f"no {SPLINE_LIMITS.factor_pieces} pieces bring the field to its length within a relative {tolerance:.3g}: "
+        f"it is shortest near t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it "
+        "there"
     )
 
 
@@ -229,7 +229,7 @@ def _bound_length_error(unit: Curve, misses: Array) -> float:
 def _fit_fewest_poles(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
     """Find the factor that leads to the fewest poles, the unit field and its error."""
     target = tolerance
-    for _ in range(_ATTEMPTS):
+    for _ in range(SPLINE_LIMITS.factor_attempts):
         factor = _interpolate_reciprocal_length(direction, *_choose_breaks_and_degree(direction, target))
         unit = direction * factor if factor.degree == 0 else factor * direction
         error = _bound_length_error(unit, _compute_length_errors(unit))
@@ -291,7 +291,7 @@ def _choose_breaks_and_degree(direction: Curve, tolerance: float) -> tuple[Array
         pieces = settled + 2 * open_
         poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(roots) + 1) * (order + 1) - shared
         done = possible & (open_ == 0)
-        possible &= done | (poles < poles[done].min(initial=MAX_PIECES * (direction.degree + 2)))
+        possible &= done | (poles < poles[done].min(initial=SPLINE_LIMITS.factor_pieces * (direction.degree + 2)))
         worth = possible & ~done
         if not worth.any():
             break
@@ -391,7 +391,7 @@ def _refine_schoenberg(direction: Curve, tolerance: float, knots: int | None) ->
                 f"with {knots} knots inserted the length is off by a relative {error:.3g}, more than {tolerance:.3g}: "
                 f"give more, leave knots=None, or use method='hermite'"
             )
-        if len(bad) + bad.sum() > MAX_PIECES:
+        if len(bad) + bad.sum() > SPLINE_LIMITS.factor_pieces:
             raise _unreachable_error(direction, tolerance)
         field = _insert_simple_knots(field, (field.breaks[:-1] + field.breaks[1:])[bad] / 2)
 

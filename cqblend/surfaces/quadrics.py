@@ -15,7 +15,8 @@ import numpy as np
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.breaks import SAME_BREAK, align_breaks
+from cqblend.splines.breaks import align_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.angles import (
     CIRCLE_FORM,
     half_angle_velocity,
@@ -24,6 +25,7 @@ from cqblend.surfaces.angles import (
     to_half_angle_pair,
 )
 from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 from cqblend.surfaces.vectors import LocalFrame, cross_product
 
 
@@ -57,7 +59,7 @@ class Quadric(Primary):
         return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
 
     def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
-        phi = align_breaks([c, *directions], SAME_BREAK)
+        phi = align_breaks([c, *directions], SPLINE_TOLERANCES.same_break)
         breaks = phi[0].breaks
         jets = []
         for k in range(len(phi) if order is None else order + 1):
@@ -299,7 +301,7 @@ class Sphere(Quadric):
     def lift_points(self, uv: Array) -> Array:
         n = (self.jet(uv)[0] - self.frame.origin) / self.radius
         real = 1 + n @ self.pole
-        if not np.all(real > 1e-6):
+        if not np.all(real > SURFACE_TOLERANCES.antipode):
             raise GeometryError("the rail runs through the point of a sphere opposite to its own middle")
         q = np.column_stack([real, cross_product(self.pole, n)]) / np.sqrt(2 * real)[:, None]
         if not self.spinning:

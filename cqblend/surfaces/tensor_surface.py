@@ -16,14 +16,14 @@ import numpy as np
 
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, interpolation
 from cqblend.splines.bernstein import EPSILON, Array
-from cqblend.splines.breaks import SAME_BREAK, align_breaks
+from cqblend.splines.breaks import align_breaks
 from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.angles import half_angle_velocity, shift_to_period, to_half_angle_pair
 from cqblend.surfaces.knot_line_smoothness import expand_patches, measure_shape_continuity
 from cqblend.surfaces.primary import JET_ORDERS, KnotCrossing, Primary
-
-JUMP_ROUNDING = 1e-10  # of a surface: jumps of derivatives up to that are rounding
+from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,7 @@ class TensorSurface(Primary):
 
     def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         order = len(directions) if order is None else order
-        c, *rest = align_breaks([c, *directions], SAME_BREAK)
+        c, *rest = align_breaks([c, *directions], SPLINE_TOLERANCES.same_break)
         c, patches, spans, crossed = self._cut_at_knots(c)
         phi = [c, *(d.cut(c.breaks[1:-1]) for d in rest)]
         pairs = [self._localise_pairs(x, spans) for x in phi]
@@ -242,7 +242,8 @@ class TensorSurface(Primary):
         uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
         continuity = self._measure_continuity(uv, axis)
         before, after = (self._expand_beside_knot(uv, axis, step) for step in (-1, 0))
-        shape, crease = measure_shape_continuity(before, after, axis, JUMP_ROUNDING * float(np.abs(self.patches).max()))
+        rounding = SURFACE_TOLERANCES.derivative_jump * float(np.abs(self.patches).max())
+        shape, crease = measure_shape_continuity(before, after, axis, rounding)
         return continuity.tolist(), np.maximum(shape, continuity).tolist(), crease.tolist()
 
     def _expand_beside_knot(self, uv: Array, axis: int, step: int) -> Array:
@@ -270,15 +271,15 @@ class TensorSurface(Primary):
         before, after = uv.copy(), uv.copy()
         start, end = self.breaks[axis][[0, -1]]
         if self.periods[axis] is not None:
-            seam = np.minimum(after[:, axis] - start, end - after[:, axis]) < 1e-12 * (end - start)
+            from_end = np.minimum(after[:, axis] - start, end - after[:, axis])
+            seam = from_end < SURFACE_TOLERANCES.seam_parameter * (end - start)
             after[seam, axis], before[seam, axis] = start, end
         span, size = np.diff(self.breaks[axis]).min(), np.abs(self.patches).max()
         smooth = np.full(len(uv), 4)
         for k in range(4, 0, -1):
-            jump = self.differentiate_beside_knot(after, axis, k, "right") - self.differentiate_beside_knot(
-                before, axis, k, "left"
-            )
-            smooth[np.abs(jump).max(axis=1) * span**k > JUMP_ROUNDING * size] = k - 1
+            jump = self.differentiate_beside_knot(after, axis, k, "right")
+            jump = jump - self.differentiate_beside_knot(before, axis, k, "left")
+            smooth[np.abs(jump).max(axis=1) * span**k > SURFACE_TOLERANCES.derivative_jump * size] = k - 1
         return smooth
 
     def _cut_at_knots(self, c: Curve) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
@@ -397,10 +398,7 @@ def _measure_seam_continuity(surface: Surface, axis: int) -> int:
         return surface(other, here, 0, k, side=side)
 
     for k in (1, 2):
-        if (
-            np.abs(evaluate_boundary_row(low, k, "right") - evaluate_boundary_row(high, k, "left")).max()
-            * (high - low) ** k
-            > 1e-11 * size
-        ):
+        jump = np.abs(evaluate_boundary_row(low, k, "right") - evaluate_boundary_row(high, k, "left")).max()
+        if jump * (high - low) ** k > SURFACE_TOLERANCES.seam_jump * size:
             return k - 1
     return 2

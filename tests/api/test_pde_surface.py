@@ -1,6 +1,6 @@
 """PDE blends on real surfaces and in solids: how they meet them, by OCCT and by code that knows nothing of cqblend.
 
-What the equations' solutions are is tested against closed forms in ``test_pde_oracle``.
+What the equations' solutions are is tested against closed forms in ``tests/blends/pde``.
 """
 
 import math

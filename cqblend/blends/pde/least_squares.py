@@ -122,13 +122,7 @@ class WaveProblem(LeastSquaresProblem[Waves]):
 
     @cached_property
     def bubble_coefficients(self) -> Array:
-        """The coefficients of the bubbles, (terms, count, c).
-
-        Raises
-        ------
-        InputError
-            If there are fewer collocation points than unknowns.
-        """
+        """The coefficients of the bubbles, (terms, count, c), solved frequency by frequency."""
         basis = self.basis
         if self.points[1] is not None and self.points[1] < basis.count:
             raise InputError(f"{self.points[1]} collocation points along are fewer than the {basis.count} functions")
@@ -160,13 +154,7 @@ class SplineProblem(LeastSquaresProblem[Splines]):
 
     @cached_property
     def bubble_coefficients(self) -> Array:
-        """The coefficients of the bubbles, (terms, count, c).
-
-        Raises
-        ------
-        InputError
-            If there are fewer collocation points than unknowns.
-        """
+        """The coefficients of the bubbles, (terms, count, c), solved at once."""
         start = self._fill_end_coefficients()
         if start[..., 0].size > PDE_LIMITS.most_unknowns:
             raise InputError(

@@ -59,8 +59,8 @@ class FamilyPair(Generic[Reshaped]):
     def describe_place(self, q: Array, x: float) -> str:
         """Describe a place q (4,) at x for messages: s of both surfaces, and the coordinates of the point."""
         s1, s2 = self.s(x)
-        at = self.evaluate_jets(q[None], np.array([x]))[0][0, 0]
-        return f"s = ({s1:.4g}, {s2:.4g}), at " + format_point(at)
+        point = self.evaluate_jets(q[None], np.array([x]))[0][0, 0]
+        return f"s = ({s1:.4g}, {s2:.4g}), at {format_point(point)}"
 
     def measure_outside(self, q: Array) -> Array:
         """Return how far (n, 4) parameters are outside of the domains, as a share of these; 0 inside."""
@@ -68,6 +68,6 @@ class FamilyPair(Generic[Reshaped]):
         return np.asarray(np.maximum(np.maximum(self.bounds[:, 0] - q, q - self.bounds[:, 1]) / width, 0.0))
 
 
-def format_point(at: Array) -> str:
+def format_point(point: Array) -> str:
     """Return the coordinates of a point as messages write them."""
-    return "(" + ", ".join(f"{x:.5g}" for x in at) + ")"
+    return "(" + ", ".join(f"{x:.5g}" for x in point) + ")"

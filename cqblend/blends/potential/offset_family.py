@@ -63,7 +63,7 @@ class OffsetFamily(Family):
         both = find_closed_directions(surface), find_closed_directions(shares)
         closed = both[0][0] and both[1][0], both[0][1] and both[1][1]
         primary = TensorSurface.from_spline(surface, closed)
-        return cls(primary, functions, surface, sign=sign, shares=shares, tolerance=tolerance)
+        return cls(primary, functions, sign=sign, shares=shares, tolerance=tolerance)
 
     def jet(self, uv: Array, state: State) -> Array:
         """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""

@@ -58,7 +58,7 @@ class ReferenceFamily(Family):
         """Make the family of a surface, periodic in the directions in which surface and amounts are closed."""
         shares = split_by_group(surface, groups, len(functions), surface.to_bspline()[2])
         primary = TensorSurface.from_spline(surface, find_closed_directions(shares))
-        family = cls(primary, functions, surface, groups, reference, tolerance=tolerance)
+        family = cls(primary, functions, groups, reference, tolerance=tolerance)
         family._check_reference_moves()
         return family
 

@@ -28,7 +28,7 @@ from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_to_rounding
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary import Primary
-from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.tensor_surface import SplineSurface
 
 AmountFunction = Callable[[Array], Any]
 
@@ -81,22 +81,24 @@ class Family(ABC):
 
     Attributes
     ----------
-    primary : TensorSurface
+    primary : SplineSurface
         The surface itself, s = 0; in closed directions it goes on periodically.
     functions : tuple of callable
         The different amounts f(s), vectorised.
-    surface : Surface
-        The same, over its domain.
     tolerance : float
         Of the surfaces that :meth:`__call__` returns, relative to the largest amount.
     """
 
-    primary: TensorSurface = field(repr=False)
+    primary: SplineSurface = field(repr=False)
     functions: tuple[AmountFunction, ...]
-    surface: Surface = field(repr=False)
     tolerance: float = field(default=1e-6, kw_only=True)
 
     lost: ClassVar[int] = 0  # derivatives that the reshaped surface has fewer than the surface itself
+
+    @property
+    def surface(self) -> Surface:
+        """The surface itself, over its domain."""
+        return self.primary.surface
 
     @abstractmethod
     def jet(self, uv: Array, state: State) -> Array:
@@ -133,7 +135,7 @@ class Family(ABC):
             return knots, orders
         knots = np.append(self.primary.breaks[axis][0], knots)
         orders = np.append(self.primary.seam_continuity[axis] - self.lost, orders)
-        return np.concatenate([knots + lap * period for lap in (-1, 0, 1)]), np.tile(orders, 3)
+        return np.concatenate([knots + k * period for k in (-1, 0, 1)]), np.tile(orders, 3)
 
     def size(self) -> float:
         """Return the diagonal of the box of the surface's control points (mm)."""

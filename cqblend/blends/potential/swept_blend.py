@@ -260,10 +260,10 @@ def _restart_off_knots(family_pair: FamilyPair[Family], branch: IntersectionBran
         if distances.size:
             clearance = np.minimum(clearance, np.abs(distances).min(axis=1) / (breaks[-1] - breaks[0]))
     i = int(clearance.argmax())
-    lap = branch.parameters[-1] - branch.parameters[0]
+    periods = branch.parameters[-1] - branch.parameters[0]
     return IntersectionBranch(
         np.concatenate([branch.points[i:], branch.points[1 : i + 1]]),
-        np.concatenate([branch.parameters[i:], branch.parameters[1 : i + 1] + lap]),
+        np.concatenate([branch.parameters[i:], branch.parameters[1 : i + 1] + periods]),
         closed=True,
     )
 
@@ -275,8 +275,8 @@ def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     """
     if not closed:
         return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
-    lap, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
-    before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
+    periods, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
+    before, after = values[-1 - k : -1] - periods, values[1 : k + 1] + periods
     extended = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
     return interpolation.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 

@@ -8,7 +8,7 @@ Bernstein polynomials only.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -120,7 +120,7 @@ def simplify_weight(coefs: Array, error: Array) -> BoundedPolynomial:
     return BoundedPolynomial(coefs, error)
 
 
-NormBounds = Mapping[str, Array]
+NormBounds: TypeAlias = Mapping[str, Array]  # by the names of the polynomials, (n,) for n pieces
 
 
 def bound_largest(

@@ -7,6 +7,8 @@ The formulas are those of :mod:`cqblend.blends.quality.proof`; the names of the 
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 
 from cqblend.blends.quality.error_bounds import NormBounds
@@ -14,7 +16,7 @@ from cqblend.blends.quality.ribbon_side import GAP_ERRORS
 from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.splines.bernstein import Array
 
-Slant = tuple[Array, Array]  # of two vectors: the sine of their angle from below, its cosine from above
+Slant: TypeAlias = tuple[Array, Array]  # of two vectors: the sine of their angle from below, its cosine from above
 
 
 def bound_gap(low: NormBounds, high: NormBounds) -> Array:

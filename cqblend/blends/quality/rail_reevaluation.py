@@ -24,7 +24,7 @@ from cqblend.splines.surface import BSplineSurface
 from cqblend.surfaces.primary import Primary
 from cqblend.surfaces.quadrics import Quadric
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
-from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.tensor_surface import SplineSurface
 from cqblend.surfaces.vectors import LocalFrame
 
 
@@ -88,7 +88,7 @@ class RecomputedRibbon:
         None if OCCT evaluates the primary by formulas.
         """
         primary, c = self.ribbon.primary, self.ribbon.c
-        if not isinstance(primary, TensorSurface) or primary.surface is None:
+        if not isinstance(primary, SplineSurface):
             return None
         relative = (c.degree + 1) * PROOF_TOLERANCES.rail_parameter
         u_error, v_error = (relative * max(abs(breaks[0]), abs(breaks[-1])) for breaks in primary.breaks)
@@ -107,7 +107,7 @@ class RecomputedRibbon:
 
 def _translate_primary(primary: Primary, by: Array) -> Primary:
     """Return a primary moved by a vector; points have the same lifted parameters as before."""
-    if isinstance(primary, TensorSurface) and primary.surface is not None:
+    if isinstance(primary, SplineSurface):
         coefs = extract_moved_pieces(primary.surface.to_bspline(), by)
         surface = Surface(primary.breaks, coefs[:, :, : 3 + primary.rational], rational=primary.rational)
         return replace(primary, surface=surface, patches=coefs)
@@ -115,7 +115,7 @@ def _translate_primary(primary: Primary, by: Array) -> Primary:
         return replace(primary, frame=_translate_frame(primary.frame, by))
     if isinstance(primary, RevolvedEllipse):
         return RevolvedEllipse.from_ellipse(_translate_frame(primary.frame, by), primary.ellipse)
-    if isinstance(primary, RevolvedSpline) and primary.profile is not None:
+    if isinstance(primary, RevolvedSpline):
         frame = _translate_frame(primary.frame, by)
         return RevolvedSpline.from_profile(frame, primary.profile, closed=primary.periods[1] is not None)
     raise TypeError(f"a {type(primary).__name__} cannot be moved")

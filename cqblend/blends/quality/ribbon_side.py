@@ -6,7 +6,7 @@ on the primary S. Depends on the arithmetic of bounded polynomials, not on what 
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,9 +17,12 @@ from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import EPSILON, Array
-from cqblend.splines.breaks import MOVED_BREAK, cut_at_breaks, merge_breaks
+from cqblend.splines.breaks import cut_at_breaks, merge_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
-Polynomials = dict[str, BoundedPolynomial]
+Polynomials: TypeAlias = dict[str, BoundedPolynomial]
+
+GAP_ERRORS = ("blend_error_00", "primary_error_00")  # names of the rounding errors of points, as far as they are known
 
 
 class RibbonSide:
@@ -61,7 +64,7 @@ class RibbonSide:
         curves = [self._rows[0, 0], recomputed.normal, recomputed.derivatives_along[0], *native]
         if order >= 2:
             curves += [recomputed.derivatives_across[0], recomputed.mixed_derivative[0]]
-        self._breaks = merge_breaks(*(curve.breaks for curve in curves), near=MOVED_BREAK)
+        self._breaks = merge_breaks(*(curve.breaks for curve in curves), near=SPLINE_TOLERANCES.moved_break)
         boundary = self._cut_curve(self._rows[0, 0])[0]
         self._piece_origins = boundary[:, :3].mean(axis=0) / boundary[:, 3].mean(axis=0)
 
@@ -190,9 +193,6 @@ class RibbonSide:
             error = derivative.error + PROOF_TOLERANCES.equal_weight * derivative.size
             return BoundedPolynomial(derivative.coefs, error)
         return derivative * self._squared_weights[0]
-
-
-GAP_ERRORS = ("blend_error_00", "primary_error_00")
 
 
 def _make_constant(values: Array) -> BoundedPolynomial:

@@ -21,7 +21,8 @@ from cqblend.blends.rails.steering import Steering, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.breaks import NEAR_BREAKS, SAME_BREAK, merge_breaks
+from cqblend.splines.breaks import merge_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
@@ -181,12 +182,14 @@ class DirectionFit:
     def has_seam_kink(self) -> bool:
         """Whether a closed rail closes on a seam of the surface, at which native parameters or derivatives jump."""
         uv = self.rail.curve(np.array(self.rail.domain))
-        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SAME_BREAK * np.ptp(
+        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SPLINE_TOLERANCES.same_break * np.ptp(
             self.rail.surface.domain
         ):
             return False
         jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], self.order + 1)
-        return bool(np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SAME_BREAK * np.abs(jet).max()))
+        return bool(
+            np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SPLINE_TOLERANCES.same_break * np.abs(jet).max())
+        )
 
     @property
     def has_kinks(self) -> bool:
@@ -197,7 +200,8 @@ class DirectionFit:
         """Fit the directions at nodes; also return a mask of the spans in which they miss what is wanted."""
         t = add_third_points(nodes)
         kinks = merge_breaks(self.corners, np.array([pin.t for pin in steering.pins]))
-        corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= NEAR_BREAKS * (nodes[-1] - nodes[0]))
+        apart = np.abs(nodes[:, None] - kinks).min(axis=1)
+        corners = np.flatnonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
         # the weight of a rational rail may have kinks that directions divided by the weight have not
         weight = self.lifted_rail[0] + self.lifted_rail[1]
 
@@ -235,7 +239,7 @@ class DirectionFit:
         if not self.has_kinks:
             return None
         apart = np.abs(nodes[:, None] - self.kink_parameters).min(axis=1, initial=np.inf)
-        (inner,) = np.nonzero(apart <= NEAR_BREAKS * (nodes[-1] - nodes[0]))
+        (inner,) = np.nonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
         before, after = inner.tolist(), inner.tolist()
         if self.has_seam_kink:
             before, after = [*before, len(nodes) - 1], [*after, 0]

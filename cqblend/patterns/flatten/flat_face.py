@@ -276,7 +276,7 @@ def _unroll_strip(
         paired = _unroll_paired_anew(face, strip, t, options)
         if paired is not None:
             return paired
-    flat = _flatten(face, strip.rails, np.unique(np.append(t, nodes)), options)
+    flat = _flatten_outward(face, strip.rails, np.unique(np.append(t, nodes)), options)
     return UnrolledStrip(strip, strip.rails, None, strip.bound, True, flat)
 
 
@@ -291,13 +291,13 @@ def _unroll_paired_anew(
     if bound > options.tolerance:
         return None
     nodes = np.unique([_invert_monotone(one, np.unique(t)) for one in pairing.parameters])
-    flat = _flatten(face, pairing.rails, nodes, options)
+    flat = _flatten_outward(face, pairing.rails, nodes, options)
     if flat.kind == "twisted":
         return None
     return UnrolledStrip(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
-def _flatten(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
+def _flatten_outward(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
     """Lay a strip of a face flat so that its outer side is up."""
     tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
     return flatten_rails(rails, tolerance, nodes=nodes, flip=not face.upward, layout=layout)

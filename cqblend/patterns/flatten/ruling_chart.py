@@ -19,9 +19,6 @@ _CANDIDATE_COUNT = 3
 
 _GOLDEN_RATIO = (np.sqrt(5) - 1) / 2
 
-_BLOCK_SIZE = 512
-"""Points that are compared with all rulings at once, to limit memory."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RulingChart:
@@ -65,7 +62,8 @@ class RulingChart:
         breaks = self.rail_and_ruling.breaks
         t = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(64) / 64).ravel(), breaks[-1])
         first, second = self.map_rails(t)
-        blocks = [points[i : i + _BLOCK_SIZE] for i in range(0, len(points), _BLOCK_SIZE)]
+        step = FLATTENING_TOLERANCES.block_size
+        blocks = [points[i : i + step] for i in range(0, len(points), step)]
         index = np.concatenate([_find_nearest_intervals(block, first, second) for block in blocks]).T
         size = float(np.abs(np.concatenate([first, second])).max())
         found = self._solve_rulings(t[index].ravel(), t[index + 1].ravel(), np.tile(points, len(index)), size)

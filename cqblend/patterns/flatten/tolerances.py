@@ -34,6 +34,8 @@ class FlatteningTolerances:
         The same where its normal turns by a right angle along a ruling.
     strain_margin
         Factor on the strain when the number of narrower strips is estimated from it.
+    block_size
+        Points that are compared with all rulings or triangles at once, to limit memory.
     sampling_margin
         Factor on a sampled deviation, for what lies between the samples.
     """
@@ -50,6 +52,7 @@ class FlatteningTolerances:
     max_depth: int = 4
     max_depth_right_angle: int = 8
     strain_margin: float = 1.1
+    block_size: int = 512
     sampling_margin: float = 1.05
 
 

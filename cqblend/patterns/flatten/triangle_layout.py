@@ -18,9 +18,6 @@ from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array, elevate_degree
 from cqblend.splines.evaluation import locate_pieces
 
-_BLOCK_SIZE = 512
-"""Points that are compared with all triangles at once, to limit memory."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TriangleChart:
@@ -82,15 +79,16 @@ class TriangleChart:
         a, b, c = _triangle_corners(self.corners)
         found = np.empty((len(points), values[0].shape[1]))
         with np.errstate(divide="ignore", invalid="ignore"):
-            for start in range(0, len(points), _BLOCK_SIZE):
-                offset = points[start : start + _BLOCK_SIZE, None] - a
+            for start in range(0, len(points), FLATTENING_TOLERANCES.block_size):
+                block = slice(start, start + FLATTENING_TOLERANCES.block_size)
+                offset = points[block, None] - a
                 area = cross_product(b - a, c - a)
                 x, y = cross_product(offset, c - a) / area, cross_product(b - a, offset) / area
                 inside = np.nan_to_num(np.minimum(np.minimum(x, y), 1 - x - y), nan=-np.inf, neginf=-np.inf)
                 best = inside.argmax(axis=1)
                 x, y = (np.take_along_axis(f, best[:, None], axis=1) for f in (x, y))
                 first, second, third = (value[best] for value in values)
-                found[start : start + _BLOCK_SIZE] = first + x * (second - first) + y * (third - first)
+                found[block] = first + x * (second - first) + y * (third - first)
         return found
 
 

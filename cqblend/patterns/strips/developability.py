@@ -16,14 +16,12 @@ import numpy as np
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.patterns.strips.tolerances import RULING_TOLERANCES
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, elevate_degree, multiply_polynomials, restrict_pieces
+from cqblend.splines.bernstein import EPSILON, Array, elevate_degree, multiply_polynomials, restrict_pieces
 
 StripKind = Literal["plane", "cylinder", "cone", "tangent", "twisted"]
 """Plane; rulings parallel; rulings through one point; any other developable (tangent surface); not developable."""
 
 RailPair = tuple[Curve, Curve]
-
-_EPS = float(np.finfo(float).eps)
 
 
 def compute_sigma(ruled: Surface) -> Surface:
@@ -138,7 +136,7 @@ def bound_twist(rails: RailPair) -> float:
     numerator, denominator = (elevate_degree(f, degree - len(f))[:, 0] for f in (numerator, denominator))
     # products of derivatives that are zero but for rounding
     magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
-    noise = float(64 * _EPS * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
+    noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
     return float(np.sqrt(_bound_ratio(numerator, denominator, noise)))
 
 
@@ -183,7 +181,7 @@ def bound_normal_turn(rails: RailPair) -> float:
         _dot_product(_cross_product(h1, line), _cross_product(h2, line))[:, 0],
     )
     magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
-    noise = float(64 * _EPS * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
+    noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
     square = _bound_squared_ratio(numerator, denominator, noise)
     return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
 
@@ -193,7 +191,7 @@ def _bound_squared_ratio(numerator: Array, denominator: Array, noise: float) -> 
 
     Zeros of g at the ends of pieces are divided out if f has them, too, up to the rounding error `noise` of f.
     """
-    small = 64 * _EPS * np.abs(denominator).max(axis=0)
+    small = 64 * EPSILON * np.abs(denominator).max(axis=0)
     for _ in range(len(denominator) - 1):
         for end in (0, -1):
             zero = (np.abs(denominator[end]) <= small) & (small > 0)
@@ -230,7 +228,7 @@ def _bound_ratio(numerator: Array, denominator: Array, noise: float) -> float:
     """
     for _ in range(len(denominator) - 1):
         for end in (0, -1):
-            small = 64 * _EPS * np.abs(denominator).max(axis=0)
+            small = 64 * EPSILON * np.abs(denominator).max(axis=0)
             zero = (np.abs(denominator[end]) <= small) & (denominator.max(axis=0) > 0)
             if not zero.any():
                 continue
@@ -326,7 +324,7 @@ def find_ruling_direction(rails: RailPair) -> Array | None:
     mean = vectors.sum(axis=0) if vectors.sum(axis=0) @ longest > length**2 / 2 else longest
     direction = mean / np.linalg.norm(mean)
     miss = np.abs(np.cross(vectors, direction)).max()
-    return np.asarray(direction) if miss <= RULING_TOLERANCES.developable * length + 16 * _EPS * size else None
+    return np.asarray(direction) if miss <= RULING_TOLERANCES.developable * length + 16 * EPSILON * size else None
 
 
 def find_apex(rails: RailPair) -> Array | None:
@@ -349,7 +347,7 @@ def find_apex(rails: RailPair) -> Array | None:
     scale = size * np.abs(rulings[:, :3]).max()
     return (
         np.asarray(point + centre)
-        if miss <= RULING_TOLERANCES.developable * scale + 64 * _EPS * size * np.abs(to_first).max()
+        if miss <= RULING_TOLERANCES.developable * scale + 64 * EPSILON * size * np.abs(to_first).max()
         else None
     )
 
@@ -382,7 +380,7 @@ def stack_rail_and_ruling(rails: RailPair) -> Curve:
     both_rails = Curve.stack(rails)
     coefs = both_rails.coefs.copy()
     coefs[:, 3:6] -= coefs[:, :3]
-    small = np.abs(coefs[:, 3:6]) <= 4 * _EPS * float(np.abs(coefs[:, :3]).max())
+    small = np.abs(coefs[:, 3:6]) <= 4 * EPSILON * float(np.abs(coefs[:, :3]).max())
     coefs[:, 3:6][small] = 0.0
     return Curve(both_rails.breaks, coefs, rational=both_rails.rational, continuity=both_rails.continuity)
 
@@ -402,9 +400,9 @@ def _extract_numerators(rails: RailPair) -> tuple[float, Array, Array, Array]:
     points = np.concatenate([coefs[:, :3] - weight * centre[:, None], weight], axis=1)
     rulings = np.concatenate([coefs[:, 3:6], np.zeros_like(weight)], axis=1)
     size = float(np.linalg.norm(high - low))
-    if np.abs(rulings).max() <= 16 * _EPS * np.abs(ends).max():
+    if np.abs(rulings).max() <= 16 * EPSILON * np.abs(ends).max():
         raise GeometryError("the rails are the same curve: there is no strip between them")
-    if max(float(np.ptp(rail, axis=(0, 2)).max()) for rail in np.split(ends, 2, axis=2)) <= 16 * _EPS * size:
+    if max(float(np.ptp(rail, axis=(0, 2)).max()) for rail in np.split(ends, 2, axis=2)) <= 16 * EPSILON * size:
         raise GeometryError("both rails are points: there is no strip between them")
     return size, points, rulings, centre
 

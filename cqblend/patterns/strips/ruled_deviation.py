@@ -28,10 +28,8 @@ from numpy.typing import ArrayLike
 from cqblend.errors import GeometryError
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, evaluate_basis, multiply_polynomials, restrict_pieces
+from cqblend.splines.bernstein import EPSILON, Array, evaluate_basis, multiply_polynomials, restrict_pieces
 from cqblend.splines.hulls import find_value_below
-
-_EPS = float(np.finfo(float).eps)
 
 _INNER_FRACTIONS = np.arange(1, 12) / 12
 """Of the interval of v of a band, at which its deviation is sampled."""
@@ -89,7 +87,7 @@ class BezierPieces:
             raise GeometryError("the surface is a single point: there is nothing to divide into strips")
         table = weight.transpose(0, 2, 1, 3).reshape(weight.shape[0] * weight.shape[2], -1)
         rank_one = np.outer(table[:, 0], table[0]) / table[0, 0]
-        separable = bool((np.abs(table - rank_one) <= 32 * _EPS * table).all())
+        separable = bool((np.abs(table - rank_one) <= 32 * EPSILON * table).all())
         max_coordinate = float(np.abs(points).max())
         return cls(coefs, surface.breaks, surface.continuity[0], surface.rational, separable, size, max_coordinate)
 
@@ -108,7 +106,7 @@ class BezierPieces:
     @property
     def slack(self) -> float:
         """Rounding, mm, that bounds are enlarged by: of a deviation, and of points of surface and strips in OCCT."""
-        return 64 * _EPS * self.size + 16 * _EPS * self.max_coordinate
+        return 64 * EPSILON * self.size + 16 * EPSILON * self.max_coordinate
 
     def cut_bands(self, starts: ArrayLike, ends: ArrayLike) -> "SurfaceBands":
         """Cut bands out: one from v = starts to ends, or several (k,)."""

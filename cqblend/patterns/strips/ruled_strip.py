@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, multiply_polynomials
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.bernstein import EPSILON, Array, multiply_polynomials
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +95,7 @@ class RuledStrip:
             chord = second - first
             square = (chord * chord).sum(axis=-1)
             dots = ((self.surface(u_at, v_at) - first) * chord).sum(axis=-1)
-            shortest = 64 * _EPS * max(float(np.abs(points).max(initial=0.0)) for points in (first, second))
+            shortest = 64 * EPSILON * max(float(np.abs(points).max(initial=0.0)) for points in (first, second))
             by_parameter = (v_at - start) / (end - start)
             found = np.divide(dots, square, out=by_parameter, where=square > shortest**2)
         found = np.where(v_at == start, 0.0, np.where(v_at == end, 1.0, found))
@@ -118,7 +116,7 @@ class RuledStrip:
         w1, w2 = first.coefs[:, -1:], second.coefs[:, -1:]
         ratio = w2 / w1
         row1, row2 = first.coefs, second.coefs
-        if np.ptp(ratio) <= 32 * _EPS * ratio.max():
+        if np.ptp(ratio) <= 32 * EPSILON * ratio.max():
             row2 = row2 / ratio
         else:
             row1, row2 = multiply_polynomials(row1, w2), multiply_polynomials(row2, w1)
