@@ -19,12 +19,16 @@ from cqblend.blends.contacts.contact_solver import (
     solve_ball_contacts,
     solve_setback_contacts,
 )
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.pde.problem import PdeSettings, SideSetup
 from cqblend.blends.potential.edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
-from cqblend.blends.rails import cross_fields, rail_fit
-from cqblend.blends.rails.rail_fit import RibbonTargets
+from cqblend.blends.rails import cross_fields
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -60,8 +64,8 @@ def make_contact_solver(joint: Joint, request: BlendRequest) -> ContactSolver:
         return solve_setback_contacts(joint.sides, stations, (first, second))
 
     if joint.spine.closed:
-        return rail_fit.unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
-    return rail_fit.unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
+        return unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
+    return unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
 
 
 def fit_rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
@@ -72,20 +76,19 @@ def fit_rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) 
     solve, closed = make_contact_solver(joint, request), joint.spine.closed
     targets = _get_ribbon_targets(request)
     if not closed:
-        rails = rail_fit.fit_straight_ribbons(joint.primaries, solve, domain, targets, joint.extent)
+        rails = fit_straight_ribbons(joint.primaries, solve, domain, targets, joint.extent)
         if rails is not None:
             return rails
     turn = joint.spine.measure_arc_angle()
     if turn is not None:
-        rails = rail_fit.fit_circular_ribbons(
-            joint.primaries, solve, domain, turn, targets, joint.extent, _get_largest_arc(joint)
-        )
+        layout = ArcLayout(domain, turn, _get_largest_arc(joint))
+        rails = fit_circular_ribbons(joint.primaries, solve, layout, targets, joint.extent)
         if rails is not None:
             return rails
     if closed:
         start = joint.choose_rail_start(solve(np.arange(64) / 64))
         domain = (start, start + 1)
-    return rail_fit.fit_cubic_ribbons(joint.primaries, solve, domain, targets, closed=closed)
+    return fit_cubic_ribbons(joint.primaries, solve, domain, targets, closed=closed)
 
 
 def _get_ribbon_targets(request: BlendRequest) -> RibbonTargets:
@@ -117,8 +120,8 @@ def make_blend_surface(ribbons: tuple[Ribbon, Ribbon], joint: Joint, request: Bl
         domain, turn = ribbons[0].c.domain, joint.spine.measure_arc_angle()
         sweep = replace(sweep, domain=domain)
         if ribbons[0].light and turn is not None:
-            arc = _get_largest_arc(joint)
-            sweep = replace(sweep, edge_parameter_at=lambda t: rail_fit.map_arc_parameters(domain, turn, t, arc)[0])
+            layout = ArcLayout(domain, turn, _get_largest_arc(joint))
+            sweep = replace(sweep, edge_parameter_at=lambda t: layout.map_parameters(t)[0])
         return loosen_until_feasible(
             partial(_blend_swept, sweep, joint.spine.closed, ribbons, request), _get_section_tolerance(request)
         )
@@ -138,7 +141,7 @@ def _blend_swept(
 
 def _get_largest_arc(joint: Joint) -> float:
     """Return the largest angle (rad) of one rational arc of a circular rail."""
-    return rail_fit.QUARTER_TURN if joint.spine.closed else rail_fit.THIRD_TURN
+    return RAIL_TOLERANCES.largest_closed_arc if joint.spine.closed else RAIL_TOLERANCES.largest_open_arc
 
 
 def _get_section_tolerance(request: BlendRequest) -> float:

@@ -1,1 +1,1 @@
-"""Contacts: from stations along an edge to the points where a rolling ball, or a set-back, touches the two faces."""
+"""Contacts: for every station of an edge, the points of both surfaces at which a blend is to meet them."""

@@ -1,118 +1,152 @@
-"""Corners: where rails, before they are fitted, cross knot lines at which a spline is not smooth enough for a fit.
+"""Finds where contact curves cross knot lines of a spline surface, before rails are fitted to them.
 
-Parameters of contacts have kinks there, even where the surface in space has none: circles as rational splines are made
-of arcs whose parameters only just join. A fit that knows the places needs no more spans because of them.
+At a knot line at which the surface is less than C3, the native parameters of contacts may have kinks, even where the
+surface has none in space: a circle as a rational spline is made of arcs whose parametrisations only just join. A fit
+with a break at the crossing needs no more spans because of the kink.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import ContactSolver
+from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import solve_in_brackets
 from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.primary import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 
-LEAST_SMOOTH_CONTINUITY = 3  # continuity, below which a knot line makes corners
-SEARCH_STATIONS, SECANT_STEPS = 129, 30  # contacts between which crossings are looked for, and steps to find them
-KINK_PROBE_SHARE = 1e-3  # of a rail: as near to a line, kinks are looked for
-CROSSING_TOLERANCE = 1e-13  # of a parameter: as near as that, a line is reached
 
+@dataclass(frozen=True)
+class ContactCrossing:
+    """Where the contacts of one side (0 or 1) cross a knot line, native parameter ``axis`` = ``value``, at ``t``.
 
-class ContactCrossing(NamedTuple):
-    """Where contacts of a side cross a knot line: at t, parameter ``axis`` = ``value``.
-
-    It is ``sharp`` if the surface is less than C2 there, so that directions across are no more than C0, and a ``bend``
-    if only its parameters have that kink, its shape not. Then ``smooth`` says that the contacts have none in these
-    parameters: they have it in space.
+    ``below_c2``: the surface is less than C2 there, so that cross directions are no more than C0. ``parametric_kink``:
+    it is its parametrisation that has the kink, its shape is smoother. Then ``smooth_in_parameters`` says that the
+    contact curve has no kink in (u, v); it has one in space.
     """
 
     t: float
     side: int
     axis: int
     value: float
-    sharp: bool
-    bend: bool = False
-    smooth: bool = False
+    below_c2: bool
+    parametric_kink: bool = False
+    smooth_in_parameters: bool = False
+
+
+@dataclass(frozen=True)
+class _KnotLine:
+    """A knot line ``axis`` = ``value``, periodic with ``period``, and the continuity of the surface across it."""
+
+    axis: int
+    value: float
+    period: float | None
+    continuity: int
+
+
+@dataclass(frozen=True)
+class _CrossingBracket:
+    """Stations ``low`` < t < ``high`` between which the contacts pass a line, and how far past it they are there."""
+
+    line: _KnotLine
+    low: float
+    high: float
+    low_distance: float
+    high_distance: float
 
 
 def find_contact_crossings(
-    solve: ContactSolver, primary: Primary, side: int, domain: tuple[float, float], bent: int
+    solve: ContactSolver, primary: Primary, side: int, domain: tuple[float, float], order: int
 ) -> list[ContactCrossing]:
-    """Return where contacts cross knot lines of a spline that is less than C3 there; bends are of order ``bent``."""
+    """Return where the contacts of a side cross knot lines at which its surface, a spline, is less than C3.
+
+    Parametric kinks are reported for jets up to ``order``.
+    """
     if not isinstance(primary, TensorSurface) or all(primary.is_angular):
         return []
-    rough: list[list[tuple[float, int]]] = [
-        list(zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True))
-        for axis in (0, 1)
-    ]
-    for axis, period in enumerate(primary.periods):
-        if period is not None:
-            rough[axis].append((float(primary.breaks[axis][0]), primary.seam_continuity[axis]))
-    if all(order >= LEAST_SMOOTH_CONTINUITY for lines in rough for _, order in lines):
+    rough = [line for line in _list_knot_lines(primary) if line.continuity < CONTACT_TOLERANCES.rough_continuity]
+    if not rough:
         return []
-    t = np.linspace(*domain, SEARCH_STATIONS)
-    uv = solve(t).uv[side]
-    found: list[
-        tuple[ContactCrossing, float, float, float]
-    ] = []  # with the end of the bracket, and the values at both ends
-    for axis, lines in enumerate(rough):
-        period = primary.periods[axis]
-        for line, order in lines:
-            off = distance_past_knot(uv[:, axis], line, period)
-            jump = np.inf if period is None else period / 4
-            passing = (off[:-1] * off[1:] <= 0) & (np.abs(np.diff(off)) < jump) & (off[:-1] != off[1:])
-            if order < 3:
-                found += [
-                    (
-                        ContactCrossing(float(t[i]), side, axis, line, order < 2),
-                        float(t[i + 1]),
-                        float(off[i]),
-                        float(off[i + 1]),
-                    )
-                    for i in np.flatnonzero(passing)
-                ]
-    if not found:
+    brackets = _bracket_crossings(solve, rough, side, domain)
+    if not brackets:
         return []
-    low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
-    high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
-    axes = np.array([one.axis for one, *_ in found])
+    t = _solve_crossings(solve, brackets, side)
+    ascending = np.argsort(t, kind="stable")
+    reached = solve(t[ascending]).uv[side]
+    crossings = []
+    for i, uv in zip(ascending.tolist(), reached, strict=True):
+        line = brackets[i].line
+        crossing = ContactCrossing(float(t[i]), side, line.axis, line.value, line.continuity < 2)
+        uv[line.axis] -= distance_past_knot(uv[line.axis : line.axis + 1], line.value, line.period)[0]
+        (continuity,), (shape_continuity,), _ = primary.measure_smoothness(uv[None], line.axis)
+        if continuity <= order and continuity < shape_continuity:
+            smooth = continuity > 0 and _is_smoother_in_parameters(solve, primary, crossing, domain)
+            crossing = replace(crossing, parametric_kink=True, smooth_in_parameters=smooth)
+        crossings.append(crossing)
+    return crossings
 
-    def measure_past_knots(t: Array) -> Array:
+
+def _list_knot_lines(primary: TensorSurface) -> list[_KnotLine]:
+    """Return the knot lines inside the domain, and those at which a periodic surface closes."""
+    lines = []
+    for axis, period in enumerate(primary.periods):
+        inner = zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True)
+        lines += [_KnotLine(axis, value, period, continuity) for value, continuity in inner]
+        if period is not None:
+            lines.append(_KnotLine(axis, float(primary.breaks[axis][0]), period, primary.seam_continuity[axis]))
+    return lines
+
+
+def _bracket_crossings(
+    solve: ContactSolver, lines: list[_KnotLine], side: int, domain: tuple[float, float]
+) -> list[_CrossingBracket]:
+    """Return the pairs of neighbouring stations between which contacts pass a line."""
+    t = np.linspace(*domain, CONTACT_TOLERANCES.crossing_stations)
+    uv = solve(t).uv[side]
+    brackets = []
+    for line in lines:
+        past = distance_past_knot(uv[:, line.axis], line.value, line.period)
+        jump = np.inf if line.period is None else line.period / 4
+        passing = (past[:-1] * past[1:] <= 0) & (np.abs(np.diff(past)) < jump) & (past[:-1] != past[1:])
+        brackets += [
+            _CrossingBracket(line, float(t[i]), float(t[i + 1]), float(past[i]), float(past[i + 1]))
+            for i in np.flatnonzero(passing)
+        ]
+    return brackets
+
+
+def _solve_crossings(solve: ContactSolver, brackets: list[_CrossingBracket], side: int) -> Array:
+    """Return the t (n,) at which contacts are on the lines, for all brackets at once."""
+    ends = np.array([(one.low, one.high) for one in brackets]).T
+    distances = np.array([(one.low_distance, one.high_distance) for one in brackets]).T
+    axes = np.array([one.line.axis for one in brackets])
+
+    def measure_past_lines(t: Array) -> Array:
         ascending = np.argsort(t, kind="stable")
         reached = np.empty_like(t)
         reached[ascending] = solve(t[ascending]).uv[side][np.arange(len(t)), axes[ascending]]
         return np.array(
             [
-                float(distance_past_knot(reached[k : k + 1], one.value, primary.periods[one.axis])[0])
-                for k, (one, *_) in enumerate(found)
+                float(distance_past_knot(reached[k : k + 1], one.line.value, one.line.period)[0])
+                for k, one in enumerate(brackets)
             ]
         )
 
-    middle = solve_in_brackets(measure_past_knots, (low, high), (first, last), CROSSING_TOLERANCE, SECANT_STEPS)
-    ascending = np.argsort(middle, kind="stable")
-    reached = solve(middle[ascending]).uv[side]
-    crossings = []
-    for i, at in zip(ascending.tolist(), reached, strict=True):
-        one = found[i][0]._replace(t=float(middle[i]))
-        at[one.axis] -= distance_past_knot(at[one.axis : one.axis + 1], one.value, primary.periods[one.axis])[0]
-        (continuity,), (shape,), _ = primary.measure_smoothness(at[None], one.axis)
-        bend = continuity <= bent and continuity < shape
-        smooth = bend and continuity > 0 and _is_smoother_in_parameters(solve, primary, one, domain)
-        crossings.append(one._replace(bend=bend, smooth=smooth))
-    return crossings
+    residual, steps = CONTACT_TOLERANCES.crossing_residual, CONTACT_TOLERANCES.secant_steps
+    return solve_in_brackets(measure_past_lines, (ends[0], ends[1]), (distances[0], distances[1]), residual, steps)
 
 
 def _is_smoother_in_parameters(
-    solve: ContactSolver, primary: TensorSurface, one: ContactCrossing, domain: tuple[float, float]
+    solve: ContactSolver, primary: TensorSurface, crossing: ContactCrossing, domain: tuple[float, float]
 ) -> bool:
     """Whether second derivatives of contacts jump less in the parameters of their surface than in space."""
-    step = min(KINK_PROBE_SHARE * (domain[1] - domain[0]), (one.t - domain[0]) / 4, (domain[1] - one.t) / 4)
-    uv = solve(one.t + step * np.arange(-3, 4)).uv[one.side]
+    room = (crossing.t - domain[0]) / 4, (domain[1] - crossing.t) / 4
+    step = min(CONTACT_TOLERANCES.kink_probe_share * (domain[1] - domain[0]), *room)
+    uv = solve(crossing.t + step * np.arange(-3, 4)).uv[crossing.side]
     for axis, period in enumerate(primary.periods):
         if period is not None:
             uv[:, axis] = shift_to_period(uv[:, axis], uv[3:4, axis], period)
@@ -122,6 +156,6 @@ def _is_smoother_in_parameters(
     return bool(np.linalg.norm(native[0] * jet[1, 3] + native[1] * jet[2, 3]) < np.linalg.norm(space))
 
 
-def distance_past_knot(values: Array, line: float, period: float | None) -> Array:
-    """Return how far (n,) parameters are past a knot line, of the nearest lap."""
-    return values - (line if period is None else shift_to_period(np.full_like(values, line), values, period))
+def distance_past_knot(values: Array, knot: float, period: float | None) -> Array:
+    """Return how far (n,) native parameters are past a knot, or past its nearest repetition by the period."""
+    return values - (knot if period is None else shift_to_period(np.full_like(values, knot), values, period))

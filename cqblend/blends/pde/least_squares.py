@@ -1,7 +1,7 @@
 r"""The sums of squares whose minimum solves an equation between two rails, and their minimum, by QR factorisations.
 
 Unknown are the coefficients of the bubbles across (polynomials in v that vanish at both rails with their derivatives,
-:mod:`cqblend.blends.sections.cross_basis`) times the functions along. There are two sums:
+:mod:`cqblend.blends.pde.bubble_basis`) times the functions along. There are two sums:
 
 - the *residual* of the equation at collocation points, You and Zhang's eq. 11 and 12. The equation does not couple
   waves of different frequencies, so each of them is solved by itself;
@@ -22,10 +22,10 @@ from typing import Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
+from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis
 from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.tolerances import PDE_LIMITS
-from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule

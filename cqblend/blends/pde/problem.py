@@ -14,13 +14,14 @@ import numpy as np
 
 from cqblend.blends.pde.equations import Equation, ShapeParameters, make_equations
 from cqblend.blends.pde.least_squares import Minimise
+from cqblend.blends.pde.pde_section import PdeSection
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter, evaluate_mean_speed
 from cqblend.blends.pde.solution import BoundaryData, BoundaryProblem, EndSections, Solution
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
-from cqblend.blends.sections.interior import LEAST_POINTS_ACROSS, PdeSection
+from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
@@ -117,7 +118,7 @@ class PdeSettings:
         knots, (kinks, orders) = rail_parameter.invert_parameter(problem.basis.knots), rail_parameter.find_kinks()
         interior = PdeSection(
             solution.halves,
-            max(LEAST_POINTS_ACROSS, 4 * solution.terms),
+            max(SECTION_TOLERANCES.least_points_across, 4 * solution.terms),
             max(tolerance, PDE_TOLERANCES.interior * problem.data.width) if setup.by_length else tolerance,
             setup.closed,
             np.concatenate([knots, kinks]),

@@ -6,7 +6,7 @@ Boundary data are the derivatives by v, across, on both rails. They are expanded
 .. math:: f(v, w) = \sum_j \Big( \sum_{e, r} h_{er}(v)\, a_{erj} + \sum_m \varphi_m(v)\, q_{mj} \Big)\, g_j(w),
 
 with Hermite's polynomials h, which have the boundary data, and the bubbles :math:`\varphi`, which vanish at both rails
-with their derivatives (:mod:`cqblend.blends.sections.cross_basis`): it satisfies its boundary conditions exactly,
+with their derivatives (:mod:`cqblend.blends.pde.bubble_basis`): it satisfies its boundary conditions exactly,
 whatever q is (eq. 9 and 10). The unknowns q minimise a sum of squares, that of the residual (eq. 11 and 12) or the
 energy (:mod:`cqblend.blends.pde.least_squares`).
 """
@@ -20,6 +20,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
 from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.least_squares import (
     CollocationCounts,
@@ -31,7 +32,6 @@ from cqblend.blends.pde.least_squares import (
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
-from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
 from cqblend.splines.bernstein import Array
 
 

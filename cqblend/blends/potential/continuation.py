@@ -13,7 +13,7 @@ from typing import Generic, Protocol
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import solve_damped_newton
+from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.potential.family_pair import FamilyPair, Reshaped
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError

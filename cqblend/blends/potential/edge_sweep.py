@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import (
-    SMOOTH_EDGE_SINE,
     Contacts,
     Stations,
     SupportSurface,
     compute_inward_directions,
     project_to_intersection,
 )
+from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.blends.potential.continuation import IntersectionCurves, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.blends.potential.offset_family import OffsetSide
@@ -129,7 +129,7 @@ def sweep_from_edge(
         return project_to_intersection(sides, stations(t), scale)
 
     turn = compute_inward_directions(sides, project_edge_stations(np.linspace(0.02, 0.98, 25)))[2]
-    if turn.max() > SMOOTH_EDGE_SINE and turn.min() < -SMOOTH_EDGE_SINE:
+    if turn.max() > CONTACT_TOLERANCES.smooth_edge_sine and turn.min() < -CONTACT_TOLERANCES.smooth_edge_sine:
         raise GeometryError("the edge changes between convex and concave: its sides cannot be moved towards the blend")
     blend_sign = -float(np.sign(turn.sum()))
     first, second = (OffsetSide(side.primary, blend_sign * side.outward) for side in sides)

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import differentiate_normal
+from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.potential.surface_family import (
     AmountFunction,
     Family,

@@ -15,16 +15,19 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
-from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
+from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
 from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
-from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import fit_straight_ribbons
 from cqblend.blends.rails.fit_errors import TooManySpansError
-from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
@@ -165,7 +168,7 @@ class Sweep:
             jet = self.curves.family_pair.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
             across = (cross_product(rate, vectors) * normalise_vectors(cross_product(jet[1], jet[2]))).sum(axis=1)
-            across[length <= LEAST_MEASURABLE_SHARE * length.max()] = 0.0
+            across[length <= RAIL_TOLERANCES.measurable_share * length.max()] = 0.0
             backwards = across * np.sign(across.sum()) < 0
             if backwards.any():
                 i = int(backwards.argmax())
@@ -201,25 +204,21 @@ class Sweep:
         """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of the interior."""
         self._check_sides()
         first, second = (family.primary for family in self.curves.family_pair.families)
-        unwrap: Callable[..., ContactSolver] = (
-            rail_fit.unwrap_closed_solver if self.closed else rail_fit.unwrap_open_solver
-        )
+        unwrap: Callable[..., ContactSolver] = unwrap_closed_solver if self.closed else unwrap_open_solver
         solve = unwrap(self.solve_contacts, (first, second))
         wanted = make_ribbon_targets(tolerance, self.width)
         straight = (
-            None
-            if self.closed
-            else rail_fit.fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
+            None if self.closed else fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
         )
         kinks, orders = self.kinks
         try:
-            first_ribbon, second_ribbon = straight or rail_fit.fit_cubic_ribbons(
+            first_ribbon, second_ribbon = straight or fit_cubic_ribbons(
                 (first, second),
                 solve,
                 self.domain,
                 wanted,
                 closed=self.closed,
-                corners=kinks[orders < LEAST_SMOOTH_CONTINUITY],
+                corners=kinks[orders < CONTACT_TOLERANCES.rough_continuity],
             )
         except TooManySpansError as error:
             raise TooManySpansError(error.finding, self._explain_roughness()) from error

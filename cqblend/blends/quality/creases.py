@@ -8,21 +8,21 @@ caller allows it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cqblend.blends.quality.tolerances import CREASE_TOLERANCES
-from cqblend.blends.rails.ribbon import Ribbon, evaluate_space_jets
-from cqblend.blends.rails.steering import SLIVER_SHARE, RequiredTurn, find_required_turns
+from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, evaluate_space_jets
+from cqblend.blends.rails.steering import RequiredTurn, find_required_turns
+from cqblend.blends.rails.steering_advice import round_up_to_two_digits, suggest_remedy
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.vectors import cross_product
-
-if TYPE_CHECKING:
-    from cqblend.blends.sections.blend_surface import BlendSurface
 
 
 class CreaseLimit(NamedTuple):
@@ -105,7 +105,7 @@ def check_creases(
     worst = int(angle.argmax())
     place = f"at t = {t[worst]:.6g}, where {_describe_cause(blend, names, float(t[worst]), causes[worst])}"
     remedies = [suggest_remedy(_group_by_place(causes) if all(causes) else [])] if steers else []
-    remedies.append(f"crease={_round_up(float(angle.max())):.2g}, which allows it")
+    remedies.append(f"crease={round_up_to_two_digits(float(angle.max())):.2g}, which allows it")
     raise GeometryError(
         f"the blend has a crease of {angle[worst]:.2g} rad inside, over {allowed.uniform_limit:.2g}, {place}: "
         f"take {'; or '.join(remedies)}"
@@ -121,7 +121,7 @@ class _Cause(NamedTuple):
 
 def _find_causes(blend: BlendSurface, names: tuple[str, str], t: Array) -> list[list[_Cause]]:
     """Return, for each t, the knot lines of both surfaces that the rails cross there."""
-    same_place = SLIVER_SHARE * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
+    same_place = RAIL_TOLERANCES.sliver_share * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
     causes = [
         _Cause(name, turn)
         for name, ribbon in zip(names, blend.ribbons, strict=True)
@@ -155,29 +155,6 @@ def _describe_cause(blend: BlendSurface, names: tuple[str, str], t: float, cause
 
 def _has_speed_jump(ribbon: Ribbon, t: float) -> bool:
     """Whether the speed of a rail jumps at t."""
-    sides: tuple[BreakSide, BreakSide] = ("left", "right")
     position = ribbon.primary.compose_position(ribbon.c)
-    before, after = (evaluate_space_jets([position], np.array([t]), 1, side)[0, 1] for side in sides)
+    before, after = (evaluate_space_jets([position], np.array([t]), 1, side)[0, 1] for side in BREAK_SIDES)
     return bool(np.abs(after - before).max() > CREASE_TOLERANCES.smooth_angle * np.abs(before).max())
-
-
-def suggest_remedy(needed: Sequence[Sequence[RequiredTurn]]) -> str:
-    """Return the advice for places on rails where directions would have to turn: a larger ``steer``, if that helps.
-
-    ``needed`` are the turns that the knot lines of one surface require at each place; where there are several lines, no
-    direction is parallel to all of them.
-    """
-    largest, turns = CREASE_TOLERANCES.largest_turn, [turn for place in needed for turn in place]
-    steer = max((abs(turn.angle) for turn in turns), default=np.inf) + CREASE_TOLERANCES.turn_margin
-    has_single_lines = all(len(place) == 1 for place in needed)
-    is_near_rail = any(turn.clear < CREASE_TOLERANCES.near_rail_angle for turn in turns)
-    if not has_single_lines or steer > largest or is_near_rail:
-        return "other tangents, or less continuity: no steer= would do"
-    warning = ", so far that the blend may fold" if steer > CREASE_TOLERANCES.folding_turn else ""
-    return f"steer={min(_round_up(steer), largest):.3g}, which turns the directions along the line{warning}"
-
-
-def _round_up(value: float) -> float:
-    """Round up to two digits."""
-    digit = 10.0 ** (np.floor(np.log10(value)) - 1)
-    return float(np.ceil(value / digit) * digit)

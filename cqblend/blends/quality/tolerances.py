@@ -9,7 +9,7 @@ from cqblend.splines.bernstein import EPSILON
 
 @dataclass(frozen=True)
 class CreaseTolerances:
-    """Creases inside a blend: what counts as one, and which turns of the cross directions can remove it."""
+    """Creases inside a blend: what counts as one."""
 
     rounding_angle: float = 1e-9
     """Largest jump of the normal that is rounding, rad, even where no crease is allowed."""
@@ -25,19 +25,6 @@ class CreaseTolerances:
 
     smooth_angle: float = 1e-6
     """Largest kink of a closed rail where it meets itself, rad; and largest relative jump of the speed of a rail."""
-
-    near_rail_angle: float = 0.05
-    """Angle between a knot line and a rail, rad, below which directions parallel to the line are nearly tangent to the
-    rail, so that they span no usable tangent plane with it."""
-
-    folding_turn: float = 0.8
-    """Turn of the directions, rad, from which on a blend often folds."""
-
-    largest_turn: float = 1.57
-    """Largest turn that can be asked for, rad."""
-
-    turn_margin: float = 0.01
-    """Added to the turn that is advised, rad, since the required one depends a little on the direction itself."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
-"""Cross directions of a fitted rail: Kim and Elber's fields T1 to T3 as numbers, on any primary.
+"""Computes the cross directions of rails fitted to contacts: Kim and Elber's fields T1 to T3, on any primary surface.
 
-A field tells, at each station, in which tangent direction a blend leaves its surface; a ribbon is then fitted to it in
-the parameter plane (:mod:`cqblend.blends.rails.direction_fit`). Only directions count here: lengths are chosen apart
-from them. On rails that are given, on splines, all five fields are those of :class:`cqblend.blends.rails.rail.Rail`.
+A field gives, at each station, the tangent direction in which a blend leaves its surface; ribbons are then fitted to it
+in the parameter plane (:mod:`cqblend.blends.rails.direction_fit`). Only directions count here: lengths come from the
+contacts. On rails that are given, on splines, all five fields are exact curves: those of
+:class:`cqblend.blends.rails.rail.Rail`.
 """
 
 from __future__ import annotations
@@ -12,67 +13,69 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
-LEAST_TANGENT_SHARE = 1e-6  # share of a vector that is tangent, below which it has no tangent direction
-
 
 @dataclass(frozen=True)
 class RailStations:
-    """Stations (n,) along one rail: the surface's native jet (6, n, 3), the rail's velocity, the way to the other rail.
+    """Stations at ``t`` (n,) along one rail, with what the fields need there.
 
-    ``towards`` (n, 3) points from the rail to where the blend will be, ``chord_field`` (n, 3) to the other rail.
+    ``jet`` (6, n, 3) is the native jet of the surface, ``velocity`` (n, 3) the derivative of the rail in space,
+    ``towards_blend`` (n, 3) points from the rail to the edge point, and ``chord`` (n, 3) to the other rail.
     """
 
     t: Array
     jet: Array
     velocity: Array
-    towards: Array
+    towards_blend: Array
     chord: Array
 
 
 CrossField = Callable[[RailStations], Array]
-"""The vectors (n, 3) of a cross direction, of any length; their projections on the tangent planes are meant."""
+"""A function from stations to vectors (n, 3) of any length, whose projections on the tangent planes are the field."""
 
 
-def perpendicular_field(at: RailStations) -> Array:
+def perpendicular_field(stations: RailStations) -> Array:
     """T2 = +-(C' x n): perpendicular to the rail in space, on the side of the blend on the whole."""
-    return _orient_towards_blend(cross_product(at.velocity, normalise_vectors(cross_product(at.jet[1], at.jet[2]))), at)
+    return _orient_towards_blend(
+        cross_product(stations.velocity, normalise_vectors(cross_product(stations.jet[1], stations.jet[2]))), stations
+    )
 
 
-def parametric_field(at: RailStations) -> Array:
+def parametric_field(stations: RailStations) -> Array:
     """T1 = +-(v' Su - u' Sv): perpendicular to the rail in the parameter plane."""
-    rate = to_tangent_coordinates(at.jet, at.velocity)
-    return _orient_towards_blend(rate[:, 1:] * at.jet[1] - rate[:, :1] * at.jet[2], at)
+    rate = to_tangent_coordinates(stations.jet, stations.velocity)
+    return _orient_towards_blend(rate[:, 1:] * stations.jet[1] - rate[:, :1] * stations.jet[2], stations)
 
 
-def chord_field(at: RailStations) -> Array:
-    """T3: the way to the other rail."""
-    return at.chord
+def chord_field(stations: RailStations) -> Array:
+    """T3: the direction to the other rail."""
+    return stations.chord
 
 
-def _orient_towards_blend(vectors: Array, at: RailStations) -> Array:
-    """Turn a field, as a whole, to the side of the blend."""
-    return vectors * (np.sign((vectors * at.towards).sum()) or 1.0)
+def _orient_towards_blend(vectors: Array, stations: RailStations) -> Array:
+    """Return a field, or its negative, whichever points to the blend at most stations by the sum of its vectors."""
+    return vectors * (np.sign((vectors * stations.towards_blend).sum()) or 1.0)
 
 
-def compute_unit_directions(field: CrossField, at: RailStations) -> Array:
+def compute_unit_directions(field: CrossField, stations: RailStations) -> Array:
     """Return the unit tangent vectors (n, 3) of a field.
 
     Raises
     ------
     GeometryError
-        If the field vanishes or stands on the surface somewhere.
+        If the field vanishes or is normal to the surface somewhere.
     """
-    n = normalise_vectors(cross_product(at.jet[1], at.jet[2]))
-    vectors = field(at)
+    n = normalise_vectors(cross_product(stations.jet[1], stations.jet[2]))
+    vectors = field(stations)
     flat = vectors - (vectors * n).sum(1, keepdims=True) * n
     length = np.linalg.norm(flat, axis=1)
-    if not np.all(length > LEAST_TANGENT_SHARE * np.linalg.norm(vectors, axis=1)):
+    if not np.all(length > RAIL_TOLERANCES.least_tangent_share * np.linalg.norm(vectors, axis=1)):
         raise GeometryError(
-            f"the cross direction at t = {at.t[length.argmin()]:.6g} is zero or normal to the surface: it has no "
+            f"the cross direction at t = {stations.t[length.argmin()]:.6g} is zero or normal to the surface: it has no "
             "tangent part; choose other tangents"
         )
     return flat / length[:, None]

@@ -1,8 +1,8 @@
-"""Aiming: fits the directions of a ribbon, on a rail that is already there, to wanted vectors in space.
+"""Fits the directions of a ribbon, on a rail that is given, to wanted cross derivatives in space.
 
-Directions are fitted as curves of lifted parameters, C2 and of low degree, because nothing else may approximate: with
-every one of them the blend is exactly smooth. What a fit misses is the direction and the length that were asked for,
-and it says by how much.
+Directions are curves of lifted parameters, C2 and of low degree. They may be approximate, since with any directions the
+blend is exactly smooth with its surface. What a fit misses is the wanted angle and length of the cross derivatives, and
+it measures by how much.
 """
 
 from __future__ import annotations
@@ -13,146 +13,126 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, ParametricKinks
+from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData, add_third_points, interpolate_with_corners
+from cqblend.blends.rails.knot_line_bends import ParametricKinks
 from cqblend.blends.rails.rail import Rail
-from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
+from cqblend.blends.rails.ribbon import Ribbon, SampledRail, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering, find_pins
-from cqblend.splines import Curve, interpolation
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import merge_breaks
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
-from cqblend.surfaces.primary import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
-INITIAL_SPANS = 16  # spans of a cubic fit
-SHORTEST_SPAN_BY_ORDER = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
-"""Its shortest span for the sake of directions, as a share of the whole, by order of continuity.
 
-The rounding of a blend's poles shows in its derivatives of order k divided by spans to the power of k.
-"""
-DIRECTION_TOLERANCE, LENGTH_TOLERANCE = 1e-5, 1e-3  # rad, and relative: what a direction may miss
-LEAST_VECTOR_SHARE = 1e-3  # of the largest vector along a rail: what is shorter has faded
-SAME_FIT_TOLERANCE = 1e-6  # relative: fits that differ by less are the same
-SAME_VALUE_TOLERANCE = 1e-14  # relative: values on both sides of a bend that differ by less are one
+@dataclass(frozen=True)
+class DirectionMethod:
+    """How the directions of a ribbon are fitted.
 
-
-def add_third_points(nodes: Array) -> Array:
-    """Return the nodes, and two parameters between neighbouring ones; those of a span depend on its ends alone."""
-    steps = np.diff(nodes)
-    inside = np.stack([nodes[:-1], nodes[:-1] + steps / 3, nodes[:-1] + 2 * steps / 3], axis=1)
-    return np.append(inside.ravel(), nodes[-1])
-
-
-def fit_directions(
-    primary: Primary,
-    c: Curve,
-    uv: Array,
-    t: Array,
-    vectors: Array,
-    order: int,
-    make: CurveMaker,
-    steering: Steering,
-    bends: ParametricKinks | None = None,
-) -> tuple[tuple[Curve, ...], Array, Array]:
-    """Fit the directions of a ribbon on a rail to wanted first ones, tangent vectors (n, 3) at t.
-
-    ``uv`` (n, 2) are the rail's native parameters at t; ``make`` turns lifted values there into a curve. Second
-    directions are such that the second derivative is normal to the surface, third ones such that the speed of the
-    ribbon's sections stays constant: those of curves run through at constant speed and as straight as they can be.
-
-    Returns
-    -------
-    directions, direction, length
-        The lifted curves, and how far the first one is from the (steered) vectors at t: rad, and relative.
+    ``order`` is that of the continuity, and so the number of directions; ``make_curve`` makes curves of lifted values
+    at the samples of the rail; ``steering`` turns the directions; ``kinks`` are the parametric kinks on the rail.
     """
-    jet = primary.jet(uv)
-    vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), t)
-    values = primary.lift_directions(uv, c(t), steering.zero_at_pins(to_tangent_coordinates(jet, vectors), t))
-    if bends is None:
-        first = make(values, None)
+
+    order: int
+    make_curve: CurveMaker
+    steering: Steering
+    kinks: ParametricKinks | None = None
+
+
+@dataclass(frozen=True)
+class FittedDirections:
+    """Fitted directions, and how far the first one is from the (steered) vectors at the samples: rad, and relative."""
+
+    curves: tuple[Curve, ...]
+    angle_errors: Array
+    length_errors: Array
+
+
+def fit_directions(rail: SampledRail, vectors: Array, method: DirectionMethod) -> FittedDirections:
+    """Fit directions to wanted cross derivatives, tangent vectors (n, 3) at the samples of a rail.
+
+    The second direction is such that the second derivative of the ribbon is normal to the surface, the third one such
+    that the speed of its sections is constant: those of curves that run as straight as they can, at constant speed.
+    """
+    steering, kinks, c, jet = method.steering, method.kinks, rail.c, rail.jet
+    vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), rail.t)
+    rs = steering.zero_at_pins(to_tangent_coordinates(jet, vectors), rail.t)
+    values = rail.primary.lift_directions(rail.uv, c(rail.t), rs)
+    if kinks is None:
+        first = method.make_curve(values, None)
     else:
-        rs = steering.zero_at_pins(bends.to_coordinates(vectors[bends.sample_indices[1]]), bends.t[0])
-        before = primary.lift_directions(bends.uv[0], c(bends.t[0], side="left"), rs)
-        first = bends.fit_curve(primary, values, before, make, lambda _: c, lambda d: primary.compose_jets(c, [d]))
-    directions = add_higher_directions(primary, c, [first], uv, t, order, make, steering, bends)
-    return directions, *_measure_deviations(primary.compose_jets(c, [first]), t, vectors)
+        rs = steering.zero_at_pins(kinks.to_coordinates(vectors[kinks.sample_indices[1]]), kinks.t[0])
+        before = rail.primary.lift_directions(kinks.uv[0], c(kinks.t[0], side="left"), rs)
+        first = kinks.fit_curve(values, before, method.make_curve, lambda d: (c, rail.primary.compose_jets(c, [d])))
+    angles, lengths = _measure_deviations(rail.primary.compose_jets(c, [first]), rail.t, vectors)
+    return FittedDirections(add_higher_directions(rail, first, method), angles, lengths)
 
 
 def _measure_deviations(jets: Sequence[Curve], t: Array, vectors: Array) -> tuple[Array, Array]:
     """Return how far the first derivatives of a ribbon are from vectors (n, 3) at t: rad, and relative.
 
-    Where vectors vanish they have no direction, and what is left of them is compared with the largest.
+    Vectors that vanish have no direction, and differences of length are then measured relative to a short one.
     """
     fitted = dehomogenise_jets(np.stack([curve(t) for curve in jets]))[1]
     length = np.linalg.norm(vectors, axis=1)
-    least = LEAST_VECTOR_SHARE * length.max()
+    least = RAIL_TOLERANCES.compared_vector_share * length.max()
     angle = np.arctan2(np.linalg.norm(cross_product(fitted, vectors), axis=1), (fitted * vectors).sum(1))
     ratio = (np.linalg.norm(fitted, axis=1) - length) / np.maximum(length, least)
     return np.where(length > least, angle, 0.0), np.abs(ratio)
 
 
-def add_higher_directions(
-    primary: Primary,
-    c: Curve,
-    first: Sequence[Curve],
-    uv: Array,
-    t: Array,
-    order: int,
-    make: CurveMaker,
-    steering: Steering,
-    bends: ParametricKinks | None = None,
-) -> tuple[Curve, ...]:
-    """Add second and third directions, up to an order: see :func:`fit_directions`."""
-    directions = list(first)
-    jet, lifted = primary.jet(uv), c(t)
+def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMethod) -> tuple[Curve, ...]:
+    """Return the first direction with second and third ones, up to an order: see :func:`fit_directions`."""
+    primary, c, steering, kinks = rail.primary, rail.c, method.steering, method.kinks
+    directions, lifted = [first], c(rail.t)
 
-    def push_with_gauge(uv: Array, lifted: Array, rs: Array, jets: Array) -> Array:
-        gauge = -jets[-1, :, 3:] / jets[0, :, 3:]
-        return np.asarray(primary.lift_directions(uv, lifted, rs) + gauge * lifted * primary.weight_exponents)
+    def lift_without_weight(uv: Array, lifted: Array, rs: Array, jets: Array) -> Array:
+        """Return lifted directions (r, s), with that multiple of the lifted point for which their jet has no weight.
 
-    for k in range(2, order + 1):
+        A multiple of the lifted point leaves the point on the surface unchanged.
+        """
+        factor = -jets[-1, :, 3:] / jets[0, :, 3:]
+        return np.asarray(primary.lift_directions(uv, lifted, rs) + factor * lifted * primary.weight_exponents)
+
+    for k in range(2, method.order + 1):
         known = primary.compose_jets(c, directions, k)
-        jets = np.stack([curve(t) for curve in known])
+        jets = np.stack([curve(rail.t) for curve in known])
         space = dehomogenise_jets(jets)
         target = np.zeros_like(space[1])
         if k == 3:
             target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
-        plain = to_tangent_coordinates(jet, target - space[k])
-        rs = steering.align_second_directions(plain, t)
-        values = push_with_gauge(uv, lifted, rs, jets)
-        if bends is None:
-            directions.append(make(values, None))
+        plain = to_tangent_coordinates(rail.jet, target - space[k])
+        rs = steering.align_second_directions(plain, rail.t)
+        values = lift_without_weight(rail.uv, lifted, rs, jets)
+        if kinks is None:
+            directions.append(method.make_curve(values, None))
             continue
-        limits, (before, after) = bends.evaluate_left_limits(known), bends.sample_indices
-        rs = bends.to_coordinates(target[after] - dehomogenise_jets(limits)[k]) + (rs - plain)[before]
-        rs = steering.zero_at_pins(rs, bends.t[0], deep=True)
-        ends = push_with_gauge(bends.uv[0], c(bends.t[0], side="left"), rs, limits)
-        directions.append(
-            bends.fit_curve(
-                primary,
-                values,
-                ends,
-                make,
-                lambda _: c,
-                lambda d: primary.compose_jets(c, [*directions, d]),
-            )
-        )
+        limits, (before, after) = kinks.evaluate_left_limits(known), kinks.sample_indices
+        rs = kinks.to_coordinates(target[after] - dehomogenise_jets(limits)[k]) + (rs - plain)[before]
+        rs = steering.zero_at_pins(rs, kinks.t[0], second_order=True)
+        values_before = lift_without_weight(kinks.uv[0], c(kinks.t[0], side="left"), rs, limits)
+
+        def compose(d: Curve, lower: tuple[Curve, ...] = tuple(directions)) -> tuple[Curve, tuple[Curve, ...]]:
+            return c, primary.compose_jets(c, [*lower, d])
+
+        directions.append(kinks.fit_curve(values, values_before, method.make_curve, compose))
     return tuple(directions)
 
 
 @dataclass(frozen=True)
 class DirectionFit:
-    """What a ribbon on a given rail is to be.
+    """The task of fitting a ribbon on a rail that is given.
 
     Attributes
     ----------
     rail
-        Kept as it is: the blend will start on the whole of S(c(t)).
+        The rail, which is kept as it is: the blend will start on the whole of S(c(t)).
     target_vectors
         The wanted cross derivatives: tangent vectors (n, 3) at t (n,).
     order
-        Of the continuity between blend and surface.
+        The order of continuity between blend and surface.
     closed
         Whether rail and vectors return to where they start.
     exact_direction
@@ -187,18 +167,20 @@ class DirectionFit:
             return merge_breaks(self.lifted_rail.breaks, self.kink_parameters)
         return merge_breaks(
             self.lifted_rail.breaks,
-            np.array([one.t for one in self.primary.find_knot_crossings(self.lifted_rail, max(2, self.order))]),
+            np.array(
+                [crossing.t for crossing in self.primary.find_knot_crossings(self.lifted_rail, max(2, self.order))]
+            ),
         )
 
     @cached_property
     def kink_parameters(self) -> Array:
-        """The parameters at which the surface's own have a kink that its shape has not."""
+        """The parameters t at which the surface's parametrisation has a kink that its shape has not."""
         crossings = self.primary.find_knot_crossings(self.lifted_rail, self.order) if self.order else []
-        return np.array([one.t for one in crossings if one.is_parametric_kink(self.order)])
+        return np.array([crossing.t for crossing in crossings if crossing.is_parametric_kink(self.order)])
 
     @cached_property
     def has_seam_kink(self) -> bool:
-        """Whether a closed rail meets itself in a seam of the surface, at which parameters or derivatives jump."""
+        """Whether a closed rail closes on a seam of the surface, at which native parameters or derivatives jump."""
         uv = self.rail.curve(np.array(self.rail.domain))
         if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SPLINE_TOLERANCES.same_break * np.ptp(
             self.rail.surface.domain
@@ -211,19 +193,17 @@ class DirectionFit:
 
     @property
     def has_kinks(self) -> bool:
-        """Whether the rail bends anywhere."""
+        """Whether the surface's parametrisation has a kink anywhere on the rail, or where it closes."""
         return self.has_seam_kink or len(self.kink_parameters) > 0
 
     def fit_ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
-        """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
+        """Fit the directions at nodes; also return a mask of the spans in which they miss what is wanted."""
         t = add_third_points(nodes)
         kinks = merge_breaks(self.corners, np.array([pin.t for pin in steering.pins]))
-        corners = np.flatnonzero(
-            np.abs(nodes[:, None] - kinks).min(axis=1) <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0])
-        )
-        weight = (
-            self.lifted_rail[0] + self.lifted_rail[1]
-        )  # of a rational rail: it may have kinks, which directions per weight have not
+        apart = np.abs(nodes[:, None] - kinks).min(axis=1)
+        corners = np.flatnonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
+        # the weight of a rational rail may have kinks that directions divided by the weight have not
+        weight = self.lifted_rail[0] + self.lifted_rail[1]
 
         def make_direction(values: Array, kinks: KinkData | None) -> Curve:
             if not self.rail.curve.rational:
@@ -234,131 +214,90 @@ class DirectionFit:
                 interpolate_with_corners(nodes, values / weight(t), corners, closed=self.closed, kinks=kinks) * weight
             )
 
-        uv, ends = self.rail.curve(t), self.rail.curve(self.lifted_rail.breaks)
-        bends = self._find_kinks(nodes, uv, t)
-        if self.exact_direction is not None and not steering.pins and bends is None:
+        sampled = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t)
+        break_uv = self.rail.curve(self.lifted_rail.breaks)
+        method = DirectionMethod(self.order, make_direction, steering, self._find_kinks(nodes, sampled))
+        if self.exact_direction is not None and not steering.pins and method.kinks is None:
             r, s = self.exact_direction.coefs[:, 0], self.exact_direction.coefs[:, 1]
             first = Curve(
                 self.exact_direction.breaks,
                 np.stack([-r, r, -s, s], axis=1),
                 continuity=self.exact_direction.continuity,
             )
-            made = add_higher_directions(
-                self.primary, self.lifted_rail, [first], uv, t, self.order, make_direction, steering
-            )
-            return Ribbon(self.primary, self.lifted_rail, made, ends, self.order), np.zeros(len(nodes) - 1, bool)
-        made, turned, ratio = fit_directions(
-            self.primary, self.lifted_rail, uv, t, self.target_vectors(t), self.order, make_direction, steering, bends
+            directions = add_higher_directions(sampled, first, method)
+            exact = Ribbon(self.primary, self.lifted_rail, directions, break_uv, self.order)
+            return exact, np.zeros(len(nodes) - 1, bool)
+        fitted, slack = fit_directions(sampled, self.target_vectors(t), method), steering.evaluate_slack(t)
+        missed = (fitted.angle_errors > RAIL_TOLERANCES.direction + slack) | (
+            fitted.length_errors > RAIL_TOLERANCES.length + slack
         )
-        bad = (turned > DIRECTION_TOLERANCE + steering.evaluate_slack(t)) | (
-            ratio > LENGTH_TOLERANCE + steering.evaluate_slack(t)
-        )
-        return Ribbon(self.primary, self.lifted_rail, made, ends, self.order), bad[1::3] | bad[2::3]
+        ribbon = Ribbon(self.primary, self.lifted_rail, fitted.curves, break_uv, self.order)
+        return ribbon, missed[1::3] | missed[2::3]
 
-    def _find_kinks(self, nodes: Array, uv: Array, t: Array) -> ParametricKinks | None:
-        """Return the bends at nodes of a fit."""
+    def _find_kinks(self, nodes: Array, rail: SampledRail) -> ParametricKinks | None:
+        """Return the parametric kinks at nodes of a fit, the seam of a closed rail among them."""
         if not self.has_kinks:
             return None
         apart = np.abs(nodes[:, None] - self.kink_parameters).min(axis=1, initial=np.inf)
-        (at,) = np.nonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
-        joint = [0] if self.has_seam_kink else []
-        pairs = np.array([[*at, *(len(nodes) - 1 for _ in joint)], [*at, *joint]])
-        return ParametricKinks.from_rail(self.primary, self.lifted_rail, uv, t, pairs)
+        (inner,) = np.nonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
+        before, after = inner.tolist(), inner.tolist()
+        if self.has_seam_kink:
+            before, after = [*before, len(nodes) - 1], [*after, 0]
+        return ParametricKinks.from_rail(rail, np.array([before, after], dtype=int))
 
     def measure_ribbon(self, ribbon: Ribbon) -> Ribbon:
-        """Return a ribbon that says how far its direction is from the wanted one, at eight points of every span."""
+        """Return a ribbon with the deviations of its direction from the wanted one, at eight points of every span."""
         breaks = ribbon.directions[0].breaks
         t = np.append((breaks[:-1] + np.arange(8)[:, None] / 8 * np.diff(breaks)).ravel(), breaks[-1])
-        turned, ratio = _measure_deviations(
+        angles, lengths = _measure_deviations(
             self.primary.compose_jets(self.lifted_rail, ribbon.directions[:1]), t, self.target_vectors(t)
         )
-        return replace(ribbon, direction=float(turned.max()), length=float(ratio.max()))
+        return replace(ribbon, direction=float(angles.max()), length=float(lengths.max()))
 
 
-def fit_ribbons_on_rails(aims: tuple[DirectionFit, DirectionFit], steer: float) -> tuple[Ribbon, Ribbon]:
+def fit_ribbons_on_rails(fits: tuple[DirectionFit, DirectionFit], steer: float) -> tuple[Ribbon, Ribbon]:
     """Make ribbons on two given rails, on common nodes, with directions turned by ``steer`` (rad) at most."""
-    domain = aims[0].lifted_rail.domain
-    steering = [Steering((), domain, aim.closed) for aim in aims]
-    finest = max(SHORTEST_SPAN_BY_ORDER[aim.order] for aim in aims) * (domain[1] - domain[0])
+    domain = fits[0].lifted_rail.domain
+    no_steering = [Steering((), domain, one.closed) for one in fits]
+    shortest = max(RAIL_TOLERANCES.shortest_span_by_order[one.order] for one in fits) * (domain[1] - domain[0])
 
-    def refine_nodes(nodes: Array) -> tuple[list[Ribbon], Array]:
+    def refine_nodes(nodes: Array, steering: Sequence[Steering]) -> tuple[list[Ribbon], Array]:
         while True:
-            (first, bad), (second, worse) = (aim.fit_ribbon(nodes, s) for aim, s in zip(aims, steering, strict=True))
-            bad = (bad | worse) & (np.diff(nodes) > 1.9 * finest)
-            if not bad.any():
+            (first, first_missed), (second, second_missed) = (
+                one.fit_ribbon(nodes, turns) for one, turns in zip(fits, steering, strict=True)
+            )
+            divided = (first_missed | second_missed) & (np.diff(nodes) > RAIL_TOLERANCES.least_divided_span * shortest)
+            if not divided.any():
                 return [first, second], nodes
-            nodes = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:])[bad] / 2]))
+            nodes = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:])[divided] / 2]))
 
-    corners = merge_breaks(aims[0].corners, aims[1].corners)
-    spread = np.linspace(*domain, INITIAL_SPANS + 1)
+    corners = merge_breaks(fits[0].corners, fits[1].corners)
+    spread = np.linspace(*domain, RAIL_TOLERANCES.initial_spans + 1)
     clear = np.abs(spread[:, None] - corners).min(axis=1) > (spread[1] - spread[0]) / 3
-    ribbons, nodes = refine_nodes(np.sort(np.concatenate([corners, spread[clear]])))
-    found = [find_pins(ribbon, steer) for ribbon in ribbons]
-    if any(found):
-        nodes = merge_breaks(nodes, np.array([pin.t for some in found for pin in some]))
-        at = [[replace(pin, t=float(nodes[np.abs(nodes - pin.t).argmin()])) for pin in some] for some in found]
-        steering = [replace(one, pins=tuple(some)) for one, some in zip(steering, at, strict=True)]
-        ribbons, _ = refine_nodes(nodes)
-    elif any(aim.exact_direction is None for aim in aims):
-        lighter = [aim.fit_ribbon(corners, s)[0] for aim, s in zip(aims, steering, strict=True)]
-        if all(map(_has_same_directions, lighter, ribbons)):
-            ribbons = lighter
+    ribbons, nodes = refine_nodes(np.sort(np.concatenate([corners, spread[clear]])), no_steering)
+    steering, pins = no_steering, [find_pins(ribbon, steer) for ribbon in ribbons]
+    if any(pins):
+        nodes = merge_breaks(nodes, np.array([pin.t for of_rail in pins for pin in of_rail]))
+        steering = [
+            replace(one, pins=tuple(replace(pin, t=float(nodes[np.abs(nodes - pin.t).argmin()])) for pin in of_rail))
+            for one, of_rail in zip(no_steering, pins, strict=True)
+        ]
+        ribbons, _ = refine_nodes(nodes, steering)
+    elif any(one.exact_direction is None for one in fits):
+        on_corners = [one.fit_ribbon(corners, turns)[0] for one, turns in zip(fits, no_steering, strict=True)]
+        if all(map(_has_same_directions, on_corners, ribbons)):
+            ribbons = on_corners
     first, second = (
-        ribbon if aim.exact_direction is not None and not one.pins and not aim.has_kinks else aim.measure_ribbon(ribbon)
-        for aim, ribbon, one in zip(aims, ribbons, steering, strict=True)
+        ribbon
+        if one.exact_direction is not None and not turns.pins and not one.has_kinks
+        else one.measure_ribbon(ribbon)
+        for one, ribbon, turns in zip(fits, ribbons, steering, strict=True)
     )
     return first, second
 
 
 def _has_same_directions(one: Ribbon, other: Ribbon) -> bool:
     """Whether two fits of a ribbon have the same directions, well within what these may miss."""
-    t = np.linspace(*other.c.domain, 8 * INITIAL_SPANS + 1)
+    t = np.linspace(*other.c.domain, 8 * RAIL_TOLERANCES.initial_spans + 1)
     pairs = zip(one.directions, other.directions, strict=True)
-    return all(np.abs(a(t) - b(t)).max() <= SAME_FIT_TOLERANCE * np.abs(b(t)).max() for a, b in pairs)
-
-
-def interpolate_with_corners(
-    nodes: Array,
-    values: Array,
-    corners: Array,
-    *,
-    closed: bool,
-    sharp: Sequence[int] | Array = (),
-    kinks: KinkData | None = None,
-) -> Curve:
-    """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
-
-    There are two more values between neighbouring nodes, at equal distances. From them come the slopes at the corners,
-    of third order, and the same on both sides; at ``sharp`` corners each side has its own, and at ``kinks``, which must
-    be corners too, its own value besides.
-    """
-    steps = np.diff(nodes)
-    weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
-    spans = np.stack([values[i::3][: len(steps)] for i in range(4)])
-    if kinks is not None:
-        spans[3, kinks.nodes_before - 1] = kinks.values_before
-    right, left = (
-        np.einsum("w,wnd->nd", weights, spans) / steps[:, None],
-        np.einsum("w,wnd->nd", -weights[::-1], spans) / steps[:, None],
-    )
-    before, after = (np.concatenate(pair) for pair in ((right[:1], left), (right, left[-1:])))
-    even = np.ones(len(nodes), dtype=bool)
-    even[np.asarray(sharp, dtype=int)] = False
-    if kinks is not None:
-        even[np.concatenate([kinks.nodes_before, kinks.nodes_after])] = False
-        before[kinks.nodes_before] += kinks.slope_changes[0]
-        after[kinks.nodes_after] += kinks.slope_changes[1]
-    before[even] = after[even] = (before[even] + after[even]) / 2
-    if closed and even[0] and even[-1]:
-        before[-1] = after[0] = (right[0] + left[-1]) / 2
-    whole: Curve | None = None
-    order = np.where(even, 1, 0)
-    size = np.abs(values).max()
-    for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
-        ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
-        piece = interpolation.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
-        if np.abs(ends[-1] - values[3 * j]).max() > SAME_VALUE_TOLERANCE * size:
-            order[j] = -1
-        whole = piece if whole is None else whole.join(piece, continuity=int(order[i]))
-    assert whole is not None
-    return whole.reduce(tolerance=1e-13)
+    return all(np.abs(a(t) - b(t)).max() <= RAIL_TOLERANCES.same_fit_share * np.abs(b(t)).max() for a, b in pairs)

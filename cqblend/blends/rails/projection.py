@@ -1,34 +1,21 @@
-"""Curves of space projected onto a surface: the curve of nearest points, in the parameter plane.
+"""Projects space curves onto a surface: the curve of nearest points, as a curve in the parameter plane.
 
-The foot points of all stations are found at once by a damped Newton iteration; a C2 cubic through them is refined until
-it stays with them. This is how a rail is made of an edge or curve that has none in the surface's parameters. The result
-is approximate, and a rail all the same: whatever runs in the parameter plane lies on the surface exactly. Knows splines
-only.
+Edges and curves that have no curve in the parameters of the surface become rails that way. The foot points of all
+stations are found at once by a damped Newton method; a C2 cubic through them is refined until it is within a tolerance
+of them. The result is approximate in the parameter plane, but whatever runs there lies on the surface exactly. Depends
+on splines only.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from cqblend.blends.rails.tolerances import PROJECTION_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
 from cqblend.splines.bernstein import Array
 
-_GUIDE_STATIONS = 129  # stations that the others start from
-_SEEDS_PER_PATCH = (
-    3  # grid points per patch and direction, at most _GRID in a direction, among which the nearest are looked for
-)
-_MOST_GRID_LINES = 96
-_NEWTON_STEPS = 60
-_CONVERGED_STEP = 1e-12  # relative to the domain: Newton's next step would be its square
-_DAMPING_STEPS = 12
-_DOMAIN_MARGIN = 0.125  # how far beyond the domain iterations may go, relative to its width
-_JUMP_SHARE = (
-    0.25  # step of the foot point between neighbouring stations, relative to the domain, that needs an explanation
-)
-_REFINEMENTS = 17  # from a quarter of the domain to 2e-6: what is sharper than that is a kink
-_MOST_STATIONS = 4000
-_TEST_SHARES = (np.arange(1, 4) / 4)[:, None]
+TEST_POINTS_OF_SPAN = (np.arange(1, 4) / 4)[:, None]
 
 
 def project_curve(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Curve:
@@ -61,7 +48,7 @@ def project_curve(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Cu
     --------
     >>> corners = [[[0, 0, 0], [0, 2, 0]], [[4, 0, 0], [4, 2, 0]]]
     >>> plane = Surface.from_bspline((1, 1), ([0, 0, 4, 4], [0, 0, 2, 2]), corners)
-    >>> projected(plane, Curve.bezier([[1.0, 1.0, 5.0], [3.0, 1.5, 7.0]]))([0.0, 0.5, 1.0]).round(9)
+    >>> project_curve(plane, Curve.bezier([[1.0, 1.0, 5.0], [3.0, 1.5, 7.0]]))([0.0, 0.5, 1.0]).round(9)
     array([[1.  , 1.  ],
            [2.  , 1.25],
            [3.  , 1.5 ]])
@@ -72,38 +59,40 @@ def project_curve(surface: Surface, curve: Curve, tolerance: float = 1e-7) -> Cu
         raise InputError(f"the tolerance of a projection is a positive length, not {tolerance!r}")
     feet = _FootPoints(surface, curve, tolerance)
     t = np.union1d(np.linspace(*curve.domain, 5), curve.breaks)
-    for _ in range(_REFINEMENTS):
-        found, error, between = feet.interpolate_feet(t, feet(t))
+    for _ in range(PROJECTION_TOLERANCES.refinements):
+        fitted, error, between = feet.interpolate_feet(t, feet(t))
         if error.max() <= tolerance:
-            crossing, error, _ = feet.interpolate_feet(*_snap_to_crossings(surface, found, t, feet(t)))
-            return (crossing if error.max() <= tolerance else found).reduce()
-        if len(t) > _MOST_STATIONS:
+            snapped, error, _ = feet.interpolate_feet(*_snap_to_crossings(surface, fitted, t, feet(t)))
+            return (snapped if error.max() <= tolerance else fitted).reduce()
+        if len(t) > PROJECTION_TOLERANCES.most_stations:
             break
         # with a margin, since refining a span moves the spline in its neighbours
         t = np.sort(np.concatenate([t, between[1][error > tolerance / 2]]))
     raise GeometryError(
-        f"the projection onto the surface misses its foot points by {error.max():.3g} still, with {len(found.breaks)} "
-        f"stations, at t = {found.breaks[error.argmax()]:.9g}, where they have a kink: the curve has one, or is "
+        f"the projection onto the surface misses its foot points by {error.max():.3g} still, with {len(fitted.breaks)} "
+        f"stations, at t = {fitted.breaks[error.argmax()]:.9g}, where they have a kink: the curve has one, or is "
         f"off the surface where that is only C1; split the curve there, or allow more than {tolerance:g}"
     )
 
 
-def _snap_to_crossings(surface: Surface, found: Curve, t: Array, values: Array) -> tuple[Array, Array]:
-    """Let stations be where the curve crosses knot lines, instead of next to there.
+def _snap_to_crossings(surface: Surface, curve: Curve, t: Array, values: Array) -> tuple[Array, Array]:
+    """Return stations and foot points, with stations where a curve through these crosses knot lines, not next to there.
 
     Its composition with the surface has a break at every crossing: two breaks nearly at one place would leave a piece
     between them whose derivatives are rounding.
     """
     for axis in (0, 1):
         lines = surface.breaks[axis]
-        for at in surface.crossings(found, axis).tolist():
-            foot = found(at)
+        for at in surface.crossings(curve, axis).tolist():
+            foot = curve(at)
             foot[axis] = lines[np.abs(lines - foot[axis]).argmin()]
             i = int(np.abs(t - at).argmin())
             if 0 < i < len(t) - 1 and abs(t[i] - at) < np.diff(t)[i - 1 : i + 1].min() / 3:
                 t, values = np.delete(t, i), np.delete(values, i, axis=0)
             i = int(np.searchsorted(t, at))
-            if 0 < i < len(t) and min(at - t[i - 1], t[i] - at) > 1e-9 * (t[-1] - t[0]):
+            if 0 < i < len(t) and min(at - t[i - 1], t[i] - at) > PROJECTION_TOLERANCES.least_station_gap * (
+                t[-1] - t[0]
+            ):
                 t, values = np.insert(t, i, at), np.insert(values, i, foot, axis=0)
     return t, values
 
@@ -114,14 +103,16 @@ class _FootPoints:
     def __init__(self, surface: Surface, curve: Curve, tolerance: float) -> None:
         self._surface, self._curve, self._tolerance = surface, curve, tolerance
         self._low, self._high = (np.array(bound) for bound in np.transpose(surface.domain))
-        self._t = np.union1d(np.linspace(*curve.domain, _GUIDE_STATIONS), curve.breaks)
+        self._t = np.union1d(np.linspace(*curve.domain, PROJECTION_TOLERANCES.guide_stations), curve.breaks)
         points = curve(self._t)
         self._uv = self._connect_feet(points, self._find_nearest(points))
         self._check_feet(self._t, points, self._uv)
         ends = curve.jet(curve.domain, 1)
-        same = np.abs(ends[:, 1] - ends[:, 0]).max(axis=-1) <= 1e-9 * np.abs(ends).max(axis=(1, 2))
+        same = np.abs(ends[:, 1] - ends[:, 0]).max(axis=-1) <= PROJECTION_TOLERANCES.closing_share * np.abs(ends).max(
+            axis=(1, 2)
+        )
         apart = np.abs(self._uv[-1] - self._uv[0]) / (self._high - self._low)
-        self.closed = bool(same.all() and apart.max() <= 1e-9)
+        self.closed = bool(same.all() and apart.max() <= PROJECTION_TOLERANCES.closing_share)
 
     def __call__(self, t: Array) -> Array:
         """Return the foot points' parameters (n, 2)."""
@@ -133,46 +124,59 @@ class _FootPoints:
         """Interpolate foot points; also return the largest error in each span, and where it was looked for, (3, n)."""
         if self.closed:
             values[-1] = values[0]
-        found = interpolate(t, values, periodic=self.closed)
-        between = t[:-1] + _TEST_SHARES * np.diff(t)
-        return found, self.measure_error(found, between.ravel()).reshape(between.shape).max(axis=0), between
+        curve = interpolate(t, values, periodic=self.closed)
+        between = t[:-1] + TEST_POINTS_OF_SPAN * np.diff(t)
+        return curve, self.measure_error(curve, between.ravel()).reshape(between.shape).max(axis=0), between
 
     def measure_error(self, c: Curve, t: Array) -> Array:
         """Return how far S(c(t)) is from the foot points, (n,)."""
-        found, foot = (self._surface(uv[:, 0], uv[:, 1]) for uv in (c(t), self(t)))
-        return np.asarray(np.linalg.norm(found - foot, axis=-1))
+        on_curve, foot = (self._surface(uv[:, 0], uv[:, 1]) for uv in (c(t), self(t)))
+        return np.asarray(np.linalg.norm(on_curve - foot, axis=-1))
 
     def _find_nearest(self, points: Array) -> Array:
-        """Return the nearest of the points that two starts lead to: the nearest of a grid, and the nearest far from it.
+        """Return the foot points (n, 2) of points: for each the nearer of the results of iterations from two starts.
 
-        At a seam those are its two sides, and only one may lead to a foot inside the domain.
+        One start is the nearest point of a grid, the other the nearest of those far from it in the parameter plane. At
+        a seam these are its two sides, and only one may lead to a foot inside the domain.
         """
-        inner = (np.arange(_SEEDS_PER_PATCH) + 0.5) / _SEEDS_PER_PATCH  # off the borders, which may be poles
+        inner = (
+            np.arange(PROJECTION_TOLERANCES.seeds_per_patch) + 0.5
+        ) / PROJECTION_TOLERANCES.seeds_per_patch  # off the borders, which may be poles
         lines = [(b[:-1, None] + np.diff(b)[:, None] * inner).ravel() for b in self._surface.breaks]
-        u, v = (x[np.linspace(0, len(x) - 1, min(len(x), _MOST_GRID_LINES)).round().astype(int)] for x in lines)
+        u, v = (
+            x[np.linspace(0, len(x) - 1, min(len(x), PROJECTION_TOLERANCES.most_grid_lines)).round().astype(int)]
+            for x in lines
+        )
         nodes = self._surface.grid(u, v).reshape(-1, 3)
         uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
         centre = nodes.mean(axis=0)
         squares = ((nodes - centre) ** 2).sum(axis=1) - 2 * (points - centre) @ (nodes - centre).T
         first = uv[squares.argmin(axis=1)]
-        far = (np.abs(uv - first[:, None]) > _JUMP_SHARE * (self._high - self._low)).any(axis=-1)
+        far = (np.abs(uv - first[:, None]) > PROJECTION_TOLERANCES.jump_share * (self._high - self._low)).any(axis=-1)
         second = uv[np.where(far, squares, np.inf).argmin(axis=1)]
         first, second = self._solve_feet(points, first), self._solve_feet(points, second)
         better = self._measure_distances(points, second) < self._measure_distances(points, first) - self._tolerance
         return np.where(better[:, None], second, first)
 
     def _solve_feet(self, points: Array, uv: Array) -> Array:
-        """Minimise the distances by Newton's method, halving steps that do not, all points at once.
+        """Minimise the distances by Newton's method, halving steps that increase them, all points at once.
 
-        Iterations may leave the domain by a little; what comes back is inside.
+        Iterations may leave the domain by a little; the results are clipped to it.
         """
         width = self._high - self._low
-        low, high = self._low - _DOMAIN_MARGIN * width, self._high + _DOMAIN_MARGIN * width
+        low, high = (
+            self._low - PROJECTION_TOLERANCES.domain_margin * width,
+            self._high + PROJECTION_TOLERANCES.domain_margin * width,
+        )
         uv = np.clip(uv, low, high)
-        for _ in range(_NEWTON_STEPS):
-            step = np.clip(self._compute_newton_step(points, uv), -_JUMP_SHARE * width, _JUMP_SHARE * width)
+        for _ in range(PROJECTION_TOLERANCES.foot_newton_steps):
+            step = np.clip(
+                self._compute_newton_step(points, uv),
+                -PROJECTION_TOLERANCES.jump_share * width,
+                PROJECTION_TOLERANCES.jump_share * width,
+            )
             before, scale = self._measure_distances(points, uv), np.ones((len(uv), 1))
-            for _ in range(_DAMPING_STEPS):
+            for _ in range(PROJECTION_TOLERANCES.damping_steps):
                 after = np.clip(uv + scale * step, low, high)
                 worse = self._measure_distances(points, after) > before * (1 + 1e-12) + 1e-15 * np.abs(points).max()
                 if not worse.any():
@@ -180,11 +184,12 @@ class _FootPoints:
                 scale[worse] /= 2
             moved = np.abs(after - uv) / width
             uv = after
-            if moved.max() <= _CONVERGED_STEP:
+            if moved.max() <= PROJECTION_TOLERANCES.converged_step:
                 break
         return np.clip(uv, self._low, self._high)
 
     def _measure_distances(self, points: Array, uv: Array) -> Array:
+        """Return the distances (n,) between points and S(u, v)."""
         return np.asarray(np.linalg.norm(self._surface(uv[:, 0], uv[:, 1]) - points, axis=-1))
 
     def _compute_newton_step(self, points: Array, uv: Array) -> Array:
@@ -203,19 +208,22 @@ class _FootPoints:
         return np.where(regular[:, None], np.stack([b * g - c * f, b * f - a * g], axis=-1) / det[:, None], single)
 
     def _connect_feet(self, points: Array, uv: Array) -> Array:
-        """Where neighbours are far apart, as on both sides of a seam, start anew from the one before, or after."""
+        """Return foot points with jumps removed, if an iteration from a neighbour leads to a foot that is as near.
+
+        Jumps are those between the two sides of a seam, mostly.
+        """
         width = self._high - self._low
         for order in (range(1, len(uv)), range(len(uv) - 2, -1, -1)):
             for i in order:
-                beside, here = uv[i - order.step], slice(i, i + 1)
-                if (np.abs(uv[i] - beside) > _JUMP_SHARE * width).any():
-                    again = self._solve_feet(points[here], beside[None])
+                neighbour, here = uv[i - order.step], slice(i, i + 1)
+                if (np.abs(uv[i] - neighbour) > PROJECTION_TOLERANCES.jump_share * width).any():
+                    again = self._solve_feet(points[here], neighbour[None])
                     if (
                         self._measure_distances(points[here], again)
                         <= self._measure_distances(points[here], uv[here]) + self._tolerance
                     ):
                         uv[i] = again[0]
-        jump = (np.abs(np.diff(uv, axis=0)) > _JUMP_SHARE * width).any(axis=1)
+        jump = (np.abs(np.diff(uv, axis=0)) > PROJECTION_TOLERANCES.jump_share * width).any(axis=1)
         if jump.any():
             i = int(jump.argmax())
             raise GeometryError(
@@ -225,7 +233,7 @@ class _FootPoints:
         return uv
 
     def _check_feet(self, t: Array, points: Array, uv: Array) -> Array:
-        """Return the parameters, all of which must be of foot points: no step along the surface leads nearer."""
+        """Return the parameters, after a check that all are of foot points: no step along the surface leads nearer."""
         jet, step = self._surface.jet(uv[:, 0], uv[:, 1], 1), self._compute_newton_step(points, uv)
         outside = np.linalg.norm(step[:, :1] * jet[1, 0] + step[:, 1:] * jet[0, 1], axis=-1) > self._tolerance
         if outside.any():

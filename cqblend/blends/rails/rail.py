@@ -1,9 +1,9 @@
-"""Rails: curves in the parameter plane of a surface, and the cross directions of Kim and Elber along them.
+"""Rails that the caller gives: curves in the parameter plane of a surface, and Kim and Elber's cross directions there.
 
 A blend leaves its surface S(u, v) along a rail c(t) = (u, v)(t) in a direction r Su + s Sv, which lies in the tangent
 plane whatever (r, s) is. The paper ("A symbolic approach to freeform parametric surface blends", 1999, section 2.2)
 chooses it in five ways; :class:`Rail` gives each as the paper's own vector field, an exact spline, and as the pair
-(r, s), cheap numbers that blends fit. Knows neither how a blend is filled in nor where surfaces come from.
+(r, s) at parameters, which is cheap and what ribbons are fitted to. Depends on splines only.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends.rails import regularity
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.checks import to_finite_array, to_point
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
@@ -27,13 +28,6 @@ from cqblend.surfaces.vectors import cross_product, to_tangent_coordinates
 RailSide: TypeAlias = Literal["left", "right"]
 FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]
 FIELDS: tuple[FieldName, ...] = ("parametric", "perpendicular", "chord", "guide", "combination")
-
-PARALLEL_ANGLE = 1e-6
-"""Angle (rad) between a direction and the rail up to which they count as parallel."""
-
-_UNDECIDED_COSINE = 1e-9  # cosine between the rail's normal and what it should point to, up to which that has no side
-
-_DECISIVE_SHARE = 2 / 3  # share of a rail, by length and cosine, that tells on which side something lies
 
 
 @dataclass(frozen=True)
@@ -134,7 +128,7 @@ class Rail:
         return self.surface.derivative(ku, kv).compose(self.curve)
 
     def _combine_partials(self, rs: Curve) -> Curve:
-        """Return r Su + s Sv. For (u', v') it is C', with the digits that differentiating C loses on short pieces."""
+        """Return r Su + s Sv. For (u', v') that is C', more precise than the derivative of C on short pieces."""
         return self._compose_partial(1, 0) * rs[0] + self._compose_partial(0, 1) * rs[1]
 
     def field(self, name: FieldName, *operands: Rail | Curve) -> Curve:
@@ -250,7 +244,7 @@ class Rail:
             given = f"one of dim {operand.dim}" if isinstance(operand, Curve) else shown(operand)
             raise InputError(f'the field "{name}" takes a Curve of dim {dim}, not {given}')
         (a, b), (c, d) = self.domain, operand.domain
-        if max(abs(a - c), abs(b - d)) > 1e-14 * max(abs(a), abs(b)):
+        if max(abs(a - c), abs(b - d)) > RAIL_TOLERANCES.operand_domain_slack * max(abs(a), abs(b)):
             raise InputError(
                 f'the field "{name}" takes what runs over the rail\'s domain, [{a:.9g}, {b:.9g}], not over '
                 f"[{c:.9g}, {d:.9g}]; use .reparametrized({a:.9g}, {b:.9g})"
@@ -285,13 +279,13 @@ class Rail:
         across, chord = cross_product(rate, cross_product(jet[1], jet[2])), there - jet[0]
         size = np.linalg.norm(across, axis=-1) * np.linalg.norm(chord, axis=-1)
         cosine = (across * chord).sum(axis=-1) / np.maximum(size, np.finfo(float).tiny)
-        cosine[np.abs(cosine) <= _UNDECIDED_COSINE] = 0
+        cosine[np.abs(cosine) <= RAIL_TOLERANCES.undecided_cosine] = 0
         weight = np.gradient(t) * np.linalg.norm(rate, axis=-1)
         right, left = float(weight @ np.maximum(cosine, 0)), float(weight @ np.maximum(-cosine, 0))
         share = right / (right + left) if right + left > 0 else 0.5
         lengths = np.linalg.norm(chord, axis=-1)
-        meeting = lengths <= _UNDECIDED_COSINE * lengths.max()
-        if meeting.any() or not max(share, 1 - share) >= _DECISIVE_SHARE:
+        meeting = lengths <= RAIL_TOLERANCES.undecided_cosine * lengths.max()
+        if meeting.any() or not max(share, 1 - share) >= RAIL_TOLERANCES.decisive_share:
             at = float(t[meeting.argmax()]) if meeting.any() else _find_sign_change(t, cosine, np.zeros_like(cosine))
             raise GeometryError(
                 f"the side of the rail cannot be told: at t = {at:.9g}, what it should point to is neither to its left "
@@ -324,7 +318,7 @@ class Rail:
         size = np.linalg.norm(vectors, axis=-1) * np.linalg.norm(rate, axis=-1)
         normal = cross_product(jet[1], jet[2])
         at = _find_sign_change(
-            t, (across * normal).sum(axis=-1), PARALLEL_ANGLE * size * np.linalg.norm(normal, axis=-1)
+            t, (across * normal).sum(axis=-1), RAIL_TOLERANCES.parallel_sine * size * np.linalg.norm(normal, axis=-1)
         )
         if at is not None:
             raise GeometryError(

@@ -1,9 +1,9 @@
-"""What makes a curve in a parameter plane unfit to be a rail, and where along it.
+"""Checks that a curve in the parameter plane of a surface can be a rail, and tells where it cannot.
 
-A blend follows its rail with one position, one tangent plane and one direction per parameter. So the curve must stay in
-the surface's domain, move, have no kinks, and meet neither a singular point of the surface nor itself. That it stays in
-the domain and does not cross itself is decided on control polygons, whose hulls contain the curve; zeros of its speed
-and of Su x Sv are searched wherever samples leave room for one. Knows splines, but no directions and no blends.
+At every parameter a blend needs one position, one tangent plane and one direction of its rail. So the curve must stay
+in the domain of the surface, move, have no kinks, and meet neither a singular point of the surface nor itself. Domain
+and self-crossings are decided on control polygons, whose convex hulls contain the curve; zeros of its speed and of
+Su x Sv are searched wherever samples leave room for one. Depends on splines only.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -19,23 +20,11 @@ from cqblend.splines.self_intersection import control_points, find_self_crossing
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.vectors import cross_product
 
-DOMAIN_SLACK = 1e-9
-"""How far a rail may run outside the domain, relative to its width."""
-
-VANISHING_SHARE = 1e-9
-"""Speed and |Su x Sv| up to this, relative to the largest along the rail, count as zero."""
-
-KINK_ANGLE = 1e-6
-"""Angle (rad) up to which a rail, or the surface across a knot line, may turn at a break."""
-
-_SAMPLES_PER_PIECE = 8  # per polynomial piece; a zero between two shows as a slope that is steep for the value
-_HALVINGS = 40
-_THIRDING_STEPS = 80  # steps that shrink an interval by 2/3 each, to 1e-14 of it
-
 
 def sample_stations(breaks: Array) -> Array:
     """Return parameters (n,) along a spline: every break, and equal steps between."""
-    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(_SAMPLES_PER_PIECE) / _SAMPLES_PER_PIECE)
+    count = RAIL_TOLERANCES.samples_per_piece
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(count) / count)
     return np.append(inner.ravel(), breaks[-1])
 
 
@@ -55,13 +44,12 @@ def check_rail(surface: Surface, curve: Curve, position: Curve) -> None:
     _check_tangent_plane(surface, curve, t)
     _check_speed(surface, curve, t)
     _check_smoothness(surface, curve, position)
-    met = find_self_crossing(position)
-    if met is not None:
-        a, b = met
+    crossing = find_self_crossing(position)
+    if crossing is not None:
+        a, b = crossing
         raise GeometryError(
             f"the rail meets itself: t = {a:.9g}, at {_format_uv(curve(a))}, and t = {b:.9g}, at "
-            f"{_format_uv(curve(b))}, are the "
-            f"same point; clip it to a part that does not"
+            f"{_format_uv(curve(b))}, are the same point; clip it to a part that does not"
         )
 
 
@@ -70,17 +58,17 @@ def _format_uv(uv: Array) -> str:
 
 
 def _check_domain(surface: Surface, curve: Curve) -> None:
-    """Halve pieces whose control points are outside until their ends, which are on the curve, are or none is left."""
+    """Halve the pieces that have control points outside, until an end of a piece is outside or no control point is."""
     curve.bounds()  # refuses weights that are not positive
     low, high = (np.array(bound)[:, None] for bound in np.transpose(surface.domain))
-    for _ in range(_HALVINGS):
+    for _ in range(RAIL_TOLERANCES.halvings):
         points = control_points(curve)
         excess = (np.maximum(low - points, points - high) / (high - low)).max(axis=1)
-        doubtful = excess.max(axis=0) > DOMAIN_SLACK
+        doubtful = excess.max(axis=0) > RAIL_TOLERANCES.domain_slack
         if not doubtful.any():
             return
         ends = np.append(excess[0], excess[-1, -1])
-        if ends.max() > DOMAIN_SLACK:
+        if ends.max() > RAIL_TOLERANCES.domain_slack:
             t = curve.breaks[ends.argmax()]
             (u0, u1), (v0, v1) = surface.domain
             raise InputError(
@@ -96,7 +84,9 @@ def _check_tangent_plane(surface: Surface, curve: Curve, t: Array) -> None:
     along_u, along_v = (float(np.linalg.norm(s, axis=-1).max()) for s in (jet[1, 0] * (u1 - u0), jet[0, 1] * (v1 - v0)))
     largest = max(along_u, along_v) ** 2 / ((u1 - u0) * (v1 - v0))
     at = _find_zero(
-        lambda t: np.linalg.norm(_evaluate_normals(surface, curve(t)), axis=-1), t, VANISHING_SHARE * largest
+        lambda t: np.linalg.norm(_evaluate_normals(surface, curve(t)), axis=-1),
+        t,
+        RAIL_TOLERANCES.vanishing_share * largest,
     )
     if at is not None:
         raise GeometryError(
@@ -128,7 +118,7 @@ def _check_speed(surface: Surface, curve: Curve, t: Array) -> None:
         raise GeometryError(
             f"the rail has no length: from t = {t[0]:.9g} to t = {t[-1]:.9g} it stays at {_format_uv(curve(t[0]))}"
         )
-    at = _find_zero(evaluate_speed, t, VANISHING_SHARE * fastest)
+    at = _find_zero(evaluate_speed, t, RAIL_TOLERANCES.vanishing_share * fastest)
     if at is not None:
         raise GeometryError(
             f"the rail stands still at t = {at:.9g}, {_format_uv(curve(at))}: its derivative is zero, and no "
@@ -146,7 +136,7 @@ def _find_zero(f: Callable[[Array], Array], t: Array, tolerance: float) -> float
     if not len(at):
         return None
     low, high = t[np.maximum(at - 1, 0)], t[np.minimum(at + 1, len(t) - 1)]
-    for _ in range(_THIRDING_STEPS):
+    for _ in range(RAIL_TOLERANCES.thirding_steps):
         third = (high - low) / 3
         left, right = f(np.concatenate([low + third, high - third])).reshape(2, -1)
         low, high = np.where(left < right, low, low + third), np.where(left < right, high - third, high)
@@ -165,12 +155,12 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
     i = int(gap.argmax())
     if gap[i] > SPLINE_TOLERANCES.touching * measure_diagonal(position):
         raise GeometryError(f"the rail is broken at t = {t[i]:.9g}: its pieces are {gap[i]:.3g} apart there; join them")
-    beside = DOMAIN_SLACK * (position.domain[1] - position.domain[0])
+    beside = RAIL_TOLERANCES.domain_slack * (position.domain[1] - position.domain[0])
     crease = _measure_angles(
         _evaluate_normals(surface, curve(t - beside)), _evaluate_normals(surface, curve(t + beside))
     )
     i = int(crease.argmax())
-    if crease[i] > KINK_ANGLE:
+    if crease[i] > RAIL_TOLERANCES.kink_angle:
         raise GeometryError(
             f"the rail crosses a crease of the surface at t = {t[i]:.9g}, {_format_uv(curve(t[i]))}, where the "
             "normal turns "
@@ -178,7 +168,7 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
         )
     kink = _measure_angles(before[1], after[1])
     i = int(kink.argmax())
-    if kink[i] > KINK_ANGLE:
+    if kink[i] > RAIL_TOLERANCES.kink_angle:
         raise GeometryError(
             f"the rail has a kink of {kink[i]:.3g} rad at its break t = {t[i]:.9g}; split it there, or round it off"
         )

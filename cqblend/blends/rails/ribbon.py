@@ -1,37 +1,67 @@
-"""Ribbons: what ties a blend to one of its surfaces, and makes it exactly smooth there.
+"""Ribbons: a rail on a surface and the cross directions along it, which make a blend exactly smooth with the surface.
 
-A ribbon is a curve c(t) of lifted parameters on a primary, and directions d(t), e(t), .. along it, also in lifted
-parameters: phi(t, v) = c + v d + v^2/2 e + .. . Whatever c, d and e are, a surface whose v-jets at v = 0 are those of
-S(phi) meets S with as many orders of continuity. Whatever approximates does so here, nothing after it does.
+A ribbon is a curve c(t) of lifted parameters on a primary surface S (see :mod:`cqblend.surfaces`) and directions d(t),
+e(t), .. along it, also in lifted parameters: phi(t, v) = c + v d + v^2/2 e + .. . Whatever c, d and e are, a surface
+whose derivatives by v at v = 0 are those of S(phi) meets S with as many orders of continuity. So c, d and e may be
+approximate; nothing after them is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
 from cqblend.surfaces.primary import Primary
 
-LEAST_MEASURABLE_SHARE = (
-    1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured
-)
-PERIODIC_TOLERANCE = 1e-6  # of its directions: a ribbon whose jets differ by less at both ends goes on periodically
+BREAK_SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
+"""Both sides of a break, that with the smaller parameters first."""
+
+
+@dataclass(frozen=True)
+class SampledRail:
+    """A rail ``c`` of lifted parameters on a primary surface, and its native parameters ``uv`` (n, 2) at ``t`` (n,)."""
+
+    primary: Primary
+    c: Curve
+    uv: Array
+    t: Array
+
+    @cached_property
+    def jet(self) -> Array:
+        """The native jet of the surface at the samples, (6, n, 3)."""
+        return self.primary.jet(self.uv)
 
 
 @dataclass(frozen=True)
 class Ribbon:
-    """A rail ``c`` of lifted parameters on a primary, and lifted ``directions`` (d, e, ..) along it, into the blend.
+    """A rail on a primary surface, and the directions along it in which a blend leaves the surface.
 
-    ``uv`` are the native parameters at the breaks of c, continuous along the rail; ``order`` is that of the continuity
-    between blend and surface (there is a d even if it is 0), ``direction`` (rad) and ``length`` (relative) the largest
-    deviations of the fitted d from the wanted one. In a ``light`` one, a straight or circular rail on few and long
-    pieces, terms cancel, and its jets have lower degrees than they come with. One that ``fades`` may have directions
-    that vanish: there, the joint stays as sharp as it was.
+    Attributes
+    ----------
+    primary
+        The surface.
+    c
+        The rail, a curve of lifted parameters.
+    directions
+        The directions d, e, .. into the blend, curves of lifted parameters; there is a d even if the order is 0.
+    uv
+        Native parameters at the breaks of c, (n, 2), continuous along the rail.
+    order
+        Order of continuity between blend and surface.
+    direction, length
+        Largest deviations of the fitted d from the wanted one: the angle (rad), and the length (relative).
+    light
+        Whether the rail is straight or circular, in few and long pieces: then terms of its jets cancel, and these are
+        reduced to lower degrees.
+    fades
+        Whether cross derivatives may vanish somewhere: there, the joint stays as sharp as it was.
     """
 
     primary: Primary
@@ -55,24 +85,29 @@ class Ribbon:
 
 
 def is_faded(ribbon: Ribbon, t: Array) -> Array:
-    """Tell where, at t (n,), the first derivative into the blend has vanished: nowhere if the ribbon does not fade."""
+    """Return a mask of the t (n,) at which the first cross derivative is too short to span a tangent plane.
+
+    It is False everywhere if the ribbon does not fade.
+    """
     if not ribbon.fades:
         return np.zeros(len(t), dtype=bool)
     length = np.linalg.norm(dehomogenise_jets(np.stack([jet(t) for jet in ribbon.compose_jets()[:2]]))[1], axis=1)
-    return np.asarray(length <= LEAST_MEASURABLE_SHARE * length.max())
+    return np.asarray(length <= RAIL_TOLERANCES.measurable_share * length.max())
 
 
 def is_periodic(ribbon: Ribbon) -> bool:
-    """Whether the jets of a ribbon end as they start."""
+    """Whether the jets of a ribbon, but for its position, are the same at both ends."""
     ends = np.array(ribbon.c.domain)
     jets = dehomogenise_jets(np.stack([jet(ends) for jet in ribbon.compose_jets()]))
     jets[0] -= jets[0, :1]
     size = np.abs(jets).max()
-    return bool(np.abs(jets[:, 0] - jets[:, 1]).max() <= PERIODIC_TOLERANCE * max(size, np.finfo(float).tiny))
+    return bool(
+        np.abs(jets[:, 0] - jets[:, 1]).max() <= RAIL_TOLERANCES.periodic_share * max(size, np.finfo(float).tiny)
+    )
 
 
 def dehomogenise_jets(jets: Array) -> Array:
-    """Return derivatives in space, (k, n, 3), of homogeneous ones by any one parameter, (k, n, 4)."""
+    """Return derivatives in space, (k, n, 3), of homogeneous derivatives by one parameter, (k, n, 4)."""
     return np.moveaxis(dehomogenise_derivatives(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
 
 

@@ -1,14 +1,14 @@
-"""Steering: turning a cross direction so that a blend has no crease inside where its rail crosses a knot line.
+"""Steering: turns a cross direction where its rail crosses a knot line, so that the blend has no crease inside.
 
-A ribbon's jet of order k contains the surface's derivatives of order k. Where those of order k + 1 jump across a knot
-line u = u0, by D, the jet's derivative along the rail jumps by r^k u' D, and the blend has a crease along the whole
-section through the crossing. It vanishes if r = 0 there: if the direction is parallel to the knot line. Where the
-surface is one order less smooth still, the second direction must be parallel as well. All of that is about the shape of
-the surface: where only its parameters have a kink, directions get the kink that makes up for it
+The derivative of order k across the rail contains the surface's derivatives of order k. Where those of order k + 1 jump
+across a knot line u = u0, by D, its derivative along the rail jumps by r^k u' D, and the blend has a crease along the
+whole section through the crossing. The crease vanishes if r = 0 there: if the direction is parallel to the knot line.
+Where the surface is one order less smooth still, the second direction must be parallel as well. All this is about the
+shape of the surface: where only its parametrisation has a kink, the directions get a kink that cancels it
 (:mod:`cqblend.blends.rails.knot_line_bends`).
 
-Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and fades between
-them: nothing changes about how the blend meets its surface.
+Directions are turned within the tangent plane, by an angle that is what it must be at the crossings and falls to zero
+between them, so the blend meets its surface exactly as before.
 """
 
 from __future__ import annotations
@@ -19,21 +19,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary import KnotCrossing
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
-SLIVER_SHARE = 2e-5  # of the rail: breaks nearer to each other than that are one
-FADE_FIT_SHARE = 0.02  # share of a turn by which the fit of its fading may err
-FADE_LENGTH_SHARE = 0.1  # of the rail: over such a length a turn fades, unless the next crossing is nearer
-
 
 @dataclass(frozen=True)
 class SteeringPin:
-    """A crossing at ``t`` of the knot line ``axis`` = ``value``, where ``evaluate_angle`` (rad) turns a direction.
+    """A crossing at ``t`` of the knot line ``axis`` = ``value``.
 
-    ``second_order`` says that the second direction is to be parallel to the line, too.
+    The first direction is turned by ``angle`` (rad) there; ``second_order`` says that the second direction is to be
+    parallel to the line, too.
     """
 
     t: float
@@ -52,7 +50,7 @@ class Steering:
     closed: bool
 
     def evaluate_angle(self, t: Array) -> Array:
-        """Return the angle (n,) to turn by: that of the pins at their t, C2 in between, zero far from all."""
+        """Return the angles (n,) to turn by: those of the pins at their t, C2 in between, zero far from all pins."""
         if not self.pins:
             return np.zeros_like(t)
         period = self.domain[1] - self.domain[0]
@@ -63,43 +61,49 @@ class Steering:
         angles = np.array([pin.angle for _ in laps for pin in self.pins])
         total = np.zeros_like(t)
         gaps = np.diff(nodes)
-        before = np.minimum(np.append(np.inf, gaps), FADE_LENGTH_SHARE * period)
-        after = np.minimum(np.append(gaps, np.inf), FADE_LENGTH_SHARE * period)
+        before = np.minimum(np.append(np.inf, gaps), RAIL_TOLERANCES.fade_length_share * period)
+        after = np.minimum(np.append(gaps, np.inf), RAIL_TOLERANCES.fade_length_share * period)
         for node, angle, left, right in zip(nodes, angles, before, after, strict=True):
             total += angle * _evaluate_fade(np.where(t < node, (node - t) / left, (t - node) / right))
         return total
 
     def evaluate_slack(self, t: Array) -> Array:
-        """Return how far from the turn a fit may be (rad): how it fades, and rings on, means nothing of its own."""
+        """Return by how much (n,), in rad, a fit may miss the turn near pins: only its value at the pins matters."""
         largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
-        reach = 2 * FADE_LENGTH_SHARE * (self.domain[1] - self.domain[0])
+        reach = 2 * RAIL_TOLERANCES.fade_length_share * (self.domain[1] - self.domain[0])
         near = [np.abs(self._measure_offset(t, pin)) < reach for pin in self.pins]
-        return np.where(np.any(near, axis=0), FADE_FIT_SHARE * largest, np.zeros_like(t))
+        return np.where(np.any(near, axis=0), RAIL_TOLERANCES.fade_fit_share * largest, np.zeros_like(t))
 
     def turn_vectors(self, vectors: Array, normals: Array, t: Array) -> Array:
         """Turn tangent vectors (n, 3) about the normals."""
         angle = self.evaluate_angle(t)[:, None]
         return np.cos(angle) * vectors + np.sin(angle) * cross_product(normals, vectors)
 
-    def zero_at_pins(self, rs: Array, t: Array, *, deep: bool = False) -> Array:
-        """Make the component r or s of directions (n, 2) that vanishes at a pin, or a deep one, exactly zero there."""
-        out = rs.copy()
+    def zero_at_pins(self, rs: Array, t: Array, *, second_order: bool = False) -> Array:
+        """Set to zero, at pins, the component r or s of directions (n, 2) that is across the knot line.
+
+        With ``second_order``, at those pins only at which the second direction is to be parallel to the line, too.
+        """
+        aligned = rs.copy()
         for pin in self.pins:
-            if deep and not pin.second_order:
+            if second_order and not pin.second_order:
                 continue
-            out[self._measure_offset(t, pin) == 0, pin.axis] = 0.0
-        return out
+            aligned[self._measure_offset(t, pin) == 0, pin.axis] = 0.0
+        return aligned
 
     def align_second_directions(self, rs: Array, t: Array) -> Array:
-        """Let second directions (n, 2) be parallel to the knot lines at deep pins, by what fades beside them."""
-        out = rs.copy()
+        """Make second directions (n, 2) parallel to the knot lines at pins of second order.
+
+        The correction is full at the pin and falls to zero over the reach of the pin.
+        """
+        aligned = rs.copy()
         for pin in self.pins:
             if pin.second_order:
                 apart = self._measure_offset(t, pin)
                 at = np.flatnonzero(apart == 0)
-                out[:, pin.axis] -= rs[at[0], pin.axis] * _evaluate_fade(np.abs(apart) / self._find_reach(pin))
-                out[at, pin.axis] = 0.0
-        return out
+                aligned[:, pin.axis] -= rs[at[0], pin.axis] * _evaluate_fade(np.abs(apart) / self._find_reach(pin))
+                aligned[at, pin.axis] = 0.0
+        return aligned
 
     def _measure_offset(self, t: Array, pin: SteeringPin) -> Array:
         """Return how far t is from a pin; zero where it is the pin to rounding."""
@@ -111,8 +115,8 @@ class Steering:
 
     def _find_reach(self, pin: SteeringPin) -> float:
         """Return the distance within which a pin may have influence: it ends at the next one of the same axis."""
-        others = [abs(float(self._measure_offset(np.array(one.t), pin))) for one in self.pins if one is not pin]
-        return min([*others, FADE_LENGTH_SHARE * (self.domain[1] - self.domain[0])])
+        others = [abs(float(self._measure_offset(np.array(other.t), pin))) for other in self.pins if other is not pin]
+        return min([*others, RAIL_TOLERANCES.fade_length_share * (self.domain[1] - self.domain[0])])
 
 
 def _evaluate_fade(x: Array) -> Array:
@@ -122,26 +126,30 @@ def _evaluate_fade(x: Array) -> Array:
 
 
 class RequiredTurn(NamedTuple):
-    """A crossing of a knot line whose shape asks for a direction along it: how far the ribbon's is from that.
+    """The crossing of a knot line at which the direction of a ribbon would have to be parallel to the line.
 
-    ``evaluate_angle`` (rad, signed) turns the direction onto the line, in either sense; ``clear`` (rad) is how far the
-    line is from the rail.
+    A turn by ``angle`` (rad, signed, at most a quarter turn) makes it so; ``angle_to_rail`` (rad) is the angle between
+    the line and the rail.
     """
 
     crossing: KnotCrossing
     angle: float
-    clear: float
+    angle_to_rail: float
 
 
 def find_required_turns(ribbon: Ribbon, order: int) -> list[RequiredTurn]:
-    """Return where and how far the first direction of a ribbon would have to turn for its jets up to an order."""
-    crossings = [one for one in ribbon.primary.find_knot_crossings(ribbon.c, order) if one.shape_continuity <= order]
+    """Return where and how far the first direction of a ribbon would have to turn for jets smooth up to an order."""
+    crossings = [
+        crossing
+        for crossing in ribbon.primary.find_knot_crossings(ribbon.c, order)
+        if crossing.shape_continuity <= order
+    ]
     if not crossings:
         return []
-    t = np.array([one.t for one in crossings])
-    axis = np.array([one.axis for one in crossings])
+    t = np.array([crossing.t for crossing in crossings])
+    axis = np.array([crossing.axis for crossing in crossings])
     uv = ribbon.find_native_parameters(t)
-    uv[np.arange(len(t)), axis] = [one.value for one in crossings]
+    uv[np.arange(len(t)), axis] = [crossing.value for crossing in crossings]
     jet = ribbon.primary.jet(uv)
     rail, field = ribbon.compose_jets()[:2]
     normal = normalise_vectors(cross_product(jet[1], jet[2]))
@@ -152,25 +160,29 @@ def find_required_turns(ribbon: Ribbon, order: int) -> list[RequiredTurn]:
         return np.asarray(np.arctan2(np.where(cosine < 0, -sine, sine), np.abs(cosine)))
 
     angle = measure_angle(dehomogenise_jets(np.stack([rail(t), field(t)]))[1])
-    clear = np.abs(measure_angle(dehomogenise_jets(rail.jet(t, 1))[1]))
-    return [RequiredTurn(*one) for one in zip(crossings, angle.tolist(), clear.tolist(), strict=True)]
+    angle_to_rail = np.abs(measure_angle(dehomogenise_jets(rail.jet(t, 1))[1]))
+    return [RequiredTurn(*turn) for turn in zip(crossings, angle.tolist(), angle_to_rail.tolist(), strict=True)]
 
 
 def find_pins(ribbon: Ribbon, limit: float) -> list[SteeringPin]:
-    """Return where an unsteered ribbon needs steering, by at most ``limit`` (rad), along the rail."""
+    """Return the pins that an unsteered ribbon needs, along the rail, with turns of at most ``limit`` (rad).
+
+    Of crossings that nearly coincide, the one with the least turn gets the pin.
+    """
     order, ends = ribbon.order, ribbon.c.domain
     needed = find_required_turns(ribbon, order) if order else []
     if order == 3 and needed:
-        rough = min((one.crossing for one in needed), key=lambda one: one.shape_continuity)
+        rough = min((turn.crossing for turn in needed), key=lambda crossing: crossing.shape_continuity)
         if rough.shape_continuity < 3:
             raise GeometryError(
                 f"G3 needs surfaces that are C3, but the rail crosses the knot line {'uv'[rough.axis]} = "
                 f"{rough.value:.6g}, where one is only C{rough.shape_continuity}, at t = {rough.t:.6g}; use G2"
             )
-    close = SLIVER_SHARE * (ends[1] - ends[0])
-    found: list[SteeringPin] = []
-    for one, angle, _ in sorted(needed, key=lambda turn: abs(turn.angle)):
-        clear = all(abs(one.t - other.t) > close for other in found)
-        if abs(angle) <= limit and clear:
-            found.append(SteeringPin(one.t, one.axis, one.value, angle, second_order=one.shape_continuity < order))
-    return sorted(found, key=lambda pin: pin.t)
+    least_gap = RAIL_TOLERANCES.sliver_share * (ends[1] - ends[0])
+    pins: list[SteeringPin] = []
+    for crossing, angle, _ in sorted(needed, key=lambda turn: abs(turn.angle)):
+        apart = all(abs(crossing.t - pin.t) > least_gap for pin in pins)
+        if abs(angle) <= limit and apart:
+            second_order = crossing.shape_continuity < order
+            pins.append(SteeringPin(crossing.t, crossing.axis, crossing.value, angle, second_order))
+    return sorted(pins, key=lambda pin: pin.t)

@@ -1,4 +1,4 @@
-"""The blend surface between two rails: a Hermite section across, the rails' own splines along.
+"""Builds the blend surface between two ribbons: a Hermite section across, the rails' own splines along.
 
 In homogeneous 4-space, with v running from rail 1 to rail 2 (Kim & Elber, section 2, with a gauge for the weight), for
 G1 on both sides
@@ -19,33 +19,30 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.blends.quality.creases import suggest_remedy
-from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets, is_faded
-from cqblend.blends.rails.steering import SLIVER_SHARE, find_required_turns
+from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, dehomogenise_jets, is_faded
+from cqblend.blends.rails.steering import RequiredTurn, find_required_turns
+from cqblend.blends.rails.steering_advice import suggest_remedy
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.hermite_section import Jets, build_section
+from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 Form = Literal["exact", "compact"]
 SectionBuilder = Callable[[tuple[Jets, Jets]], Surface]
-LARGEST_DEGREE = 25  # of OCCT's B-splines
-MOST_AUTO_DEGREE = 7  # up to which ``auto`` keeps the exact form
-GRAZING_SINE = 1e-6  # sine of the angle between rail and cross direction, below which they span no tangent plane
-FOLD_SAMPLES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])  # in a piece, where folds are looked for
-SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
-TORN_JUMP = 1e-7  # of a field, relative: more is a crease of the surface, not rounding
+FOLD_SAMPLES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])
+"""Where in a piece, as shares of it, folds are looked for."""
 
 
 @dataclass(frozen=True)
 class BlendSurface:
     """A blend surface H(t, v), v = 0 on the first rail and 1 on the second, and what it was made from.
 
-    ``residual`` is that of the equations which it solves, if there are any.
+    ``residual`` is that of the partial differential equations that it solves, None if there are none.
     """
 
     surface: Surface
@@ -55,28 +52,28 @@ class BlendSurface:
 
     def __post_init__(self) -> None:
         ribbons = self.ribbons if isinstance(self.ribbons, tuple) else ()
-        if not isinstance(self.surface, Surface) or [isinstance(one, Ribbon) for one in ribbons] != [True, True]:
+        if not isinstance(self.surface, Surface) or [isinstance(ribbon, Ribbon) for ribbon in ribbons] != [True, True]:
             raise InputError("a blend has a Surface and two ribbons: hermite_blend and the like make one")
 
 
 def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
     """Return the homogeneous jets of both ribbons on common breaks, none of which nearly coincide.
 
-    Those of light ribbons are of the lowest degree that they really have.
+    Those of light ribbons are reduced to the lowest degree that they really have.
     """
-    sides = []
-    for ribbon in ribbons:
-        jets = [
-            jet.reduce(tolerance=1e-13) if ribbon.light else jet for jet in ribbon.compose_jets()[: ribbon.order + 1]
-        ]
-        sides.append(jets)
-    together, count = align_breaks([*sides[0], *sides[1]]), len(sides[0])
-    gathered = together[:count], together[count:]
-    _check_jumps(ribbons, gathered)
-    for ribbon, jets in zip(ribbons, gathered, strict=True):
+
+    def compose_jets(ribbon: Ribbon) -> list[Curve]:
+        jets = ribbon.compose_jets()[: ribbon.order + 1]
+        return [jet.reduce(tolerance=RAIL_TOLERANCES.light_degree_share) if ribbon.light else jet for jet in jets]
+
+    first, second = (compose_jets(ribbon) for ribbon in ribbons)
+    together = align_breaks([*first, *second])
+    sides = together[: len(first)], together[len(first) :]
+    _check_jumps(ribbons, sides)
+    for ribbon, jets in zip(ribbons, sides, strict=True):
         if ribbon.order:
             _check_tangent_plane(ribbon, jets[0], jets[1])
-    return gathered
+    return sides
 
 
 def _check_tangent_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
@@ -89,7 +86,7 @@ def _check_tangent_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
         * ribbon.primary.evaluate_normals(ribbon.find_native_parameters(t))
     ).sum(1)
     sine *= np.sign(sine.sum())
-    if not np.all(sine > GRAZING_SINE):
+    if not np.all(sine > SECTION_TOLERANCES.grazing_sine):
         raise GeometryError(
             f"the cross direction runs along the rail at t = {t[sine.argmin()]:.6g}: there, it spans no tangent plane "
             "with it; choose other tangents, or a smaller steer"
@@ -104,8 +101,7 @@ def _check_jumps(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> No
     """
     torn = [(ribbon, *_measure_jumps(jets)) for ribbon, jets in zip(ribbons, sides, strict=True)]
     for _, t, jumps in torn:
-        for k in range(1, len(jumps) + 1):
-            jump = jumps[k - 1]
+        for k, jump in enumerate(jumps, start=1):
             if not jump.any():
                 continue
             where = f"t = {t[jump.argmax()]:.6g}"
@@ -115,13 +111,7 @@ def _check_jumps(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> No
                     f"{jump.max():.2g}; blend the smooth parts one by one"
                 )
             places = [
-                [
-                    one
-                    for one in find_required_turns(rough, rough.order)
-                    if abs(one.crossing.t - at) <= SLIVER_SHARE * np.ptp(rough.c.domain)
-                ]
-                for rough, t, jumps in torn
-                for at in t[jumps[1:].any(axis=0)].tolist()
+                _find_turns_at(ribbon, at) for ribbon, t, jumps in torn for at in t[jumps[1:].any(axis=0)].tolist()
             ]
             raise GeometryError(
                 f"the surface's derivatives of order {k} jump by {jump.max():.2g} where the rail crosses a knot line "
@@ -130,12 +120,18 @@ def _check_jumps(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> No
             )
 
 
+def _find_turns_at(ribbon: Ribbon, t: float) -> list[RequiredTurn]:
+    """Return the turns that the knot lines crossed at t, or next to it, ask for."""
+    slack = RAIL_TOLERANCES.sliver_share * np.ptp(ribbon.c.domain)
+    return [turn for turn in find_required_turns(ribbon, ribbon.order) if abs(turn.crossing.t - t) <= slack]
+
+
 def _measure_jumps(jets: Jets) -> tuple[Array, Array]:
-    """Return the breaks (n,) of jets, and by how much those of order 1 and more jump there; 0 if that is rounding."""
+    """Return the breaks (n,) of jets, and the jumps (orders, n) of those of order 1 and more; 0 if it is rounding."""
     t = jets[0].breaks[1:-1]
-    before, after = (dehomogenise_jets(np.stack([jet(t, side=side) for jet in jets]))[1:] for side in SIDES)
+    before, after = (dehomogenise_jets(np.stack([jet(t, side=side) for jet in jets]))[1:] for side in BREAK_SIDES)
     jumps = np.linalg.norm(after - before, axis=2)
-    return t, np.where(jumps > TORN_JUMP * np.abs(after).max(initial=0.0), jumps, 0.0)
+    return t, np.where(jumps > SECTION_TOLERANCES.torn_jump * np.abs(after).max(initial=0.0), jumps, 0.0)
 
 
 def blend_ribbons(
@@ -159,11 +155,12 @@ def blend_ribbons(
     """
     jets = _align_jets(ribbons)
     degree = max(jet.degree for side in jets for jet in side)
-    if form == "compact" or (form == "auto" and degree > MOST_AUTO_DEGREE):
+    if form == "compact" or (form == "auto" and degree > SECTION_TOLERANCES.most_auto_degree):
         return BlendSurface(fill(compact_jets(jets, tolerance, angular_tolerance)), ribbons, "compact")
-    if degree > LARGEST_DEGREE:
+    if degree > SECTION_TOLERANCES.largest_degree:
         raise DegreeError(
-            f"the exact blend has degree {degree} along the rail, OCCT holds {LARGEST_DEGREE}; take form='compact'"
+            f"the exact blend has degree {degree} along the rail, OCCT holds {SECTION_TOLERANCES.largest_degree}; "
+            "take form='compact'"
         )
     return BlendSurface(fill(jets), ribbons, "exact")
 
@@ -171,11 +168,11 @@ def blend_ribbons(
 def find_fold(surface: Surface) -> float | None:
     """Return a t at which the normal of a blend turns over between neighbours of a grid; None if it does not.
 
-    The grid has six points a piece, some next to its ends, and 97 across.
+    The grid has six points for each piece, some next to its ends, and 97 across.
     """
     breaks = surface.breaks[0]
     t = (breaks[:-1] + np.multiply.outer(FOLD_SAMPLES, np.diff(breaks))).T.ravel()
-    v = (np.arange(97) + 0.5) / 97
+    v = (np.arange(SECTION_TOLERANCES.fold_sections) + 0.5) / SECTION_TOLERANCES.fold_sections
     normals = cross_product(surface.grid(t, v, 1, 0), surface.grid(t, v, 0, 1))
     along, across = (normals[1:] * normals[:-1]).sum(axis=-1), (normals[:, 1:] * normals[:, :-1]).sum(axis=-1)
     for cosine in (along, across):

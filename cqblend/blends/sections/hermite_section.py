@@ -1,7 +1,8 @@
-"""Sections: the surface between the jets of two ribbons, Hermite's and whatever vanishes at both rails besides.
+"""Assembles the surface between the jets of two ribbons: their Hermite section, and an interior that is added to it.
 
-In homogeneous 4-space, or in space where there are no weights. Each component takes as many jets as its own order of
-continuity asks for. Knows neither where jets come from nor what fills the interior.
+Jets are the derivatives across a blend at its rails, as curves: of homogeneous coordinates, or of x, y and z where
+there are no weights. Each component takes as many jets as its own order of continuity asks for. Depends on splines
+only.
 """
 
 from __future__ import annotations
@@ -13,59 +14,60 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 
-UNIT_WEIGHT_TOLERANCE = 1e-12  # of a weight that is one
-
 Jets: TypeAlias = Sequence[Curve]
+"""Derivatives by v of orders 0, 1, .. at a rail, curves of t."""
 
 
 @dataclass(frozen=True)
 class SectionInterior:
     """What is added to a Hermite section without changing how it meets its surfaces.
 
-    Component i of the sum is ``tables[i] @ curve``: Bernstein coefficients across, on the pieces between ``breaks`` of
-    [0, 1], of splines that vanish at both ends with as many derivatives as that component takes from the jets.
+    Component i of it is the spline across with Bernstein coefficients ``tables[i] @ curve``, on the pieces between
+    ``breaks`` of [0, 1], which vanishes at both ends with as many derivatives as that component takes from the jets.
+    ``tables`` have the shape (3, degree + 1, dim of the curve, pieces), ``continuity`` is that at the inner breaks.
     """
 
     curve: Curve
-    tables: Array  # (3, degree + 1, dim of the curve, pieces)
+    tables: Array
     breaks: Array
     continuity: Array
 
 
-def tabulate_hermite(first: int, last: int, taken: tuple[int, int], degree: int) -> Array:
-    """Return Bernstein coefficients across (degree + 1, first + last) of what has the given jets at both ends.
+def tabulate_hermite(jet_counts: tuple[int, int], taken: tuple[int, int], degree: int) -> Array:
+    """Return the Bernstein coefficients across, (degree + 1, number of jets), of the Hermite section of jets.
 
-    Of ``first`` jets at v = 0 and ``last`` at v = 1, both into the blend, the first ``taken`` are taken. With p the sum
-    of these less one, row i from the first rail on is the sum over r of C(i, r) (p - r)!/p! J_r, and from the second
-    rail on likewise; then the degree is raised.
+    There are ``jet_counts`` jets at v = 0 and at v = 1, both into the blend; ``taken`` tells how many of these, the
+    lowest, are interpolated. With p the sum of those less one, row i from the first rail on is the sum over r of
+    C(i, r) (p - r)!/p! J_r, and from the second rail on likewise; then the degree is raised.
     """
-    p = sum(taken) - 1
-    table = np.zeros((p + 1, first + last))
+    p, first_count = sum(taken) - 1, jet_counts[0]
+    table = np.zeros((p + 1, sum(jet_counts)))
     for i in range(taken[0]):
         table[i, : i + 1] = [comb(i, r) / perm(p, r) for r in range(i + 1)]
     for i in range(taken[1]):
-        table[p - i, first : first + i + 1] = [comb(i, r) / perm(p, r) for r in range(i + 1)]
+        table[p - i, first_count : first_count + i + 1] = [comb(i, r) / perm(p, r) for r in range(i + 1)]
     return bernstein.elevate_degree(table[..., None], degree - p)[..., 0]
 
 
 def evaluate_weights(sides: tuple[Jets, Jets], t: Array, v: Array) -> Array | None:
-    """Return the weight (n, m) that the section of jets has at t (n,) and v (m,); None if they are not homogeneous."""
+    """Return the weight (n, m) of the Hermite section of jets at t (n,) and v (m,); None if there are no weights."""
     if sides[0][0].dim == 3:
         return None
-    first, last = map(len, sides)
-    degree = first + last - 1
-    rows = tabulate_hermite(first, last, (first, last), degree)
+    counts = (len(sides[0]), len(sides[1]))
+    degree = sum(counts) - 1
+    rows = tabulate_hermite(counts, counts, degree)
     values = np.stack([jet(t)[:, 3] for jets in sides for jet in jets])
     return np.asarray(np.einsum("im,ik,kn->nm", bernstein.evaluate_basis(degree, 1 - v, v), rows, values))
 
 
 def build_section(
-    sides: tuple[Jets, Jets], halves: tuple[int, int, int] | None = None, interior: SectionInterior | None = None
+    sides: tuple[Jets, Jets], conditions: tuple[int, int, int] | None = None, interior: SectionInterior | None = None
 ) -> Surface:
     """Assemble the surface H(t, v) between the jets of two ribbons, of degree k1 + k2 + 1 across or more.
 
@@ -74,33 +76,33 @@ def build_section(
     sides
         Jets of orders 0 .. k1 and 0 .. k2, both into the blend. Homogeneous ones (dim 4) give a rational surface,
         unless their weight is one.
-    halves
+    conditions
         How many of them x, y and z take on each side; None for all. The weight takes all.
     interior
-        What is added.
+        What is added to the Hermite section.
 
     Raises
     ------
     GeometryError
         If a weight is not positive.
     """
-    first, last = map(len, sides)
+    counts = (len(sides[0]), len(sides[1]))
     together = align_breaks([*sides[0], *sides[1], *([] if interior is None else [interior.curve])])
     largest = max(jet.degree for jet in together)
     coefs = [jet.elevate(largest - jet.degree).coefs for jet in together]
-    jets = np.stack(coefs[: first + last])  # (k, p + 1, dim, n)
-    degree = first + last - 1 if interior is None else max(first + last, interior.tables.shape[1]) - 1
+    jets = np.stack(coefs[: sum(counts)])  # (k, p + 1, dim, n)
+    degree = sum(counts) - 1 if interior is None else max(sum(counts), interior.tables.shape[1]) - 1
     across = np.array([0.0, 1.0]) if interior is None else interior.breaks
 
     def tabulate_rows(taken: tuple[int, int]) -> Array:
-        rows = tabulate_hermite(first, last, taken, degree)[..., None]
+        rows = tabulate_hermite(counts, taken, degree)[..., None]
         return bernstein.restrict_pieces(rows.repeat(len(across) - 1, axis=2), across[:-1], across[1:])
 
-    every = tabulate_rows((first, last))
-    if halves is None:
+    every = tabulate_rows(counts)
+    if conditions is None:
         poles = np.einsum("ikm,kpdn->pidnm", every, jets)
     else:
-        each = [tabulate_rows((half, half)) for half in halves] + [every] * (jets.shape[2] - 3)
+        each = [tabulate_rows((count, count)) for count in conditions] + [every] * (jets.shape[2] - 3)
         poles = np.einsum("dikm,kpdn->pidnm", np.stack(each), jets, optimize=True)
     if interior is not None:
         tables = np.moveaxis(interior.tables, 0, 1)
@@ -113,10 +115,11 @@ def build_section(
         if not np.all(weight > 0):
             raise GeometryError("the blend's weight is not positive everywhere: the size is too large for these faces")
         # the rounding of a weight grows with the longest jet
-        longest = max(float(np.abs(one[:, :3]).max()) for one in coefs[: first + last])
+        longest = max(float(np.abs(jet[:, :3]).max()) for jet in coefs[: sum(counts)])
         rational = bool(
-            np.abs(weight - 1).max() > UNIT_WEIGHT_TOLERANCE * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max())
+            np.abs(weight - 1).max()
+            > SECTION_TOLERANCES.unit_weight_share * max(1.0, longest / np.abs(poles[:, [0, -1], :3]).max())
         )
         poles = poles if rational else poles[:, :, :3] / weight[:, :, None]  # whose rounding is that of the numerators
-    joints = np.empty(0, int) if interior is None else interior.continuity
-    return Surface((together[0].breaks, across), poles, rational=rational, continuity=(continuity, joints))
+    across_continuity = np.empty(0, int) if interior is None else interior.continuity
+    return Surface((together[0].breaks, across), poles, rational=rational, continuity=(continuity, across_continuity))

@@ -17,7 +17,8 @@ from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import Stations, project_to_intersection, solve_damped_newton
+from cqblend.blends.contacts.contact_solver import Stations, project_to_intersection
+from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.brep.rewrite.blend_placement import BlendPlacement
 from cqblend.brep.rewrite.end_curve import (
     EndCurveStart,

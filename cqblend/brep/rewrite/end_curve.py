@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import differentiate_normal, solve_damped_newton
+from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex

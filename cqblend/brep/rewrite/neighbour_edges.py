@@ -11,7 +11,7 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.contacts.contact_solver import solve_damped_newton
+from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.rewrite.blend_placement import BlendPlacement
 from cqblend.brep.rewrite.edge_accuracy import measure_deviation

@@ -302,7 +302,7 @@ def test_edge_that_changes_between_convex_and_concave_is_refused():
     joint = wedge(math.pi / 2, convex=True)
     direction = joint.stations.tangents * np.array([1, 1, 1, -1, -1])[:, None]
     with pytest.raises(GeometryError, match="between convex and concave"):
-        solve_ball_contacts(joint.sides, replace(joint.stations, direction=direction), 1.0)
+        solve_ball_contacts(joint.sides, replace(joint.stations, tangents=direction), 1.0)
 
 
 def test_surfaces_that_do_not_cross_are_named_with_the_place():

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.rails.direction_fit import (
-    SHORTEST_SPAN_BY_ORDER,
-    DirectionFit,
-    add_third_points,
-    fit_ribbons_on_rails,
-)
+from cqblend.blends.rails.cornered_spline import add_third_points
+from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import dehomogenise_jets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve, Surface
 
 CUBIC = Curve.bezier([[0.1, 0.2], [0.4, 0.7], [0.6, 0.1], [0.9, 0.6]])
@@ -129,7 +126,7 @@ def test_spans_do_not_get_shorter_than_the_order_allows():
     for order in (1, 2):
         _, ribbon = made(QUADRATIC, order=order)
         steps = np.diff(ribbon.directions[0].breaks)
-        assert steps.min() >= 0.3 * SHORTEST_SPAN_BY_ORDER[order]
+        assert steps.min() >= 0.3 * RAIL_TOLERANCES.shortest_span_by_order[order]
 
 
 def test_thirds():

@@ -9,7 +9,8 @@ import pytest
 from kernel_surfaces import clamped
 
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.rails.steering import FADE_FIT_SHARE, FADE_LENGTH_SHARE, Steering, SteeringPin, find_pins
+from cqblend.blends.rails.steering import Steering, SteeringPin, find_pins
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.tensor_surface import TensorSurface
@@ -33,7 +34,11 @@ def test_the_angle_is_that_of_the_pins_and_zero_far_away(closed):
         [pin.angle for pin in PINS], abs=1e-15
     )
     assert (
-        np.abs(steering.evaluate_angle(np.linspace(0.26 + FADE_LENGTH_SHARE, 0.97 - FADE_LENGTH_SHARE, 50))).max()
+        np.abs(
+            steering.evaluate_angle(
+                np.linspace(0.26 + RAIL_TOLERANCES.fade_length_share, 0.97 - RAIL_TOLERANCES.fade_length_share, 50)
+            )
+        ).max()
         < 1e-15
     )
     assert (steering.evaluate_angle(np.array([0.03]))[0] != 0) == closed
@@ -45,7 +50,16 @@ def test_the_angle_is_that_of_the_pins_and_zero_far_away(closed):
 
 def test_the_angle_is_flat_and_unbent_at_pins_and_where_it_ends():
     steering = Steering(PINS, (0.0, 1.0), False)
-    t = np.array([0.2, 0.26, 0.97, 0.2 - FADE_LENGTH_SHARE, 0.26 + FADE_LENGTH_SHARE, 0.97 - FADE_LENGTH_SHARE])
+    t = np.array(
+        [
+            0.2,
+            0.26,
+            0.97,
+            0.2 - RAIL_TOLERANCES.fade_length_share,
+            0.26 + RAIL_TOLERANCES.fade_length_share,
+            0.97 - RAIL_TOLERANCES.fade_length_share,
+        ]
+    )
     first, second = slopes(steering.evaluate_angle, t)
     assert np.abs(first).max() < 1e-3
     assert np.abs(second).max() < 0.5  # beside 1000 in between
@@ -74,17 +88,17 @@ def test_components_across_the_line_vanish_exactly_at_pins():
         assert (second[at, pin.axis] == 0) == pin.second_order
     assert (first == 0).sum() == len(PINS)
     assert (np.abs(second[:, 0] - 1) == 0).all()
-    assert (second[np.abs(t - 0.26) >= FADE_LENGTH_SHARE, 1] == 1).all()
+    assert (second[np.abs(t - 0.26) >= RAIL_TOLERANCES.fade_length_share, 1] == 1).all()
 
 
 def test_a_fit_has_slack_about_pins_only():
     steering = Steering(PINS, (0.0, 1.0), False)
     t = np.linspace(0, 1, 201)
     slack = steering.evaluate_slack(t)
-    assert set(slack.tolist()) == {0.0, FADE_FIT_SHARE * 0.3}
+    assert set(slack.tolist()) == {0.0, RAIL_TOLERANCES.fade_fit_share * 0.3}
     near = np.abs(t[:, None] - [pin.t for pin in PINS]).min(axis=1)
-    assert (slack[near <= FADE_LENGTH_SHARE] > 0).all()
-    assert (slack[near > 2 * FADE_LENGTH_SHARE + 0.01] == 0).all()
+    assert (slack[near <= RAIL_TOLERANCES.fade_length_share] > 0).all()
+    assert (slack[near > 2 * RAIL_TOLERANCES.fade_length_share + 0.01] == 0).all()
     assert (Steering((), (0.0, 1.0), False).evaluate_slack(t) == 0).all()
     assert (Steering((), (0.0, 1.0), False).evaluate_angle(t) == 0).all()
 

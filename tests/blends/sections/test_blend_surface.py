@@ -9,9 +9,11 @@ import pytest
 from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends.contacts.contact_solver import Contacts
-from cqblend.blends.rails import rail_fit
-from cqblend.blends.rails.rail_fit import RibbonTargets
+from cqblend.blends.contacts.unwrapped_solvers import unwrap_open_solver
+from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
+from cqblend.blends.rails.exact_rails import fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines.breaks import merge_breaks
@@ -44,9 +46,9 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
         return Contacts(t, (first + second) / 2, (flat, uv), np.tile(np.linalg.norm(first - second, axis=1), (2, 1)))
 
     primaries = (FLOOR.primary, pair.primary)
-    return rail_fit.fit_cubic_ribbons(
+    return fit_cubic_ribbons(
         primaries,
-        rail_fit.unwrap_open_solver(solve, primaries),
+        unwrap_open_solver(solve, primaries),
         (0.0, 1.0),
         RibbonTargets(1e-2, 1e-2, 1e-1, bulges=bulges(bulge)),
         closed=False,
@@ -169,7 +171,7 @@ def test_section_of_a_rolling_ball_is_the_arc_as_well_as_a_cubic_can(theta, erro
         at = np.stack([x, np.full_like(x, setback)], -1)
         return Contacts(t, np.outer(x, [1.0, 0, 0]), (at, at), np.full((2, len(x)), 4 * radius * math.tan(theta / 4)))
 
-    made = rail_fit.fit_straight_ribbons(primaries, solve, (0.0, 1.0), RibbonTargets(), 10.0)
+    made = fit_straight_ribbons(primaries, solve, (0.0, 1.0), RibbonTargets(), 10.0)
     assert made is not None
     blend = blend_ribbons(made, "auto", 1e-7, 1e-5)
     assert blend.surface.to_bspline()[2].shape == (2, 4, 3)

@@ -17,7 +17,8 @@ from places import BENCHMARKS
 
 import cqblend
 from cqblend.blends.sections.blend_surface import build_section
-from cqblend.blends.sections.compact_form import CURVATURE_TOLERANCE, compact_jets
+from cqblend.blends.sections.compact_form import compact_jets
+from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, interpolation
 from cqblend.surfaces.primary import Primary
@@ -179,7 +180,7 @@ def test_fit_is_within_what_was_asked(name, tolerance, angular):
         assert gap <= tolerance
         assert angle <= angular
         assert field <= angular
-        assert all(bend <= CURVATURE_TOLERANCE for bend in bends)
+        assert all(bend <= COMPACT_TOLERANCES.curvature for bend in bends)
     assert all(np.array_equal(row.breaks, fitted[0][0].breaks) for rows in fitted for row in rows)
 
 
@@ -196,7 +197,7 @@ def test_any_jets_of_any_orders(seed, orders):
         gap, angle, field, bends = measured(jets, rows)
         assert gap <= 1e-6
         assert max(angle, field) <= 1e-5
-        assert all(bend <= CURVATURE_TOLERANCE for bend in bends)
+        assert all(bend <= COMPACT_TOLERANCES.curvature for bend in bends)
 
 
 @pytest.mark.parametrize("name", CASES)

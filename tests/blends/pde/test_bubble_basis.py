@@ -6,7 +6,7 @@ from math import factorial
 import numpy as np
 import pytest
 
-from cqblend.blends.sections.cross_basis import evaluate_bubbles, evaluate_hermite_basis
+from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis
 
 POINTS = [Fraction(i, 16) for i in range(17)]
 V = np.array([float(x) for x in POINTS])

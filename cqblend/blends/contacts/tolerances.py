@@ -1,0 +1,62 @@
+"""Tolerances and limits of the search for contacts, each with its unit, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ContactTolerances:
+    """Limits of Newton's method, of the continuation in the size, and of the search for knot-line crossings.
+
+    Attributes
+    ----------
+    smooth_edge_sine
+        Sine of the angle between two faces below which an edge counts neither as convex nor as concave.
+    newton_steps
+        Most iterations of the damped Newton method; four suffice next to the solution, starts far away need the rest,
+        since their steps are shortened.
+    exact_residual
+        Residual, as a share of the scale of the equations, below which an iteration stops at once.
+    stalled_residual
+        The same share, below which it stops as soon as the residual no longer halves: what moves then is rounding.
+    converged_residual
+        The same share, up to which a result counts as a solution.
+    longest_projection_step
+        Longest Newton step onto the intersection of two surfaces, as a share of the length of the edge.
+    least_ball_opening
+        Angle (rad) between the radii to the two contacts of a ball, below which they are one point.
+    first_size_share
+        Share of a radius or width at which a continuation in the size starts, and the least by which it grows (relative
+        to the size reached).
+    largest_prediction_error
+        How far a contact may be from where the continuation expects it, as a share of the step.
+    rough_continuity
+        Knot lines at which a surface is less smooth than C3, this number, are looked for.
+    crossing_stations
+        Stations between which contacts are checked for crossing a knot line.
+    secant_steps
+        Most steps of regula falsi towards a crossing.
+    kink_probe_share
+        Step of the one-sided differences that tell a kink at a crossing, as a share of the rail.
+    crossing_residual
+        Distance of a native parameter from its knot line at which a crossing counts as reached.
+    """
+
+    smooth_edge_sine: float = 1e-3
+    newton_steps: int = 40
+    exact_residual: float = 1e-15
+    stalled_residual: float = 1e-11
+    converged_residual: float = 1e-9
+    longest_projection_step: float = 0.1
+    least_ball_opening: float = 1e-9
+    first_size_share: float = 1 / 128
+    largest_prediction_error: float = 0.5
+    rough_continuity: int = 3
+    crossing_stations: int = 129
+    secant_steps: int = 30
+    kink_probe_share: float = 1e-3
+    crossing_residual: float = 1e-13
+
+
+CONTACT_TOLERANCES = ContactTolerances()

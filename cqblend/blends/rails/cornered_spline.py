@@ -1,0 +1,102 @@
+"""Interpolates cubic splines that are C2 but for given corners, at which they are C1 or have a known kink.
+
+Rails and directions are such splines of lifted parameters: their corners are where surfaces are not smooth enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.interpolation import interpolate
+
+
+@dataclass(frozen=True)
+class KinkData:
+    """What a fit is given at m kinks in addition to values: the left limits there, and changes of the slopes.
+
+    Kink i has its left limit at node ``nodes_before[i]`` and its right limit at node ``nodes_after[i]``: two nodes only
+    where a closed rail meets itself. ``values_before`` (m, k) are the left limits; ``slope_changes`` (2, m, k) are
+    added to the slopes on both sides that values alone would give.
+    """
+
+    nodes_before: Array
+    nodes_after: Array
+    values_before: Array
+    slope_changes: Array
+
+    def scale_values(self, factors: Array) -> KinkData:
+        """Return the data of values multiplied by factors (m,)."""
+        return KinkData(
+            self.nodes_before,
+            self.nodes_after,
+            self.values_before * factors[:, None],
+            self.slope_changes * factors[:, None],
+        )
+
+
+CurveMaker = Callable[[Array, KinkData | None], Curve]
+"""A function from lifted values (n, k) at the samples of a rail, and its kinks, to a curve through them."""
+
+
+def add_third_points(nodes: Array) -> Array:
+    """Return the nodes, and two parameters between neighbouring ones; those of a span depend on its ends alone."""
+    steps = np.diff(nodes)
+    inside = np.stack([nodes[:-1], nodes[:-1] + steps / 3, nodes[:-1] + 2 * steps / 3], axis=1)
+    return np.append(inside.ravel(), nodes[-1])
+
+
+def interpolate_with_corners(
+    nodes: Array,
+    values: Array,
+    corners: Array,
+    *,
+    closed: bool,
+    sharp: Sequence[int] | Array = (),
+    kinks: KinkData | None = None,
+) -> Curve:
+    """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
+
+    There are two more values between neighbouring nodes, at the parameters of :func:`add_third_points`. From them come
+    the slopes at the corners, of third order, and the same on both sides; at ``sharp`` corners each side has its own
+    slope, and at ``kinks``, which must be corners too, its own value besides.
+    """
+    steps = np.diff(nodes)
+    weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
+    spans = np.stack([values[i::3][: len(steps)] for i in range(4)])
+    if kinks is not None:
+        spans[3, kinks.nodes_before - 1] = kinks.values_before
+    right, left = (
+        np.einsum("w,wnd->nd", weights, spans) / steps[:, None],
+        np.einsum("w,wnd->nd", -weights[::-1], spans) / steps[:, None],
+    )
+    before, after = (np.concatenate(pair) for pair in ((right[:1], left), (right, left[-1:])))
+    even = np.ones(len(nodes), dtype=bool)
+    even[np.asarray(sharp, dtype=int)] = False
+    if kinks is not None:
+        even[np.concatenate([kinks.nodes_before, kinks.nodes_after])] = False
+        before[kinks.nodes_before] += kinks.slope_changes[0]
+        after[kinks.nodes_after] += kinks.slope_changes[1]
+    before[even] = after[even] = (before[even] + after[even]) / 2
+    if closed and even[0] and even[-1]:
+        before[-1] = after[0] = (right[0] + left[-1]) / 2
+    order = np.where(even, 1, 0)
+    size = np.abs(values).max()
+
+    def make_piece(i: int, j: int) -> Curve:
+        ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
+        if np.abs(ends[-1] - values[3 * j]).max() > RAIL_TOLERANCES.same_value_share * size:
+            order[j] = -1
+        return interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
+
+    starts = corners[:-1].tolist()
+    pieces = [make_piece(i, j) for i, j in zip(starts, corners[1:].tolist(), strict=True)]
+    joints = zip(pieces[1:], order[starts[1:]].tolist(), strict=True)
+    whole = reduce(lambda curve, joint: curve.join(joint[0], continuity=joint[1]), joints, pieces[0])
+    return whole.reduce(tolerance=1e-13)

@@ -1,0 +1,155 @@
+"""The exact jets of two ribbons, and how far a fit of them may be and is from them.
+
+The compact form (:mod:`cqblend.blends.sections.compact_form`) approximates these jets within tolerances in position, in
+the tangent plane and in curvature, which are measured here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.rails.ribbon import evaluate_space_jets
+from cqblend.blends.sections.hermite_section import Jets
+from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.breaks import align_breaks
+from cqblend.splines.evaluation import BreakSide
+from cqblend.surfaces.vectors import cross_product
+
+JUMP_ERRORS = np.array([0.5, 0.1, 0.017, 0.005])
+"""Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""
+
+
+@dataclass(frozen=True)
+class ExactJets:
+    """The exact homogeneous jets of both ribbons, all on the same breaks, and what a fit of them may miss.
+
+    ``tolerance`` is that of position, ``angular_tolerance`` that of tangent planes (rad); ``sizes`` are the diagonals
+    of the boxes around the rails. *Rows* are the Euclidean jets of the first side by order, then those of the second.
+    """
+
+    sides: tuple[list[Curve], list[Curve]]
+    tolerance: float
+    angular_tolerance: float
+    sizes: tuple[float, float]
+
+    @property
+    def breaks(self) -> Array:
+        """Breaks common to all jets."""
+        return self.sides[0][0].breaks
+
+    def evaluate_rows(self, t: Array, order: int, side: BreakSide) -> Array:
+        """Return the Euclidean rows with their derivatives by t, (rows, order + 1, n, 3)."""
+        return np.concatenate([evaluate_space_jets(jets, t, order, side) for jets in self.sides])
+
+    def evaluate_sides(self, t: Array) -> list[Array]:
+        """Return for each side its Euclidean jets with the derivatives that are compared, (orders, 2 or 3, n, 3)."""
+        return [evaluate_space_jets(jets, t, count_derivatives(jets), "right") for jets in self.sides]
+
+    def measure_errors(self, fitted: list[Array], exact: list[Array], widths: Array) -> Array:
+        """Return the largest error of any sort, as a share of its tolerance, (n,).
+
+        ``fitted`` and ``exact`` are as :meth:`evaluate_sides` returns them, ``widths`` (n,) the lengths of the pieces
+        there. Derivatives are uncertain by the rounding of poles divided by these, whatever the number of spans: on
+        short pieces, that is allowed as well.
+        """
+        ratios = []
+        step = 2 * self.sides[0][0].degree / widths
+        for fit, true, size, jets in zip(fitted, exact, self.sizes, self.sides, strict=True):
+            noise = [COMPACT_TOLERANCES.coefficient_rounding * float(np.abs(jet.coefs).max()) for jet in jets]
+            ratios.append(compute_norms(fit[0, 0] - true[0, 0]) / self.tolerance)
+            if len(fit) == 1:
+                continue
+            speed, reach = (
+                np.maximum(compute_norms(x), COMPACT_TOLERANCES.tiny_length) for x in (true[0, 1], true[1, 0])
+            )
+            ratios.append(compute_norms(fit[1, 0] - true[1, 0]) / (reach * self.angular_tolerance + noise[1]))
+            n, wanted = (cross_product(x[0, 1], x[1, 0]) for x in (fit, true))
+            turned = np.arctan2(compute_norms(cross_product(n, wanted)), (n * wanted).sum(-1))
+            ratios.append(turned / (self.angular_tolerance + noise[0] * step / speed + noise[1] / reach))
+            if len(fit) == 2:
+                continue
+            uncertain = [noise[2] / reach**2, noise[0] * (step / speed) ** 2, noise[1] * step / (speed * reach)]
+            uncertain += [rounding * size / reach**3 for rounding in noise[3:]]
+            curvatures = zip(_compute_curvatures(fit, size), _compute_curvatures(true, size), uncertain, strict=True)
+            ratios += [np.abs(x - y) / (COMPACT_TOLERANCES.curvature + size * allowed) for x, y, allowed in curvatures]
+        return np.asarray(np.max(ratios, axis=0) / COMPACT_TOLERANCES.used_share)
+
+    def estimate_jump_costs(self, jumps: Array, rows: Array) -> Array:
+        """Return the errors a, (rows, 4, n), that a smooth fit makes at jumps (rows, 4, n, 3) of derivatives 0 .. 3.
+
+        On spans of length h, the jump of derivative m of row r costs a[r, m] h^m tolerances of that row. ``rows`` are
+        the Euclidean rows with their first derivatives, (rows, 2, n, 3). Jumps change tangent planes and curvatures as
+        well, as jumps of one and of two derivatives less do; there, only their normal part counts.
+        """
+        all_costs, first = np.zeros(jumps.shape[:-1]), 0
+        for jets, size in zip(self.sides, self.sizes, strict=True):
+            own, count = jumps[first : first + len(jets)], len(jets)
+            allowed = [np.full(jumps.shape[2], self.tolerance)]
+            if count > 1:
+                speed, reach = (
+                    np.maximum(compute_norms(x), COMPACT_TOLERANCES.tiny_length)
+                    for x in (rows[first, 1], rows[first + 1, 0])
+                )
+                allowed += [
+                    self.angular_tolerance * reach,
+                    *(COMPACT_TOLERANCES.curvature * reach**k / size ** (k - 1) for k in range(2, count)),
+                ]
+            costs = JUMP_ERRORS[:, None] * compute_norms(own) / np.stack(allowed)[:, None]
+            if count > 1:
+                normal = cross_product(rows[first, 1], rows[first + 1, 0])
+                normal_jumps = np.abs((own[:2] * normal).sum(-1)) / np.maximum(
+                    compute_norms(normal), COMPACT_TOLERANCES.tiny_length
+                )
+                stricter = [(0, 1, self.angular_tolerance * speed)]
+                if count > 2:
+                    curvature = COMPACT_TOLERANCES.curvature / size
+                    stricter += [(0, 2, curvature * speed**2), (1, 1, curvature * speed * reach)]
+                for row, derivatives_lost, limit in stricter:
+                    left = len(JUMP_ERRORS) - derivatives_lost
+                    normal_costs = JUMP_ERRORS[:left, None] * normal_jumps[row, derivatives_lost:] / limit
+                    costs[row, :left] = np.maximum(costs[row, :left], normal_costs)
+            all_costs[first : first + count] = costs
+            first += count
+        return all_costs
+
+
+def collect_exact_jets(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float) -> ExactJets:
+    """Bring homogeneous jets to common breaks, and measure the rails."""
+    together = align_breaks([*sides[0], *sides[1]])
+    first, second = together[: len(sides[0])], together[len(sides[0]) :]
+    breaks = first[0].breaks
+    sizes = []
+    for rail in (first[0], second[0]):
+        points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
+        sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
+    return ExactJets((first, second), tolerance, angular_tolerance, (sizes[0], sizes[1]))
+
+
+def compute_norms(vectors: Array) -> Array:
+    """Return the lengths of vectors (.., 3)."""
+    return np.asarray(np.sqrt((vectors * vectors).sum(-1)))
+
+
+def count_derivatives(jets: Jets) -> int:
+    """Return the order of derivatives by t up to which errors are measured: 2 where curvature is to agree, else 1."""
+    return 1 if len(jets) < 3 else 2
+
+
+def _compute_curvatures(rows: Array, size: float) -> list[Array]:
+    """Return the normal curvatures along T and C', the mixed one, and the normal part of the third jet, (n,) each.
+
+    They are in units of 1 / size; ``rows`` are Euclidean jets with their derivatives (orders, 3, n, 3), and only what
+    these determine is returned.
+    """
+    if len(rows) < 3:
+        return []
+    normal = cross_product(rows[0, 1], rows[1, 0])
+    normal = normal / compute_norms(normal)[:, None]
+    speed, reach = compute_norms(rows[0, 1]), compute_norms(rows[1, 0])
+    parts = [(rows[2, 0], size / reach**2), (rows[0, 2], size / speed**2), (rows[1, 1], size / (speed * reach))]
+    parts += [(row[0], size**2 / reach**3) for row in rows[3:]]
+    return [np.asarray((vector * normal).sum(-1) * factor) for vector, factor in parts]
