@@ -413,9 +413,9 @@ def unroll(
 
         model, parts, whole = collect_unroll_shapes(shape)
         try:
-            skin = read_patches(parts, whole=whole, join=wishes.flat)
+            skin = read_patches(parts, numbered_shape=whole, sewing_tolerance=wishes.flat)
         except SelectionError:  # the solid in the chain is another one
-            skin = read_patches(parts, join=wishes.flat)
+            skin = read_patches(parts, sewing_tolerance=wishes.flat)
     unrolled = assembly.unroll_patches(skin, wishes, progress)
     if developable:
         _check_rulings_paired(unrolled)

@@ -16,7 +16,6 @@ from cqblend.blends.quality.proof import prove_blend
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.face_surface import PCURVE_TOLERANCE
 from cqblend.brep.read.spline_conversion import to_face
 from cqblend.brep.rewrite.shell_edit import ProposedSolid
 from cqblend.brep.select.edge_joint import Joint
@@ -60,9 +59,7 @@ def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) ->
                 kept=_measure_faded_share(rail),
             )
         )
-    fitted = [
-        0.0 if side.face_primary.has_exact_pcurves() else 2 * PCURVE_TOLERANCE for side in joint.sides
-    ]  # and what is between the checks
+    fitted = [2 * side.pcurve_tolerance for side in joint.sides]  # and what is between the checks
     return _build_certificate(
         blend,
         records,
