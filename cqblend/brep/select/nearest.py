@@ -1,7 +1,6 @@
-"""From a point in space to the edge or face that is meant.
+"""Find the edge or face of a shape that is nearest to a point.
 
-Exists for the command line, where nobody can click on an edge but everybody can read off coordinates. Must not know
-what the edge is wanted for.
+Exists for the command line, where edges are picked by coordinates.
 """
 
 from dataclasses import dataclass
@@ -13,14 +12,12 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.topology import ShapeIndex
 from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.errors import CqblendError, SelectionError
 
 Point = tuple[float, float, float]
-
-_SAMPLES = 50
-"""Along an edge, to tell whether it is sharp anywhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +60,7 @@ def find_nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
 def find_nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
     """Return the edge nearest to a point that has two different faces on its two sides.
 
-    Seams, degenerate and free edges are passed over; if it is to be ``sharp``, those at which the faces meet smoothly
-    everywhere, too.
+    Seams, degenerate and free edges are skipped; with ``sharp``, also those at which the faces meet smoothly all along.
 
     Raises
     ------
@@ -89,6 +85,6 @@ def _is_joint(shape: TopoDS_Shape, edge: TopoDS_Edge, *, sharp: bool) -> bool:
         sides = find_edge_sides(shape, edge)
         if sides[0][0].IsSame(sides[1][0]):
             return False
-        return not sharp or measure_continuity_between(sides, _SAMPLES).kind != "smooth"
+        return not sharp or measure_continuity_between(sides, TOLERANCES.sharpness_samples).kind != "smooth"
     except CqblendError:
         return False
