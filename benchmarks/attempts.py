@@ -21,10 +21,12 @@ from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.blend_options import BlendRequest
+from cqblend.blend_options import BlendOptions
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
-from cqblend.brep.verification.soundness import check_solid, make_skew_plane, measure_volume
+from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.edge_blend import blend_shape
 
@@ -72,7 +74,7 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendRequest.from_options(radius, form=form))[:2]
+        return blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())[:2]
 
     return run
 
@@ -115,7 +117,7 @@ def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_
     known = ShapeIndex(before, TopAbs_EDGE)
     fresh = [edge for edge in ShapeIndex(after, TopAbs_EDGE) if edge not in known]
     problems = [] if faces else ["no face was made"]
-    problems += check_solid(before, after, faces, tolerance=math.inf)
+    problems += check_solid(before, after, faces, tolerance=math.inf).problems
     plane = make_skew_plane(before)
     change = measure_volume(after, plane)[0] - measure_volume(before, plane)[0]
     angles = [0.0]

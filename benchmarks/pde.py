@@ -53,12 +53,12 @@ def ring(radius: float, height: float, slope: float, waves: int) -> cqblend.Boun
 
 def speed() -> None:
     """Print times: of the solution alone, and of whole blends."""
-    from cqblend.blends.pde.problem import PdeSettings
+    from cqblend.blends.pde.problem import PdeSettings, SideSetup
 
     sides = ring(2, 0, 3, 6), ring(1.4, 2, 2, 6)
     problem = PdeSettings((4, 4, 4), (1.0, 2.0, 1.0), terms=12, modes=8)
     ribbons = sides[0].ribbon(1, 0, sides[1]), sides[1].ribbon(1, 1, sides[0])
-    task = problem.pose_boundary_problem(ribbons, closed=True, by_length=False, accuracy=1e-8)
+    task = problem.pose_boundary_problem(ribbons, SideSetup(closed=True, by_length=False), accuracy=1e-8)
     print(f"order 4, 8 waves, 12 terms: solved in {timed(partial(task.solve, 12)):.1f} ms")
     blend = cqblend.pde_blend(*sides, terms=12, modes=8)
     straight = cqblend.Combination(cqblend.Curve.bezier([(0, 1), (0, 1)], domain=blend.surface.domain[0]))

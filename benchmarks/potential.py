@@ -21,7 +21,6 @@ from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.blends.potential.intersection_branches import trace_branches
 from cqblend.blends.potential.swept_blend import sweep_branch
 from cqblend.blends.potential.swept_section import SweptSection
-from cqblend.blends.sections import blend_surface
 from cqblend.brep.read import spline_arrays
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
@@ -67,7 +66,7 @@ def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable
         best(lambda: trace_branches(meeting, 0.5)),
         best(lambda: sweep_branch(meeting, found[0], 0.5)),
         best(lambda: swept.fit_ribbons(allowed)),
-        best(lambda: blend_surface.blend_ribbons(ribbons, "auto", min(1e-7, fill.compact), 1e-5, fill)),
+        best(lambda: fill.blend_ribbons(ribbons, "auto", 1e-7, 1e-5)),
         best(whole),
         best(lambda: GeomAPI_IntSS(one, two, 1e-7)),
     ]

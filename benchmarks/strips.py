@@ -116,8 +116,10 @@ def main() -> None:
                 one = divide_surface(surface, share * size, direction=way)  # type: ignore[arg-type]
                 ms = 1e3 * (time.process_time() - start)
                 n, bound = len(one.strips), one.bound / (share * size)
-                print(f"{name:12s}{share:10g}{way:>4s}{n:6d}{one.elber:7d}{one.ideal:9.2f}{bound:8.4f}{ms:8.1f}")
-                found.append((n, one.elber))
+                print(
+                    f"{name:12s}{share:10g}{way:>4s}{n:6d}{one.elber_count:7d}{one.ideal_count:9.2f}{bound:8.4f}{ms:8.1f}"
+                )
+                found.append((n, one.elber_count))
             each += [elber / n for n, elber in found]
             best.append(min(elber for _, elber in found) / min(n for n, _ in found))
     print(f"Elber's over ours, by direction: {mean(each):.3f}, least {min(each):.3f}")
@@ -131,7 +133,7 @@ def main() -> None:
     }
     cpu, wall = time.process_time() - start, time.perf_counter() - wall
     text = ", ".join(
-        f"{sum(len(one.strips) for one in found)} in {way} (Elber {sum(one.elber for one in found)})"
+        f"{sum(len(one.strips) for one in found)} in {way} (Elber {sum(one.elber_count for one in found)})"
         for way, found in counts.items()
     )
     print(f"32 teapot patches at 0.001: {text}; {cpu:.2f} s CPU, {wall:.2f} s")

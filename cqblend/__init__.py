@@ -17,6 +17,7 @@ from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
+    from cqblend.api.cross_derivatives import Combination, Guide
     from cqblend.api.flat_pattern import Pattern, unroll
     from cqblend.api.pde_surface import PdeBlend, pde_blend
     from cqblend.api.potential_surface import PotentialBlend, potential_blend, reshape
@@ -32,12 +33,12 @@ if TYPE_CHECKING:
         to_surface,
         verify,
     )
-    from cqblend.api.surface_blend import Blend, Combination, Guide, curve_on, hermite_blend, projected
+    from cqblend.api.surface_blend import Blend, curve_on, hermite_blend, projected
     from cqblend.blends.pde.boundary_data import Boundary
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
     from cqblend.blends.rails.rail import Rail
-    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.measure.edge_continuity import Continuity
     from cqblend.brep.verification.soundness import Verification
     from cqblend.splines.curve import Curve
     from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
@@ -95,16 +96,17 @@ __all__ = [
 ]
 
 _HOME = {
+    # the module, below cqblend, that defines each public name
     "BezierRelation": "blends.potential.relations",
     "Blend": "api.surface_blend",
     "BlendResult": "api.solid_blend",
     "Boundary": "blends.pde.boundary_data",
-    "Combination": "api.surface_blend",
+    "Combination": "api.cross_derivatives",
     "Conic": "blends.potential.relations",
-    "Continuity": "brep.verification.edge_continuity",
+    "Continuity": "brep.measure.edge_continuity",
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
-    "Guide": "api.surface_blend",
+    "Guide": "api.cross_derivatives",
     "Normalised": "splines.unit_length",
     "Pattern": "api.flat_pattern",
     "PdeBlend": "api.pde_surface",

@@ -1,9 +1,8 @@
-"""The command line.
+"""The command line ``cqblend``: blends, measures and unrolls the shape in a STEP file without a script.
 
-Exists so that a STEP file can be blended, measured and unrolled without a script. Holds the arguments, the exit codes
-and what is printed where: results on stdout, progress, warnings and errors on stderr. Starts fast: OCCT is loaded when
-there is work for it. OCCT crashes on some damaged files, so the work is done by a child process, which the command
-outlives to say so.
+Results go to stdout; progress, warnings and errors go to stderr; the exit codes are those of `_EPILOG`. OCCT and NumPy
+are loaded when a command needs them, so that ``--help`` is fast. OCCT crashes on some damaged files: the work is done
+by a child process, and this one reports the crash.
 """
 
 import argparse
@@ -19,15 +18,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, get_args
 
 from cqblend import __version__
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation import build_interpreter_command
+from cqblend.option_records import collect_options
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Method, UnrollOptions
 
 OK, FAILED, USAGE, INTERRUPTED, OUTPUT_CLOSED = 0, 1, 2, 128 + signal.SIGINT, 141
 
 Command = Callable[[argparse.Namespace], None]
+"""What a command does with its parsed arguments."""
 
 _EPILOG = f"""exit codes:
   {OK}  done
@@ -40,10 +43,11 @@ _DEFAULT_HELP = "default: %(default)s"
 
 _STEP_SUFFIXES = (".step", ".stp", ".p21")
 
-_TAB_WIDTH = 6.0  # mm
+_TAB_WIDTH = 6.0
+"""Default height of tabs, mm."""
 
 _QUIET_SECONDS = 1.0
-"""Seconds after which a step announces itself."""
+"""Time after which a step is announced, between two lines of progress, and for a stopped child to end, s."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,8 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()
     except KeyboardInterrupt:
         return INTERRUPTED
-    except OSError as error:  # what has no name of ours comes from standard output
-        with suppress(OSError):  # or the interpreter complains when it ends
+    except OSError as error:  # not one of cqblend's errors: standard output failed
+        with suppress(OSError):  # else the interpreter reports the failure again when it exits
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):
             return OUTPUT_CLOSED
@@ -73,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run_command(options: argparse.Namespace) -> int:
-    """Do what is asked, in this process."""
+    """Run a command in this process and return its exit code."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
@@ -100,18 +104,19 @@ def _print_message(what: str, message: str) -> None:
 
 
 class _SignalReceived(BaseException):
-    """Somebody has sent this process a signal to end; which one is its argument."""
+    """A signal to end was sent to this process; its number is the argument."""
 
 
 _END_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+"""The signals that ask a process to end, as far as this system has them."""
 
 
 @contextmanager
 def _raise_on_signals() -> Iterator[None]:
-    """Have signals to end raise `_Ended` for a while."""
+    """While the context lasts, signals to end raise `_SignalReceived`."""
 
-    def raise_received(number: int, _: FrameType | None) -> None:
-        raise _SignalReceived(number)
+    def raise_received(signal_number: int, _: FrameType | None) -> None:
+        raise _SignalReceived(signal_number)
 
     before = {number: signal.signal(number, raise_received) for number in _END_SIGNALS}
     try:
@@ -122,31 +127,31 @@ def _raise_on_signals() -> Iterator[None]:
 
 
 def _run_in_child(options: argparse.Namespace, arguments: Sequence[str]) -> int:
-    """Have a child do what is asked, and outlive it.
+    """Run a command in a child process and return its exit code.
 
-    The child dies of an interrupt on the spot, even within OCCT: what it was about to write is removed here.
+    An interrupt ends the child at once, even within OCCT: its unfinished files are removed here.
     """
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); "
         "from cqblend.__main__ import main; sys.exit(main(sys.argv[1:]))"
     )
-    with _raise_on_signals(), subprocess.Popen(build_interpreter_command(code, *arguments)) as child:  # noqa: S603  (ourselves)
+    with _raise_on_signals(), subprocess.Popen(build_interpreter_command(code, *arguments)) as child:  # noqa: S603  (this program itself)
         try:
-            result = child.wait()
+            return_code = child.wait()
         except _SignalReceived as ended:
-            result = _stop_child(child, ended.args[0])
-    if 0 <= result <= 255:
-        return result
+            return_code = _stop_child(child, ended.args[0])
+    if 0 <= return_code <= 255:
+        return return_code
     _remove_unfinished(options, child.pid)
-    return 128 - result if -result in _END_SIGNALS else _explain_crash(options, result)
+    return 128 - return_code if -return_code in _END_SIGNALS else _explain_crash(options, return_code)
 
 
-def _stop_child(child: "subprocess.Popen[bytes]", number: int) -> int:
-    """Pass a signal on to the child, which may have had it itself, and wait for its end."""
+def _stop_child(child: "subprocess.Popen[bytes]", signal_number: int) -> int:
+    """Pass a signal on to the child, wait for its end, and return its return code."""
     for one in _END_SIGNALS:
         signal.signal(one, signal.SIG_IGN)
     if os.name == "posix":
-        child.send_signal(number)
+        child.send_signal(signal_number)
     else:
         child.terminate()
     try:
@@ -154,10 +159,11 @@ def _stop_child(child: "subprocess.Popen[bytes]", number: int) -> int:
     except subprocess.TimeoutExpired:
         child.kill()
         child.wait()
-    return -number
+    return -signal_number
 
 
 def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
+    """Remove the unfinished files of a process beside the files that a command was to write."""
     from cqblend.whole_files import remove_unfinished
 
     for path in (getattr(options, name, None) for name in ("output", "strips")):
@@ -165,12 +171,12 @@ def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
             remove_unfinished(path if path.is_dir() else path.resolve().parent, process)
 
 
-def _explain_crash(options: argparse.Namespace, result: int) -> int:
-    """Say of what a child has died, and return the exit code."""
+def _explain_crash(options: argparse.Namespace, return_code: int) -> int:
+    """Print why a child has crashed, and return the exit code."""
     try:
-        cause = signal.Signals(-result).name
+        cause = signal.Signals(-return_code).name
     except ValueError:
-        cause = f"code {result & 0xFFFFFFFF:#x}"
+        cause = f"code {return_code & 0xFFFFFFFF:#x}"
     file = getattr(options, "input", None)
     if file is None:
         _print_message("error", f"OCCT has crashed ({cause})")
@@ -211,18 +217,22 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
-    blend.add_argument("--continuity", choices=("G0", "G1", "G2", "G3"), help="default: G1, or what --order gives")
+    blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
         type=_parse_orders,
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
+    blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
+    blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
-        "--ends", choices=("auto", "natural", "flat"), default="auto", help=f"of open edges; {_DEFAULT_HELP}"
+        "--steer",
+        type=float,
+        metavar="S",
+        default=BLEND_DEFAULTS.steer,
+        help="largest turn next to knot lines, rad; default: %(default).2g",
     )
-    blend.add_argument("--form", choices=("auto", "exact", "compact"), default="auto", help=_DEFAULT_HELP)
-    blend.add_argument("--steer", type=float, metavar="S", help="largest turn next to knot lines, rad; default: 0.35")
     blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
 
     continuity = _add_command(
@@ -254,8 +264,10 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
         action="append",
         help="only the face nearest to this point, mm; may be repeated",
     )
-    unroll.add_argument("--method", choices=("longest", "elber", "curvature"), default="longest", help=_DEFAULT_HELP)
-    unroll.add_argument("--direction", choices=("auto", "rings", "u", "v"), default="auto", help=_DEFAULT_HELP)
+    unroll.add_argument("--method", choices=get_args(Method), default=UNROLL_DEFAULTS.method, help=_DEFAULT_HELP)
+    unroll.add_argument(
+        "--direction", choices=get_args(Direction), default=UNROLL_DEFAULTS.direction, help=_DEFAULT_HELP
+    )
     unroll.add_argument(
         "--developable", action="store_true", help="pair rulings anew where that makes strips developable"
     )
@@ -283,7 +295,7 @@ def _add_command(
 
 
 def _add_near_option(parser: argparse.ArgumentParser, *, repeatable: bool) -> None:
-    """Add ``--near``; seams and degenerate edges are never meant, and smooth ones not where edges are to be blended."""
+    """Add ``--near``, which picks the nearest edge: never a seam or a pole, a smooth edge only for measuring."""
     parser.add_argument(
         "--near",
         type=_parse_point,
@@ -331,7 +343,7 @@ def _parse_sheet_size(text: str) -> tuple[float, float]:
 
 
 def _attach_points(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with every point attached to its ``--near``: argparse takes ``-1,2,3`` for an option."""
+    """Return the arguments with each point joined to its ``--near`` by "=": argparse takes ``-1,2,3`` for an option."""
     attached: list[str] = []
     for argument in arguments:
         if attached and attached[-1] == "--near":
@@ -342,41 +354,31 @@ def _attach_points(arguments: Sequence[str]) -> list[str]:
 
 
 def _run_blend(options: argparse.Namespace) -> None:
-    from cqblend.blend_options import BlendRequest
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.edge_blend import blend_shape
 
-    request = BlendRequest.from_options(
-        options.radius,
-        width=options.width,
-        continuity=options.continuity,
-        ends=options.ends,
-        form=options.form,
-        section="potential" if options.potential else "hermite" if options.order is None else "pde",
-        order=options.order,
-        crease=options.crease,
-        **({} if options.steer is None else {"steer": options.steer}),
-        **dict(zip(("a", "b", "lam"), options.potential or (), strict=False)),
-    )
+    section = "potential" if options.potential else "hermite" if options.order is None else "pde"
+    relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
+    request = collect_options(BlendOptions, {**vars(options), "section": section, **relation}).to_request()
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _announce_step("looking for the edges"):
         picked = [find_nearest_edge(shape, point, sharp=True) for point in options.near]
-    for one in picked:
-        print(f"edge {one.index}, {one.distance:.3g} mm from the point")
+    for edge in picked:
+        print(f"edge {edge.index}, {edge.distance:.3g} mm from the point")
     with _announce_step("blending"):
-        result, _, certificate = blend_shape(shape, [one.edge for one in picked], request)
+        result, _, certificate = blend_shape(shape, [edge.edge for edge in picked], request)
     with _announce_step(f"writing {options.output}"):
         write_step(result, options.output)
     print(certificate)
 
 
 def _run_continuity(options: argparse.Namespace) -> None:
+    from cqblend.brep.measure.edge_continuity import measure_continuity
     from cqblend.brep.select.nearest import find_nearest_edge
     from cqblend.brep.step_files import read_step
-    from cqblend.brep.verification.edge_continuity import measure_continuity
 
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
@@ -388,7 +390,7 @@ def _run_continuity(options: argparse.Namespace) -> None:
 
 
 def _run_unroll(options: argparse.Namespace) -> None:
-    from cqblend.api.flat_pattern import unroll
+    from cqblend.api.flat_pattern import unroll_with_options
     from cqblend.brep.select.nearest import find_nearest_face
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.patterns.write.pattern_files import check_pattern_path
@@ -405,15 +407,8 @@ def _run_unroll(options: argparse.Namespace) -> None:
         picked = find_nearest_face(shape, point)
         print(f"face {picked.index}, {picked.distance:.3g} mm from the point")
         faces.append(picked.face)
-    pattern = unroll(
-        faces or shape,
-        options.tolerance,
-        method=options.method,
-        direction=options.direction,
-        developable=options.developable,
-        least_width=options.least_width,
-        progress=_ProgressPrinter(),
-    )
+    wanted = collect_options(UnrollOptions, vars(options))
+    pattern = unroll_with_options(faces or shape, wanted, _ProgressPrinter())
     if options.tabs:
         with _announce_step("adding tabs"):
             width = _TAB_WIDTH if options.tab_width is None else options.tab_width
@@ -428,7 +423,7 @@ def _run_unroll(options: argparse.Namespace) -> None:
 
 
 class _ProgressPrinter:
-    """Tells on stderr how far long work has come, once a second at most, and nothing of short work."""
+    """Prints the progress of long work on stderr, at most once in `_QUIET_SECONDS`."""
 
     def __init__(self) -> None:
         self.last = time.monotonic()
@@ -465,7 +460,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 
 def _check_step_path(path: Path) -> None:
-    """Raise an error if a STEP file cannot be written there."""
+    """Raise InputError or FileError if a STEP file cannot be written to a path."""
     from cqblend.whole_files import check_target
 
     check_target(path, _STEP_SUFFIXES, "STEP files")
@@ -480,7 +475,7 @@ def _make_folder(folder: Path) -> None:
 
 @contextmanager
 def _announce_step(what: str) -> Iterator[None]:
-    """Announce on stderr a step that takes longer than `_PATIENCE`, and how long it took."""
+    """Print on stderr the name of a step that takes longer than `_QUIET_SECONDS`, and then the time that it took."""
     start = time.monotonic()
     timer = threading.Timer(_QUIET_SECONDS, lambda: print(f"cqblend: {what} ...", file=sys.stderr, flush=True))
     timer.daemon = True

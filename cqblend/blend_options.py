@@ -1,17 +1,26 @@
-"""What a caller asks of a blend, checked once.
+"""The options of a blend: one record that the function, the fluent method and the command line share.
 
-Holds `BlendRequest`, the options of `cqblend.blend_edges` as a frozen value in which every field makes sense on its
-own. It exists so that the core never meets a string for a radius, and so that an option that is not built yet raises
-instead of being ignored. It must not know the shape: whether a radius fits is the core's business.
+`BlendOptions` holds the options of `cqblend.blend_edges` as a caller gives them: their names, defaults and
+documentation stand there, and nowhere else. `BlendOptions.to_request` checks them and returns a `BlendRequest`, in
+which every field has one form, so that no later stage meets a text for a radius, and no option is ignored. Whether a
+radius fits the shape is not checked here. Depends on `cqblend.checks` only: it is loaded by ``import cqblend``.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import partial
-from numbers import Integral, Real
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from numbers import Integral
+from typing import TYPE_CHECKING, Any, Literal
 
+from cqblend.checks import (
+    check_angle,
+    check_choice,
+    check_count_or_auto,
+    check_pair,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+)
 from cqblend.errors import InputError, SizeError, UnsupportedError, shown
 
 if TYPE_CHECKING:
@@ -25,76 +34,259 @@ SectionName = Literal["hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["auto", "natural", "flat"]
 
-# What is built, and what is part of the interface but not built yet.
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
-_TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
-_TANGENTS_LATER = ("guide", "combination")
-_SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
+TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
+SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
-_ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
+ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
 
-ChosenT = TypeVar("ChosenT", bound=str)
-CheckedT = TypeVar("CheckedT")
-CallbackT = TypeVar("CallbackT", bound=Callable[..., object])
+_TANGENTS_LATER = ("guide", "combination")
+"""Cross directions that `cqblend.hermite_blend` has, and `cqblend.blend_edges` does not have yet."""
 
-PDE_ORDERS = (2, 4, 6)  # of partial differential equations
-MAX_TERMS, MAX_MODES = 100, 500  # across and along: far more than any blend takes
-MAX_COLLOCATION_POINTS = 500  # of collocation, in either direction
-
-DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE = 1e-7, 1e-5
-"""Of the compact form, mm and rad."""
+PDE_ORDERS = (2, 4, 6)
+"""Orders of partial differential equations that can be solved."""
 
 G0_HAS_NO_CROSS_FIELD = "on a blend that is G0 on both sides, which has no cross derivatives"
+"""Completes "an option has no effect .."."""
+
 EXACT_FORM_IS_EXACT = 'on form="exact", which keeps rails and tangent planes to rounding'
+"""Completes "an option has no effect .."."""
 
-DEFAULT_STEER = math.radians(20)
-"""rad. More than that, a turn would show in the shape of the blend."""
 
-MIN_SIZE = 1e-6
-"""Ten times OCCT's default tolerance, mm: below it an edge cannot be told from its blend."""
+@dataclass(frozen=True, slots=True)
+class OptionLimits:
+    """Bounds of what is accepted as an option."""
 
-MAX_SIZE = 1e9
-"""mm. Above it neighbouring doubles lie further apart than OCCT's default tolerance of 1e-7."""
+    min_size: float = 1e-6
+    """Smallest radius, width or offset, mm: ten times OCCT's default tolerance. A smaller blend is no larger than the
+    tolerance of its edge."""
+
+    max_size: float = 1e9
+    """Largest radius, width or offset, mm: above it, neighbouring doubles differ by more than OCCT's default tolerance,
+    1e-7 mm."""
+
+    max_terms: int = 100
+    """Largest number of terms of a solution across the blend; more than any blend takes."""
+
+    max_modes: int = 500
+    """Largest number of modes of a solution along the blend; more than any blend takes."""
+
+    max_collocation_points: int = 500
+    """Largest number of collocation points in either direction."""
+
+
+OPTION_LIMITS = OptionLimits()
+
+
+_OF_PDE, _OF_POTENTIAL = {"section": "pde"}, {"section": "potential"}
+"""Metadata of the options that only one section has."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlendOptions:
+    """The options of `cqblend.blend_edges`, ``Workplane.blend`` and ``cqblend blend``, as a caller gives them.
+
+    Side 1 and side 2 are the two faces at an edge, see `first`. The rails are the curves on these faces at which the
+    blend starts and ends.
+
+    Attributes
+    ----------
+    radius : float, optional
+        Radius of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or
+        `width`, or, for the potential section, `a` and `b`.
+    width : float or pair of float, optional
+        Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair is for side 1 and side 2.
+        Not with the potential section.
+    continuity : {"G0", "G1", "G2", "G3"} or pair of them, optional
+        Order to which the blend meets its neighbours: touching, tangent, with the same curvature, with the same change
+        of curvature. A pair is for side 1 and side 2. By default G1, or, with the pde section, what `order` gives. The
+        potential section is G1.
+    tangents : {"perpendicular", "parametric", "chord"} or pair of them, default "perpendicular"
+        Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
+        the parameters of the face (on a sphere, about the rail's own axis), or towards the other rail (Kim and Elber's
+        T2, T1, T3). A pair is for side 1 and side 2. Not with the potential section.
+    bulge : float or pair of float, default 1.0
+        Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller. A pair is for side 1 and side 2.
+        Not with the potential section.
+    steer : float, default 0.349
+        Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
+        the blend has no crease inside, rad; by default 20 degrees. 0 turns nothing. Not with the potential section.
+    crease : float, optional
+        Largest angle of a crease inside the blend that steering leaves, rad. By default `angular_tolerance`, or the
+        angle of the crease that the face itself has there.
+    section : {"hermite", "pde", "potential"}, default "hermite"
+        How the blend is filled between the rails: ``"hermite"``, by polynomials, cubic across for G1, quintic for G2;
+        ``"pde"``, by partial differential equations (You and Zhang); ``"potential"``, by the curves in which both faces
+        meet while they are moved along their normals (Lee, Bedi and Dubey), G1.
+    a, b : float, optional
+        Of the potential section, mm: side 1 is moved by a, which sets the reach on side 2, side 2 by b, which sets the
+        reach on side 1. One of them is both if the other is left out.
+    lam : float, optional
+        Of the potential section, mm^2: lambda of `cqblend.Conic`, below a b. 0, the default, is an ellipse, less is
+        sharper.
+    order : {2, 4, 6} or three of them, optional
+        Of the pde section: order of the equations, for x, y and z together or for each, as in `cqblend.pde_blend`.
+        Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as (4, 4, 6) is as its lowest; `continuity`, if
+        given, must agree.
+    parameters : optional
+        Of the pde section: shape parameters of the equations, as in `cqblend.pde_blend`.
+    terms : int, default "auto"
+        Of the pde section: number of terms of the solution across the blend, as in `cqblend.pde_blend`; ``"auto"`` for
+        as many as it takes.
+    form : {"auto", "exact", "compact"}, default "auto"
+        ``"exact"``: exact rails and tangent planes; ``"compact"``: the spline of least degree within the tolerances;
+        ``"auto"``: exact where that has degree 7 at most, else compact.
+    tolerance : float, default 1e-07
+        Largest distance between the rails of the compact form and the exact ones, mm.
+    angular_tolerance : float, default 1e-05
+        Largest angle between the tangent planes of the compact form and its neighbours', rad.
+    ends : {"auto", "natural", "flat"} or pair of them, default "auto"
+        How the blend of an open edge ends: ``"natural"``, on the face across its end; ``"flat"``, in a flat cap across
+        the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much); ``"auto"``,
+        natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A pair is for
+        the start and the end of the edge, in its own orientation.
+    first : a face, optional
+        The face that counts as side 1; by default the one with the lower index in the shape.
+    """
+
+    radius: float | None = None
+    _: KW_ONLY
+    width: float | tuple[float, float] | None = None
+    continuity: str | tuple[str, str] | None = None
+    tangents: str | tuple[str, str] = "perpendicular"
+    bulge: float | tuple[float, float] = 1.0
+    steer: float = math.radians(20)
+    crease: float | None = None
+    section: str = "hermite"
+    a: float | None = field(default=None, metadata=_OF_POTENTIAL)
+    b: float | None = field(default=None, metadata=_OF_POTENTIAL)
+    lam: float | None = field(default=None, metadata=_OF_POTENTIAL)
+    order: int | tuple[int, int, int] | None = field(default=None, metadata=_OF_PDE)
+    parameters: Any = field(default=None, metadata=_OF_PDE)
+    terms: int | str = field(default="auto", metadata=_OF_PDE)
+    form: str = "auto"
+    tolerance: float = 1e-7
+    angular_tolerance: float = 1e-5
+    ends: str | tuple[str, str] = "auto"
+    first: Any = None
+
+    def to_request(self) -> "BlendRequest":
+        """Check the options and bring them to one form; `first` must be a TopoDS face or None.
+
+        Raises
+        ------
+        InputError
+            An option is of the wrong type, not finite, out of range or unknown, does not belong to the section, or not
+            exactly one of radius and width is given.
+        SizeError
+            The radius, a width, a or b is below the smallest size.
+        UnsupportedError
+            The option is part of the interface but not built yet.
+
+        Examples
+        --------
+        >>> BlendOptions(width=3).to_request().width
+        (3.0, 3.0)
+        >>> BlendOptions(-1).to_request()
+        Traceback (most recent call last):
+        ...
+        cqblend.errors.InputError: radius must be above 0, not -1
+        """
+        section = check_choice("section", self.section, SECTIONS)
+        relation = None
+        if section == "potential":
+            self._refuse_given(section, "radius", "width", "tangents", "bulge", "steer")
+            relation = _build_relation(self.a, self.b, self.lam)
+        else:
+            self._refuse_given(section, "a", "b", "lam")
+            if (self.radius is None) == (self.width is None):
+                given = "neither" if self.radius is None else "both"
+                raise InputError(f"give exactly one of radius and width, not {given}")
+        continuity, orders = self._check_continuity(section)
+        check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
+        if continuity == ("G0", "G0"):
+            refuse_ignored_options(
+                G0_HAS_NO_CROSS_FIELD,
+                tangents=(self.tangents, BLEND_DEFAULTS.tangents),
+                bulge=(self.bulge, BLEND_DEFAULTS.bulge),
+                steer=(self.steer, BLEND_DEFAULTS.steer),
+            )
+        return BlendRequest(
+            radius=None if self.radius is None else _check_size("radius", self.radius),
+            width=None if self.width is None else check_pair("width", self.width, _check_size),
+            continuity=continuity,
+            tangents=check_pair("tangents", self.tangents, check_tangents),
+            bulge=check_pair("bulge", self.bulge, check_positive),
+            steer=check_angle("steer", self.steer),
+            crease=None if self.crease is None else check_angle("crease", self.crease),
+            section=section,
+            relation=relation,
+            order=orders,
+            parameters=self.parameters,
+            terms=check_count_or_auto("terms", self.terms, OPTION_LIMITS.max_terms),
+            form=check_choice("form", self.form, FORMS),
+            tolerance=check_positive("tolerance", self.tolerance),
+            angular_tolerance=check_positive("angular_tolerance", self.angular_tolerance),
+            ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
+            first=self.first,
+        )
+
+    def _check_continuity(
+        self, section: SectionName
+    ) -> tuple[tuple[ContinuityName, ContinuityName], tuple[int, int, int] | None]:
+        """Return the continuity on both sides, and the orders of the equations that give it, None if there are none."""
+        check = partial(check_choice, built=CONTINUITIES)
+        if section != "pde":
+            self._refuse_given(section, "order", "parameters", "terms")
+            wanted = check_pair("continuity", "G1" if self.continuity is None else self.continuity, check)
+            if section == "potential" and wanted != ("G1", "G1"):
+                raise InputError(
+                    f"a potential blend is G1 on both sides, not {shown(self.continuity)}: leave continuity out"
+                )
+            return wanted, None
+        orders = check_pde_orders(4 if self.order is None else self.order)
+        follows: ContinuityName = CONTINUITIES[min(orders) // 2 - 1]
+        if self.continuity is not None:
+            for asked in check_pair("continuity", self.continuity, check):
+                if asked != follows:
+                    text = str(orders[0]) if len(set(orders)) == 1 else str(orders)
+                    raise InputError(
+                        f"continuity {asked} contradicts equations of order {text}, which are {follows} on both sides: "
+                        "leave continuity out, or take order 2 for G0, 4 for G1, 6 for G2"
+                    )
+        return (follows, follows), orders
+
+    def _refuse_given(self, section: SectionName, *names: str) -> None:
+        """Raise InputError if an option was given that a section does not have."""
+        for name in names:
+            if is_default(getattr(self, name), getattr(BLEND_DEFAULTS, name)):
+                continue
+            owner = _SECTION_OF_OPTION.get(name)
+            if owner is not None:
+                raise InputError(f'{name} is an option of section="{owner}", not of {section!r}')
+            way = ": a and b set how far it reaches" if name in ("radius", "width") else ": leave it out"
+            raise InputError(f"{name} is no option of section={section!r}{way}")
+
+
+BLEND_DEFAULTS = BlendOptions()
+"""The options if none is given: the source of every default."""
+
+_SECTION_OF_OPTION: dict[str, SectionName] = {
+    option.name: option.metadata["section"] for option in fields(BlendOptions) if "section" in option.metadata
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlendRequest:
-    """The options of `cqblend.blend_edges`, in one form. Make it with `BlendRequest.checked`.
+    """The options of a blend after `BlendOptions.to_request`: checked, and each in one form.
+
+    Fields are documented in `BlendOptions`. What differs: pairs are always pairs, numbers are floats, `relation` stands
+    for a, b and lam, `order` has one number for each coordinate, and `terms` is None for ``"auto"``.
 
     Attributes
     ----------
-    radius : float or None
-        Radius of the rolling ball, mm. Exactly one of radius and width is given, but for the potential section.
-    width : tuple of float or None
-        Distance of the rails from the edge on side 1 and on side 2, mm.
-    continuity : tuple of {"G0", "G1", "G2", "G3"}
-        Order to which the blend meets its neighbours, on side 1 and on side 2.
-    tangents : tuple of {"parametric", "perpendicular", "chord"}
-        The fields of cross directions.
-    bulge : tuple of float
-        Factors on the length of the cross derivatives.
-    steer : float
-        Largest angle by which directions are turned so that the blend has no crease inside, rad.
-    crease : float or None
-        How sharp creases inside may be, rad; None for the angular tolerance, or what the faces themselves have.
-    section : {"hermite", "pde", "potential"}
-        How the interior is filled.
     relation : Conic or None
-        How far side 1 and side 2 are moved together (mm), for the potential section; None for others.
-    order : tuple of int or None
-        Of the partial differential equations of x, y and z; None for other sections.
-    parameters
-        Their shape parameters, None for those that count in lengths.
-    terms : int or None
-        Number of their terms across, None for as many as it takes.
-    form : {"auto", "exact", "compact"}
-        Which form of the blend is wanted; see `cqblend.Certificate`.
-    tolerance, angular_tolerance : float
-        Of the compact form, mm and rad.
-    ends : tuple of {"auto", "natural", "flat"}
-        How the blend ends at the start and at the end of an open edge.
-    first : TopoDS_Face or None
-        The face that counts as side 1.
+        How far side 1 and side 2 are moved together, mm; None for sections other than potential.
     """
 
     radius: float | None
@@ -115,95 +307,6 @@ class BlendRequest:
     ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
 
-    @classmethod
-    def from_options(
-        cls,
-        radius: object = None,
-        *,
-        width: object = None,
-        continuity: object = None,
-        tangents: object = "perpendicular",
-        bulge: object = 1.0,
-        steer: object = DEFAULT_STEER,
-        crease: object = None,
-        section: object = "hermite",
-        a: object = None,
-        b: object = None,
-        lam: Any = None,
-        order: object = None,
-        parameters: Any = None,
-        terms: object = "auto",
-        form: object = "auto",
-        tolerance: object = DEFAULT_TOLERANCE,
-        angular_tolerance: object = DEFAULT_ANGULAR_TOLERANCE,
-        ends: object = "auto",
-        first: "TopoDS_Face | None" = None,
-    ) -> "BlendRequest":
-        """Check the options of `cqblend.blend_edges` and bring them to one form.
-
-        Raises
-        ------
-        InputError
-            An option is of the wrong type, not finite, out of range or unknown, or not exactly one of radius and width
-            is given.
-        SizeError
-            The radius or a width is below `SMALLEST`.
-        UnsupportedError
-            The option is part of the interface but not built yet.
-
-        Examples
-        --------
-        >>> BlendRequest.checked(width=3).width
-        (3.0, 3.0)
-        >>> BlendRequest.checked(-1)
-        Traceback (most recent call last):
-        ...
-        cqblend.errors.InputError: radius must be above 0, not -1
-        """
-        section = check_choice("section", section, _SECTIONS)
-        relation = None
-        if section == "potential":
-            _refuse_options(section, radius=radius, width=width)
-            _refuse_options(
-                section,
-                tangents=not is_default(tangents, "perpendicular"),
-                bulge=not is_default(bulge, 1.0),
-                steer=not is_default(steer, DEFAULT_STEER),
-            )
-            relation = _build_relation(a, b, lam)
-        else:
-            _refuse_options(section, a=a, b=b, lam=lam)
-            if (radius is None) == (width is None):
-                given = "neither" if radius is None else "both"
-                raise InputError(f"give exactly one of radius and width, not {given}")
-        continuity, orders = _check_continuity(continuity, section, order, parameters, terms)
-        if continuity == ("G0", "G0"):
-            refuse_ignored_options(
-                G0_HAS_NO_CROSS_FIELD,
-                tangents=(tangents, "perpendicular"),
-                bulge=(bulge, 1.0),
-                steer=(steer, DEFAULT_STEER),
-            )
-        return cls(
-            radius=None if radius is None else _check_size("radius", radius),
-            width=None if width is None else check_pair("width", width, _check_size),
-            continuity=continuity,
-            tangents=check_pair("tangents", tangents, partial(check_choice, built=_TANGENTS, later=_TANGENTS_LATER)),
-            bulge=check_pair("bulge", bulge, check_positive),
-            steer=check_angle("steer", steer),
-            crease=None if crease is None else check_angle("crease", crease),
-            section=section,
-            relation=relation,
-            order=orders,
-            parameters=parameters,
-            terms=check_count_or_auto("terms", terms, MAX_TERMS),
-            form=check_choice("form", form, FORMS),
-            tolerance=check_positive("tolerance", tolerance),
-            angular_tolerance=check_positive("angular_tolerance", angular_tolerance),
-            ends=check_pair("ends", ends, partial(check_choice, built=_ENDS), each="end of the edge"),
-            first=first,
-        )
-
     @property
     def lengths(self) -> tuple[float, ...]:
         """The lengths (mm) that set how large a blend is."""
@@ -222,45 +325,6 @@ class BlendRequest:
         )
 
 
-def _check_continuity(
-    continuity: object, section: SectionName, order: object, parameters: object, terms: object
-) -> tuple[tuple[ContinuityName, ContinuityName], tuple[int, int, int] | None]:
-    """Return the continuity on both sides, and the orders of the equations that give it."""
-    if section != "pde":
-        _refuse_options(section, order=order, parameters=parameters, terms=None if is_auto(terms) else terms)
-        wanted = check_pair(
-            "continuity", "G1" if continuity is None else continuity, partial(check_choice, built=CONTINUITIES)
-        )
-        if section == "potential" and wanted != ("G1", "G1"):
-            raise InputError(f"a potential blend is G1 on both sides, not {shown(continuity)}: leave continuity out")
-        return wanted, None
-    made = check_pde_orders(4 if order is None else order)
-    follows: ContinuityName = CONTINUITIES[min(made) // 2 - 1]
-    if continuity is not None:
-        for asked in check_pair("continuity", continuity, partial(check_choice, built=CONTINUITIES)):
-            if asked != follows:
-                raise InputError(
-                    f"continuity {asked} contradicts equations of order {_format_orders(made)}, which are {follows} "
-                    "on both "
-                    "sides: leave continuity out, or take order 2 for G0, 4 for G1, 6 for G2"
-                )
-    return (follows, follows), made
-
-
-OPTIONS_OF_SECTION = {"pde": ("order", "parameters", "terms"), "potential": ("a", "b", "lam")}
-
-
-def _refuse_options(section: SectionName, **given: object) -> None:
-    """Raise InputError if an option was given that the section does not have."""
-    for name, value in given.items():
-        if value is not None and value is not False:
-            owner = next((other for other, names in OPTIONS_OF_SECTION.items() if name in names), None)
-            if owner is not None:
-                raise InputError(f'{name} is an option of section="{owner}", not of {section!r}')
-            way = ": a and b set how far it reaches" if name in ("radius", "width") else ": leave it out"
-            raise InputError(f"{name} is no option of section={section!r}{way}")
-
-
 def _build_relation(a: object, b: object, lam: Any) -> "Conic":
     """Return the relation of a potential section; each of a and b is the other one if it is left out."""
     from cqblend.blends.potential.relations import Conic  # which takes NumPy: ``import cqblend`` does not
@@ -269,10 +333,6 @@ def _build_relation(a: object, b: object, lam: Any) -> "Conic":
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
     first, second = _check_size("a", b if a is None else a), _check_size("b", a if b is None else b)
     return Conic(first, second, 0.0 if lam is None else lam)
-
-
-def _format_orders(made: tuple[int, int, int]) -> str:
-    return str(made[0]) if len(set(made)) == 1 else str(made)
 
 
 def check_pde_orders(order: object) -> tuple[int, int, int]:
@@ -289,20 +349,6 @@ def check_pde_orders(order: object) -> tuple[int, int, int]:
     return int(given[0]), int(given[1]), int(given[2])
 
 
-def check_choice(name: str, value: object, built: tuple[ChosenT, ...], later: tuple[str, ...] = ()) -> ChosenT:
-    """Return the built option that `value` names."""
-    for option in built:
-        if isinstance(value, str) and value == option:
-            return option
-    if isinstance(value, str) and value in later:
-        raise UnsupportedError(f"{name}={value!r} is not built yet; use {_format_choices(built)}")
-    raise InputError(f"{name} must be {_format_choices(built)}, not {shown(value)}")
-
-
-def _format_choices(options: tuple[str, ...]) -> str:
-    return " or ".join(map(repr, options))
-
-
 _RADIUS_PAIR_MESSAGE = (
     "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
     "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
@@ -317,111 +363,9 @@ def _check_size(name: str, value: object) -> float:
     if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
         raise InputError(_RADIUS_PAIR_MESSAGE.format(shown(value)))
     size = check_positive(name, value)
-    if size < MIN_SIZE:
-        raise SizeError(f"{name} {size:g} mm is below {MIN_SIZE:g} mm, ten times OCCT's tolerance; scale the model up")
-    if size > MAX_SIZE:
-        raise InputError(
-            f"{name} {size:g} mm is above {MAX_SIZE:g} mm, where doubles are coarser than OCCT's tolerance"
-        )
+    least, most = OPTION_LIMITS.min_size, OPTION_LIMITS.max_size
+    if size < least:
+        raise SizeError(f"{name} {size:g} mm is below {least:g} mm, ten times OCCT's tolerance; scale the model up")
+    if size > most:
+        raise InputError(f"{name} {size:g} mm is above {most:g} mm, where doubles are coarser than OCCT's tolerance")
     return size
-
-
-def check_pair(
-    name: str, value: object, check: Callable[[str, object], CheckedT], each: str = "side"
-) -> tuple[CheckedT, CheckedT]:
-    """Return one checked value for ``each`` of two from one value or a pair."""
-    if not isinstance(value, tuple | list):
-        checked = check(name, value)
-        return checked, checked
-    if len(value) != 2:
-        raise InputError(f"{name} must be one value or a pair, one for each {each}, not {len(value)} values")
-    return check(f"{name}[0]", value[0]), check(f"{name}[1]", value[1])
-
-
-def check_flag(name: str, value: object) -> bool:
-    """Return a value that is True or False."""
-    if not isinstance(value, bool):
-        raise InputError(f"{name} must be True or False, not {shown(value)}")
-    return value
-
-
-def check_count(name: str, value: object, most: int | None = None) -> int:
-    """Return a whole number above 0, of a size that makes sense."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 1:
-        raise InputError(f"{name} must be a whole number above 0, not {shown(value)}")
-    number = int(value)
-    if most is not None and number > most:
-        raise InputError(f"{name} must be at most {most}, not {shown(number)}")
-    return number
-
-
-def is_default(value: object, default: object) -> bool:
-    """Whether an option is what it is if it is left out. Objects of the caller's are not asked whether they are equal.
-
-    Examples
-    --------
-    >>> is_default(1, 1.0), is_default(None, "auto"), is_default((1.0, 1.0), 1.0)
-    (True, False, False)
-    """
-    known = str | int | float | None
-    return isinstance(value, known) and isinstance(value, bool) == isinstance(default, bool) and value == default
-
-
-def refuse_ignored_options(why: str, **options: tuple[object, object]) -> None:
-    """Refuse options that have no effect in a combination.
-
-    Parameters
-    ----------
-    why
-        Completes "an option has no effect ..".
-    **options
-        What was given, and the default, of each.
-
-    Raises
-    ------
-    InputError
-        If one is not at its default.
-    """
-    for name, (value, default) in options.items():
-        if not is_default(value, default):
-            raise InputError(f"{name} has no effect {why}: leave {name} out")
-
-
-def is_auto(value: object) -> bool:
-    """Whether a value is the word "auto"."""
-    return is_default(value, "auto")
-
-
-def check_count_or_auto(name: str, value: object, most: int) -> int | None:
-    """Return a whole number above 0, None for "auto"."""
-    return None if is_auto(value) else check_count(name, value, most)
-
-
-def check_callback(name: str, value: CallbackT | None, takes: str) -> CallbackT | None:
-    """Return what is to be called, if anything."""
-    if value is not None and not callable(value):
-        raise InputError(f"{name} is called with {takes}; {shown(value)} cannot be")
-    return value
-
-
-def check_angle(name: str, value: object) -> float:
-    """Return an angle between 0 and a quarter turn, rad."""
-    angle = check_positive(name, value, zero=True)
-    if angle > math.pi / 2:
-        raise InputError(f"{name} is an angle in radians, at most pi/2, not {angle:g}; math.radians converts degrees")
-    return angle
-
-
-def check_positive(name: str, value: object, *, zero: bool = False) -> float:
-    """Return a finite number above 0 (or 0, if that is allowed) as a float. A bool is no number."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        raise InputError(f"{name} must be finite, not a number of more than 308 digits") from None
-    if not math.isfinite(number):
-        raise InputError(f"{name} must be finite, not {number}")
-    if number < 0 or (number == 0 and not zero):
-        raise InputError(f"{name} must {'not be below' if zero else 'be above'} 0, not {number:g}")
-    return number

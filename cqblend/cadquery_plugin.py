@@ -1,53 +1,58 @@
 """``Workplane.blend`` and ``Workplane.unroll``, and their registration on CadQuery.
 
-Exists so that blends and patterns read like fillets in a chain of CadQuery calls. It must stay importable without
-CadQuery: CadQuery comes to it, through an import hook, and what a blend needs is imported when one is made.
+They make blends and patterns read like fillets in a chain of CadQuery calls. This module is loaded by ``import
+cqblend`` and imports neither CadQuery nor NumPy: an import hook passes it the module CadQuery, and the methods import
+what they need when they are called.
 """
 
 from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from cqblend.blend_options import DEFAULT_STEER, check_callback
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
+from cqblend.checks import check_callback
 from cqblend.errors import SelectionError
+from cqblend.option_records import collect_options, document_options
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern
     from cqblend.api.solid_blend import BlendResult
 
 
+@document_options(BlendOptions)
 def blend(
     self: Any,
     radius: float | None = None,
     *,
     width: float | tuple[float, float] | None = None,
     continuity: str | tuple[str, str] | None = None,
-    tangents: str | tuple[str, str] = "perpendicular",
-    bulge: float | tuple[float, float] = 1.0,
-    steer: float = DEFAULT_STEER,
+    tangents: str | tuple[str, str] = BLEND_DEFAULTS.tangents,
+    bulge: float | tuple[float, float] = BLEND_DEFAULTS.bulge,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
-    section: str = "hermite",
+    section: str = BLEND_DEFAULTS.section,
     a: float | None = None,
     b: float | None = None,
     lam: float | None = None,
     order: int | tuple[int, int, int] | None = None,
     parameters: Any = None,
-    terms: int | str = "auto",
-    form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
-    ends: str | tuple[str, str] = "auto",
+    terms: int | str = BLEND_DEFAULTS.terms,
+    form: str = BLEND_DEFAULTS.form,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:
     """Blend the selected edges of the solid in the chain.
 
     As `Workplane.fillet`: the edges of all objects on the stack are blended, and the solid that they belong to must be
-    on the stack or in its parents. The parameters are those of `cqblend.blend_edges`; give either `radius` or `width`,
-    or `a` and `b`.
+    on the stack or in its parents.
 
     Parameters
     ----------
+    ... : the options of `BlendOptions`
     report : callable, optional
         Is called with the `cqblend.BlendResult`: shape, blend faces and certificate.
 
@@ -71,50 +76,30 @@ def blend(
     exact
     1
     """
-    from cqblend.api.solid_blend import blend_edges
+    options = collect_options(BlendOptions, locals())
+    from cqblend.api.solid_blend import blend_with_options
 
     check_callback("report", report, "the result")
     edges = self.edges().vals()
     if not edges:
         raise SelectionError("no edge is selected: put .edges(...) before .blend(...)")
-    result = blend_edges(
-        self,
-        edges,
-        radius,
-        width=width,
-        continuity=continuity,
-        tangents=tangents,
-        bulge=bulge,
-        steer=steer,
-        crease=crease,
-        section=section,
-        a=a,
-        b=b,
-        lam=lam,
-        order=order,
-        parameters=parameters,
-        terms=terms,
-        form=form,
-        tolerance=tolerance,
-        angular_tolerance=angular_tolerance,
-        ends=ends,
-        first=first,
-    )
+    result = blend_with_options(self, edges, options)
     if report is not None:
         report(result)
     return self.newObject([result.shape])
 
 
+@document_options(UnrollOptions)
 def unroll(
     self: Any,
     tolerance: float,
     *,
-    method: str = "longest",
-    direction: str = "auto",
-    layout: str = "smooth",
-    strain: float = 0.01,
-    developable: bool = False,
-    even: bool = False,
+    method: Method = UNROLL_DEFAULTS.method,
+    direction: Direction = UNROLL_DEFAULTS.direction,
+    layout: Layout = UNROLL_DEFAULTS.layout,
+    strain: float = UNROLL_DEFAULTS.strain,
+    developable: bool = UNROLL_DEFAULTS.developable,
+    even: bool = UNROLL_DEFAULTS.even,
     least_width: float | None = None,
     flat_tolerance: float | None = None,
     progress: Callable[[float, str], object] | None = None,
@@ -122,10 +107,11 @@ def unroll(
 ) -> Any:
     """Unroll the faces, shells or solids on the stack to planar faces on XY, for a cutter.
 
-    The parameters are those of `cqblend.unroll`.
-
     Parameters
     ----------
+    ... : the options of `UnrollOptions`
+    progress : callable, optional
+        Is called with the part of the work done, 0 to 1, and a word on what is next.
     report : callable, optional
         Is called with the `cqblend.Pattern`: pieces, seams and report; it writes files, too.
 
@@ -147,28 +133,17 @@ def unroll(
     3 seams
     3
     """
-    from cqblend.api import flat_pattern
+    options = collect_options(UnrollOptions, locals())
+    from cqblend.api.flat_pattern import unroll_with_options
 
     check_callback("report", report, "the pattern")
-    pattern = flat_pattern.unroll(
-        self,
-        tolerance,
-        method=method,  # type: ignore[arg-type]
-        direction=direction,  # type: ignore[arg-type]
-        layout=layout,  # type: ignore[arg-type]
-        strain=strain,
-        developable=developable,
-        even=even,
-        least_width=least_width,
-        flat_tolerance=flat_tolerance,
-        progress=progress,
-    )
+    pattern = unroll_with_options(self, options, progress)
     if report is not None:
         report(pattern)
     return self.newObject(pattern.faces())
 
 
 def register_methods(cadquery: ModuleType) -> None:
-    """Give ``cadquery.Workplane`` its methods; those that are there already are overwritten."""
+    """Set the methods ``blend`` and ``unroll`` of ``cadquery.Workplane``, in place of any that it has."""
     cadquery.Workplane.blend = blend
     cadquery.Workplane.unroll = unroll

@@ -1,8 +1,7 @@
-"""What a blend says about itself: the certificate.
+"""The certificate of a blend: how exactly it meets its neighbours, as records of numbers and as text.
 
-Holds frozen records of numbers that somebody else measured, and prints them. It exists so that the core, the front
-doors, the command line and the tests talk about exactness in the same words and units. It must not know how to measure
-anything, and nothing of OCP.
+The numbers are measured elsewhere; here they are kept in one set of names and units, which the Python interface, the
+command line and the tests share. Depends on `cqblend.errors` only.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,8 +45,9 @@ class RailRecord:
     tolerance : float
         Largest tolerance of an edge on the rail, mm.
     kept : float
-        Share of the rail along which the blend's cross derivative vanishes, so that the joint stays as it was: angle
-        and curvature jump are not measured there. 0 of all blends but potential ones whose amounts vanish.
+        Share of the rail, 0 to 1, along which the blend's cross derivative vanishes, so that the joint of the two faces
+        stays as it was; angle and curvature jump are not measured there. Above 0 only on potential blends whose amounts
+        vanish.
     """
 
     side: int
@@ -72,11 +72,11 @@ class EndRecord:
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat"}
-        On the face across the end of the edge, or in a flat cap.
+        ``"natural"``: on the face across the end of the edge; ``"flat"``: in a flat cap across the edge.
     before : float
-        How far before the vertex a cap stands, mm along the edge.
+        Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
-        Why an end that was not asked to be flat is; empty otherwise.
+        Why an end is flat although that was not asked for; empty otherwise.
     """
 
     edge: int
@@ -93,7 +93,7 @@ class EndRecord:
 
 @dataclass(frozen=True, slots=True)
 class SkippedEdge:
-    """An edge that was picked, but at which there is nothing to blend.
+    """An edge that was picked, but not blended.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ _COLUMNS = (
 
 @dataclass(frozen=True)
 class Certificate:
-    """How exact a blend is: one record a rail, and what holds for the whole of it.
+    """How exact a blend is: one record for each rail, and figures of the whole blend.
 
     The properties ``gap``, ``angle``, ``curvature_jump``, ``direction``, ``length`` and ``tolerance`` are the largest
     over all rails, in the units of `RailRecord`.
@@ -164,12 +164,12 @@ class Certificate:
         Largest tolerance of all edges that were made or cut, mm. Where an edge of the input strays from its faces
         further than it says, a piece of it gets the tolerance that it needs.
     residual : float or None
-        Of the partial differential equations: root mean square of what is left, as a share of what it is without
-        solving them; the largest over x, y and z and all blends. None of other sections.
+        Root mean square of the residual of the partial differential equations, relative to that of sections that only
+        meet the boundary data; the largest over x, y and z and all blends. None for other sections.
     proofs, energies : tuple of callable
-        What computes the proof and the energy of each blend, when `proof` and `fairness` are asked for.
+        Functions that compute the proof and the energy of each blend, called when `proof` and `fairness` are read.
     skipped : tuple of SkippedEdge
-        Picked edges that were passed over, there being nothing to blend at them.
+        Picked edges that were not blended, because they are smooth already, seams, or degenerate.
 
     Examples
     --------
@@ -204,8 +204,8 @@ class Certificate:
     def proof(self) -> "Proof | None":
         """Bounds on gap (mm), angle (rad) and curvature jump (1/mm) that hold at every point of the rails.
 
-        From the coefficients of the finished surfaces, as splines: nothing is sampled. It takes up to some tenths of a
-        second, when first asked for. None if nothing is known but measurements.
+        They are computed from the spline coefficients of the finished surfaces, without sampling, when first read, in
+        up to some tenths of a second. None if there are measurements only.
         """
         return reduce(or_, [prove() for prove in self.proofs]) if self.proofs else None
 
@@ -213,7 +213,7 @@ class Certificate:
     def fairness(self) -> float | None:
         """Thin-plate energy: the integral of the sum of the squared principal curvatures over all blend faces.
 
-        Of dimension one; the smaller, the fairer. Worked out when first asked for. None if nothing is known of it.
+        Without unit; the smaller, the fairer. Computed when first read. None if there is no function that computes it.
         """
         return sum(energy() for energy in self.energies) if self.energies else None
 
@@ -303,7 +303,7 @@ class Certificate:
 
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:
-    """Lines of the table of rails, numbers right-aligned under their title and unit."""
+    """Return the lines of the table of rails, numbers right-aligned under their title and unit."""
     rows = [[title for _, title, _ in _COLUMNS], [unit for _, _, unit in _COLUMNS]]
     rows += [[_format_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -1,7 +1,4 @@
-"""What ``cqblend demo`` shows: the spout of the Utah teapot blended onto its body (Kim & Elber, figure 9).
-
-Exists as the first thing that a newcomer runs, and as an example of the library's own use.
-"""
+"""The example of ``cqblend demo``: the spout of the Utah teapot blended onto its body (Kim & Elber, figure 9)."""
 
 from __future__ import annotations
 
@@ -15,9 +12,14 @@ from cqblend.picture import ShadedFaces, View
 if TYPE_CHECKING:
     import cadquery
 
-WIDTH = 0.15  # the teapot is 2.4 high
-SIZE = (900, 560)  # pixels
+WIDTH = 0.15
+"""Width of the blend; the teapot is 2.4 high."""
+
+PICTURE_SIZE = (900, 560)
+"""Width and height of the picture, pixels."""
+
 PORCELAIN, COPPER = (0.93, 0.89, 0.82), (0.80, 0.42, 0.18)
+"""Colours of the teapot and of the blend: red, green, blue, 0 to 1."""
 
 
 def sharp() -> cadquery.Shape:
@@ -26,18 +28,18 @@ def sharp() -> cadquery.Shape:
 
 
 def joint(pot: cadquery.Shape) -> cadquery.Edge:
-    """Return the edge along which spout and body meet."""
+    """Return the edge where spout and body meet on the outside of the teapot."""
     between = [edge for edge in pot.Edges() if len(edge.ancestors(pot, "Face").Faces()) == 2]
     return min(between, key=lambda edge: abs(edge.Center().x - 1.93) + abs(edge.Center().z - 1.05))
 
 
 def blended(pot: cadquery.Shape) -> BlendResult:
-    """Blend that edge."""
+    """Blend the edge between spout and body."""
     return blend_edges(pot, joint(pot), width=WIDTH, form="exact")
 
 
 def draw(pot: cadquery.Shape, result: BlendResult, path: Path) -> None:
-    """Draw the blended teapot, and the joint enlarged: before, after, and as a zebra.
+    """Draw the blended teapot, and the joint enlarged: before, after, and with zebra stripes.
 
     Raises
     ------
@@ -53,4 +55,4 @@ def draw(pot: cadquery.Shape, result: BlendResult, path: Path) -> None:
     views = [View([whole, coloured], (0.35, -1.0, 0.45), (0.62, 0.0, 1.2), 3.9, (0.0, 0.36, 1.0, 1.0))]
     for i, parts in enumerate(enlarged):
         views.append(View(parts, (0.55, -1.0, 0.35), (1.95, 0.0, 1.1), 1.45, (i / 3, 0.0, (i + 1) / 3, 0.36)))
-    picture.draw_views(views, path, size=SIZE)
+    picture.draw_views(views, path, size=PICTURE_SIZE)

@@ -1,20 +1,70 @@
 """Everything cqblend raises.
 
 One root, :class:`CqblendError`. Each error also subclasses the builtin a caller would expect, so ``except ValueError``
-keeps working. Messages name the thing (edge 14, face 3), the number and the way out.
+keeps working. Messages name the thing (edge 14, face 3), the number and the way out; what programs want to know stands
+in attributes as well, so that nothing has to read a message. Imports nothing of cqblend.
 """
 
 import inspect
 import warnings
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from cqblend.api.flat_pattern import Pattern
-    from cqblend.patterns.assembly import Failure
+from dataclasses import dataclass
+from typing import Any, Self
 
 
 class CqblendError(Exception):
-    """Root of all errors that cqblend raises."""
+    """Root of all errors that cqblend raises.
+
+    Attributes
+    ----------
+    message : str
+        What is wrong, with the number and the way out, without the name of the shape.
+    kind : str
+        Which of the failures of its type it is, for programs, as ``"seam"`` or ``"spans"``; empty if the type says all.
+    shape : str
+        The edge or face that it is about, as messages name it: ``"edge 14"``; empty if it is about none.
+    place : float or None
+        Where on that shape: t, the fraction of the length of an edge or a rail, from 0 to 1.
+    value : float or None
+        The number at fault, in the unit that the message says.
+    """
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        kind: str = "",
+        shape: str = "",
+        place: float | None = None,
+        value: float | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.kind = kind
+        self.shape = shape
+        self.place = place
+        self.value = value
+
+    def __str__(self) -> str:
+        return f"{self.shape}: {self.message}" if self.shape else self.message
+
+    def with_details(self, *, shape: str = "", before: str = "", after: str = "") -> Self:
+        """Return the same error, of the same type and with the same attributes, with more in its message.
+
+        Parameters
+        ----------
+        shape : str
+            The edge or face that it is about. One that it named so far becomes part of the message, as an edge of a
+            face does.
+        before, after : str
+            What to put before and after the message.
+        """
+        inner = str(self) if shape or before else self.message
+        error = type(self).__new__(type(self))
+        error.__dict__.update(self.__dict__)
+        error.message = f"{before}{inner}{after}"
+        error.shape = shape or ("" if before else self.shape)
+        error.args = (error.message,)
+        return error
 
 
 class InputError(CqblendError, ValueError):
@@ -49,18 +99,26 @@ class VerificationError(CqblendError, RuntimeError):
     """A result was computed but failed verification, and is withheld."""
 
 
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Faces that could not be unrolled, by their numbers, and why."""
+
+    faces: tuple[int, ...]
+    error: CqblendError
+
+
 class UnrollError(CqblendError, RuntimeError):
     """Some faces could not be unrolled; the message names them.
 
     Attributes
     ----------
-    pattern : Pattern or None
+    pattern : cqblend.Pattern or None
         Of the other faces, None if there are none.
     failures : tuple of Failure
         The numbers of the faces that could not be done, and the error of each.
     """
 
-    def __init__(self, message: str, pattern: "Pattern | None" = None, failures: "tuple[Failure, ...]" = ()) -> None:
+    def __init__(self, message: str, pattern: Any = None, failures: tuple[Failure, ...] = ()) -> None:
         super().__init__(message)
         self.pattern = pattern
         self.failures = failures

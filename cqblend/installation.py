@@ -1,10 +1,10 @@
-"""What can be wrong with the packages below cqblend, and how to repair it.
+"""Detection of a broken installation of OCP, and the command that repairs it.
 
 Two distributions write the same folder ``OCP``: cadquery-ocp, which CadQuery needs, and cadquery-ocp-novtk, which
 build123d asks for. Whichever is installed last wins; if it is the one without VTK, ``import cadquery`` fails with a
-message that names neither. This module sees the clash from the files alone and says what to do. It also knows how the
-same packages are found in another process. It must not import what it inspects, and must cost next to nothing: it runs
-at every ``import cqblend``.
+message that names neither. This module detects the clash from the files alone and names the repair. It imports none of
+the packages, and takes next to no time, because it runs at every ``import cqblend``. It also builds the command that
+runs Python code in another process with the same packages.
 """
 
 import sys
@@ -19,9 +19,9 @@ REPAIR_COMMAND = "pip install --force-reinstall --no-deps cadquery-ocp"
 
 
 def is_ocp_overwritten(packages: Path) -> bool:
-    """Whether the library in `packages` / OCP is another one than cadquery-ocp installed.
+    """Whether the binary in `packages` / OCP is not the one that cadquery-ocp installed.
 
-    Compares the size of the binary with the one that cadquery-ocp put on record.
+    Compares its size with the one in the RECORD of cadquery-ocp.
     """
     if not any(packages.glob("cadquery_ocp_novtk-*.dist-info")):
         return False
@@ -35,7 +35,7 @@ def is_ocp_overwritten(packages: Path) -> bool:
 
 
 class _CadQueryImportBlocker(MetaPathFinder):
-    """Fails the import of cadquery with the reason, where it would fail without one."""
+    """Meta path finder that raises InstallationError when cadquery is imported, with the cause and the repair."""
 
     def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
         if fullname == "cadquery":
@@ -52,7 +52,7 @@ def build_interpreter_command(code: str, *arguments: str) -> list[str]:
 
 
 def explain_clash() -> None:
-    """Let a later ``import cadquery`` say what is wrong, if cadquery-ocp has been overwritten."""
+    """Make a later ``import cadquery`` raise InstallationError, if cadquery-ocp has been overwritten."""
     if "cadquery" in sys.modules:
         return
     spec = find_spec("OCP")
@@ -63,7 +63,7 @@ def explain_clash() -> None:
 
 
 def explain_import_failure(error: ImportError) -> InstallationError:
-    """Say what repairs a failed import of OCP."""
+    """Return the error of a failed import of OCP, which names the repair."""
     if "shared object" in str(error):
         way_out = "install the system library it names; on Debian and Ubuntu: apt-get install libgl1"
     else:

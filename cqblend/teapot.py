@@ -1,4 +1,4 @@
-"""The Utah teapot (Newell, 1975) as solids: what ``cqblend demo`` blends, after figure 9 of Kim & Elber.
+"""The Utah teapot (Newell, 1975) as solids, which ``cqblend demo`` blends after figure 9 of Kim & Elber.
 
 Body, bottom and a planar cap on the rim make one solid, spout and lip with planar caps another; both are closed
 B-spline faces of class C1, degree 3 x 3, not approximations. Handle and lid are left out.

@@ -1,7 +1,6 @@
-"""Files that are written beside their place and put there in one step, whole or not at all.
+"""Writes files under a temporary name and renames them when they are whole, so that failures leave no broken file.
 
-Exists so that every kind of output keeps one promise: what was there before survives every failure, and nothing else is
-left. Must not know what is written.
+A file that was there before survives every failure, and no temporary file is left. Depends on errors only.
 """
 
 import os
@@ -13,20 +12,20 @@ from pathlib import Path as File
 from cqblend.errors import FileError, InputError, reason, shown
 
 UNFINISHED_PREFIX = ".cqblend"
-"""With which the names of unfinished files begin; the number of the writing process follows."""
+"""Beginning of the names of unfinished files; the number of the process that writes them follows."""
 
 
-def check_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
-    """Return the path of a file that can be written, or replaced, as far as can be told before.
+def check_target(path: object, suffixes: tuple[str, ...], contents: str) -> File:
+    """Return the path of a file that can be written, or replaced, as far as can be known before.
 
     Parameters
     ----------
     path
         A str or os.PathLike.
     suffixes
-        One of which it must end with, in lower or upper case.
-    what
-        Is written, in the plural, for messages.
+        Allowed endings, in lower or upper case.
+    contents
+        Name of what is written, in the plural, for messages.
 
     Raises
     ------
@@ -38,9 +37,9 @@ def check_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
     try:
         target = File(os.fspath(path))  # type: ignore[call-overload]
     except Exception as error:
-        raise InputError(f"a file has a path, {what}{suffixes[0]} for example, not {shown(path)}") from error
+        raise InputError(f"a file has a path, {contents}{suffixes[0]} for example, not {shown(path)}") from error
     if target.suffix.lower() not in suffixes:
-        raise InputError(f"{what} are written to {', '.join(suffixes)}, not to {shown(target.name)}")
+        raise InputError(f"{contents} are written to {', '.join(suffixes)}, not to {shown(target.name)}")
     try:
         if not target.parent.is_dir():
             raise InputError(f"{target}: the folder {target.parent} does not exist: make it first")
@@ -56,9 +55,9 @@ def check_target(path: object, suffixes: tuple[str, ...], what: str) -> File:
 
 @contextmanager
 def write_atomically(target: File) -> Iterator[File]:
-    """Give a new file to be written that takes the place of another one when it is whole.
+    """Yield the path of a temporary file, which replaces the target when it is written.
 
-    Where the target is a link, what it leads to is replaced.
+    Where the target is a link, the file that it leads to is replaced.
 
     Raises
     ------
@@ -68,19 +67,19 @@ def write_atomically(target: File) -> Iterator[File]:
     target = target.resolve()
     if target.is_dir():
         raise IsADirectoryError(21, "Is a directory")
-    part = target.with_name(f"{UNFINISHED_PREFIX}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
+    temporary = target.with_name(f"{UNFINISHED_PREFIX}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}")
     try:
-        yield part
-        with part.open("rb+") as file:
+        yield temporary
+        with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        part.replace(target)
+        temporary.replace(target)
     finally:
         with suppress(OSError):
-            part.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
 
 
 def remove_unfinished(folder: File, process: int) -> None:
-    """Remove what a process that has died was about to write into a folder."""
+    """Remove the temporary files of a process that has died, given by its number, from a folder."""
     with suppress(OSError):
-        for part in folder.glob(f"{UNFINISHED_PREFIX}-{process}-*"):
-            part.unlink()
+        for temporary in folder.glob(f"{UNFINISHED_PREFIX}-{process}-*"):
+            temporary.unlink()

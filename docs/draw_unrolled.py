@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import cqblend
 from cqblend import Pattern, demo, picture
-from cqblend.brep.pattern_shapes import sew_strip_faces
+from cqblend.brep.write.pattern_shapes import sew_strip_faces
 from cqblend.patterns.stock import sheets
 from cqblend.patterns.write import drawing
 from cqblend.patterns.write.drawing import Layer
@@ -83,7 +83,7 @@ def rims(edges: Sequence[cq.Edge]) -> Polylines:
 
 def flat(pattern: Pattern, labels: float | None = None) -> list[Drawn]:
     """Return the pieces on their sheet: faces, tabs behind them, what is cut, and with labels what else is marked."""
-    (sheet,) = drawing.draw_sheets(sheets.arrange_pieces(pattern.pieces), height=labels)
+    (sheet,) = drawing.draw_sheets(sheets.arrange_pieces(pattern.pieces), label_height=labels)
     drawn: list[Drawn] = [
         ShadedFaces([upright(face, 0.0)], darker(colour))
         for face, colour in zip(pattern.faces(), tints(pattern), strict=True)

@@ -8,10 +8,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cqblend.blend_options import MAX_SIZE, MIN_SIZE, BlendRequest
+from cqblend.blend_options import OPTION_LIMITS, BlendOptions
 from cqblend.errors import InputError, SizeError, UnsupportedError
 
-checked = BlendRequest.from_options
+
+def checked(radius=None, **options):
+    return BlendOptions(radius, **options).to_request()
 
 
 def test_defaults():
@@ -64,8 +66,8 @@ def test_what_is_not_positive(value):
 
 
 def test_the_range_of_sizes():
-    assert checked(MIN_SIZE).radius == MIN_SIZE
-    assert checked(MAX_SIZE).radius == MAX_SIZE
+    assert checked(OPTION_LIMITS.min_size).radius == OPTION_LIMITS.min_size
+    assert checked(OPTION_LIMITS.max_size).radius == OPTION_LIMITS.max_size
     with pytest.raises(SizeError, match="radius 9e-07 mm is below 1e-06 mm"):
         checked(9e-7)
     with pytest.raises(InputError, match=r"width\[0\] 1e\+12 mm is above 1e\+09 mm"):

@@ -1,17 +1,61 @@
-"""The layers: what may import what. Read off the source, so that no import order hides it."""
+"""The rooms and what may import what, as docs/architecture.md has it."""
 
 import ast
+from graphlib import TopologicalSorter
 
 import pytest
-from places import ROOT
+from import_graph import PAGE, ROOMS, draw_page, find_imports, find_room, imports, modules, room_imports
 
-PACKAGE = ROOT / "cqblend"
-MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
+import cqblend
+
+LATER = {"bridge", "linear", "batch"}
+"""Public functions that are planned: no module may take their names."""
+
+LONGEST = 500
+"""Lines that a module may have."""
 
 
-def imports(module):
-    """Yield the names of what a module imports at run time; what it imports for the type checker does not count."""
-    todo = [ast.parse((PACKAGE / module).read_text(encoding="utf-8"))]
+def test_no_import_goes_in_a_circle():
+    """Raises CycleError, which names the circle, if one does; imports of types count."""
+    assert set(TopologicalSorter(imports()).static_order()) == set(modules())
+
+
+def test_rooms_import_only_what_stands_below():
+    level = {room: number for number, rooms in enumerate(ROOMS) for room in rooms}
+    upward = [
+        f"{module} imports {other}"
+        for module, imported in imports().items()
+        for other in imported
+        if find_room(module) != find_room(other) and level[find_room(module)] <= level[find_room(other)]
+    ]
+    assert upward == []
+
+
+def test_every_room_has_its_place():
+    assert {room for rooms in ROOMS for room in rooms} == set(room_imports())
+
+
+def test_the_page_shows_the_rooms_as_they_are():
+    """Run ``python tests/support/import_graph.py`` to draw chart and map anew."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert "```mermaid\nflowchart" in page
+    assert page == draw_page(page)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_only_brep_imports_ocp(module):
+    roots = {name.partition(".")[0] for name in find_runtime_imports(module)}
+    assert "OCP" not in roots or module.startswith("brep")
+
+
+@pytest.mark.parametrize("module", modules())
+def test_nothing_imports_scipy_or_numba_or_build123d(module):
+    assert not {"scipy", "numba", "build123d"} & {name.partition(".")[0] for name in find_imports(modules()[module])}
+
+
+def find_runtime_imports(module):
+    """Yield what a module imports at run time: what it imports for the type checker does not count."""
+    todo = [ast.parse(modules()[module].read_text(encoding="utf-8"))]
     while todo:
         node = todo.pop()
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
@@ -20,41 +64,39 @@ def imports(module):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "imports are absolute here"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            yield node.module
         todo.extend(ast.iter_child_nodes(node))
 
 
-def roots(module):
-    return {name.partition(".")[0] for name in imports(module)}
+def test_no_module_has_the_name_of_a_public_function():
+    """Importing it would hide the function."""
+    functions = {name for name in cqblend.__all__ if callable(getattr(cqblend, name))} | LATER
+    assert [module for module in modules() if module.rpartition(".")[2] in functions] == []
 
 
-def inside(module):
-    """Return which parts of cqblend a module imports."""
-    return {name.split(".")[1] for name in imports(module) if name.startswith("cqblend.")}
+@pytest.mark.parametrize("module", modules())
+def test_modules_are_short(module):
+    assert len(modules()[module].read_text(encoding="utf-8").splitlines()) <= LONGEST
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_only_brep_imports_ocp(module):
-    assert "OCP" not in roots(module) or module.startswith("brep/")
+def test_most_functions_are_named_by_more_than_one_word():
+    """Verb and object: at least 55 % of all functions and methods; what is left are properties and public names."""
+    names = [
+        node.name.strip("_")
+        for path in modules().values()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("__")
+    ]
+    assert sum("_" in name for name in names) > 0.55 * len(names)
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_nothing_imports_scipy_or_numba(module):
-    assert not {"scipy", "numba", "build123d"} & roots(module)
-
-
-@pytest.mark.parametrize("module", [module for module in MODULES if "/" in module])
-def test_layers(module):
-    below = {"errors", "certificate", "blend_options", "installation", "whole_files"}
-    allowed = {
-        "splines": {"errors"},
-        "surfaces": {"splines", "errors"},
-        "blends": {"surfaces", "splines", "errors"},
-        "patterns": {"splines", "errors", "whole_files"},
-        "brep": {"blends", "surfaces", "patterns", "splines"} | below - {"blend_options"},
-        "solid_blends": {"brep", "blends", "surfaces", "splines"} | below,
-        "api": {"solid_blends", "brep", "blends", "patterns", "surfaces", "splines"} | below,
-    }
-    room = module.partition("/")[0]
-    assert inside(module) <= allowed[room] | {room}
+def test_constants_mean_one_thing():
+    """No two modules have a constant of one name with two values."""
+    values: dict[str, set[str]] = {}
+    for path in modules().values():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                name = node.targets[0].id.strip("_")
+                if name.isupper():
+                    values.setdefault(name, set()).add(ast.unparse(node.value))
+    assert {name: found for name, found in values.items() if len(found) > 1} == {}

@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS_Shape
 import cqblend
 from cqblend import Boundary, Combination, Conic, Curve, Guide, Rail, Surface
 from cqblend import __main__ as cli
-from cqblend.blend_options import DEFAULT_STEER
+from cqblend.blend_options import BLEND_DEFAULTS
 from cqblend.brep.step_files import write_step
 from cqblend.errors import CqblendError, InputError
 
@@ -417,7 +417,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "form": "auto",
         "tolerance": 1e-5,
         "angular_tolerance": 1e-5,
-        "steer": DEFAULT_STEER,
+        "steer": BLEND_DEFAULTS.steer,
         "crease": None,
     },
     "potential_blend": lambda: {
@@ -461,7 +461,7 @@ for _name in ("PdeBlend", "PotentialBlend"):
 VARIANTS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     "potential section": (
         "blend_edges",
-        lambda: {"radius": None, "section": "potential", "steer": DEFAULT_STEER, "a": 0.3, "b": 0.2, "lam": 0.0},
+        lambda: {"radius": None, "section": "potential", "steer": BLEND_DEFAULTS.steer, "a": 0.3, "b": 0.2, "lam": 0.0},
     ),
     "pde section": ("blend_edges", lambda: {"section": "pde", "order": 4, "terms": 2, "continuity": None}),
     "width": ("blend_edges", lambda: {"radius": None, "width": (0.2, 0.3)}),

@@ -1,42 +1,41 @@
 """Patterns for flat stock: ``cqblend.unroll``, and what it returns.
 
-Thin: takes shapes of the caller's library, checks the arguments, has the core divide, flatten and assemble, and gives
-back shapes of the same library, or files. Must not compute anything.
+Takes shapes of the caller's library, checks the arguments, has `cqblend.patterns` divide, flatten and assemble, and
+returns shapes of the same library, or files. Nothing is computed here.
 """
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cqblend.api.host_shapes import collect_unroll_shapes, wrap_like
 from cqblend.api.pattern_report import Report
-from cqblend.blend_options import (
+from cqblend.checks import (
     check_callback,
     check_choice,
     check_flag,
+    check_millimetres,
     check_positive,
     is_default,
     refuse_ignored_options,
+    to_float_array,
 )
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
+from cqblend.option_records import collect_options, document_options
 from cqblend.patterns import assembly
-from cqblend.patterns.assembly import UnrollResult
-from cqblend.patterns.checks import check_millimetres
-from cqblend.patterns.flatten.flat_face import UnrollOptions
-from cqblend.patterns.flatten.flat_strip import Layout
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
-from cqblend.patterns.stock.tabs import Tabs, TabStyle, fit_tabs
-from cqblend.patterns.strips.division import Direction, Method
+from cqblend.patterns.stock.limits import LABEL_LIMITS
+from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
+from cqblend.patterns.stock.tabs import Tabs, fit_tabs
 from cqblend.patterns.trim.bare_surface import make_surface_shell
+from cqblend.patterns.unroll_result import UnrollResult
 from cqblend.patterns.write import pattern_files
-from cqblend.patterns.write.drawing import LABEL_HEIGHT
 from cqblend.patterns.write.pdf_file import resolve_paper_size
-from cqblend.splines import knots as door
 from cqblend.splines.surface import Surface
+from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -46,17 +45,18 @@ if TYPE_CHECKING:
 
     from cqblend.splines.bernstein import Array
 
-FLAT_TOLERANCE_RATIO = 10.0
-"""By how much flattening is finer than the strips, unless told otherwise: it costs vertices only, no pieces."""
+DEFAULT_TAPER = np.pi / 4
+"""Angle between the legs of a tab and its base, rad."""
 
-DEFAULT_TAPER, DEFAULT_PAGE, DEFAULT_PACKING_SECONDS = np.pi / 4, "a4", 30.0
-"""Of tabs, rad; of the PDF; for packing, s: unless told otherwise."""
+DEFAULT_PAGE = "a4"
+"""Paper of a PDF."""
 
-DEFAULT_STRAIN = 0.01
-"""What paper, leather and thin metal take."""
+DEFAULT_PACKING_SECONDS = 30.0
+"""Time for packing one sheet by spyrrow, s."""
 
-_SEWING_RATIO = 2.5
-"""Strips on both sides of an edge are as far from it as the tolerance allows, and their borders are polygons."""
+SEWING_RATIO = 2.5
+"""Quotient of the tolerance by which strips in space are sewn and the pattern's tolerance: at an edge of the shape, the
+strips of both faces are up to one tolerance from it, and their borders are polygons."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,17 +68,18 @@ class Pattern:
     pieces : Pieces
         The pieces and the seams between them.
     report : Report
-        How far all this is from the shape. ``print`` it.
+        How far the strips and the pieces are from the shape. ``print`` it.
     tabs : Tabs or None
-        How far the tabs are what was asked for; ``tabs.missing`` and ``tabs.narrowed`` name seams.
+        Which tabs differ from those asked for: ``tabs.missing`` and ``tabs.narrowed`` name their seams. None if there
+        are no tabs.
     """
 
     pieces: Pieces
     report: Report
     tabs: Tabs | None
     _unrolled: UnrollResult
-    _model: Any
-    _fit: Callable[[Pieces], Tabs] | None = None
+    _host_shape: Any
+    _tab_options: TabOptions | None = None
 
     @property
     def strips(self) -> tuple[Piece, ...]:
@@ -87,7 +88,7 @@ class Pattern:
 
     @property
     def seams(self) -> tuple[Seam, ...]:
-        """Which run of which piece is joined to which."""
+        """Pairs of outline runs that are joined to each other."""
         return self.pieces.seams
 
     def faces(self, *, tabs: bool = False) -> list[Any]:
@@ -98,29 +99,30 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.brep.pattern_shapes import make_planar_faces
+        from cqblend.brep.write.pattern_shapes import make_planar_faces
 
         if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
         placed = sheets.arrange_pieces(self.pieces).pieces
-        return [wrap_like(self._model, face) for face in make_planar_faces(placed.pieces, tabs=tabs)]
+        return [wrap_like(self._host_shape, face) for face in make_planar_faces(placed.pieces, tabs=tabs)]
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.brep.pattern_shapes import sew_strip_faces
+        from cqblend.brep.write.pattern_shapes import sew_strip_faces
 
         trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
-        return wrap_like(self._model, sew_strip_faces(trims, _SEWING_RATIO * self.report.tolerance))
+        return wrap_like(self._host_shape, sew_strip_faces(trims, SEWING_RATIO * self.report.tolerance))
 
     def cross_sections(self) -> list[Any]:
         """Return the formers over which strips are assembled: faces through their planar rails, wires through others.
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.brep.pattern_shapes import make_formers
+        from cqblend.brep.write.pattern_shapes import make_formers
 
-        rails = [rail for source in self._unrolled.sources if source.laying for rail in source.laying.rails]
-        return [wrap_like(self._model, former) for former in make_formers(rails)]
+        strips = (source.unrolled_strip for source in self._unrolled.sources)
+        rails = [rail for strip in strips if strip is not None for rail in strip.rails]
+        return [wrap_like(self._host_shape, former) for former in make_formers(rails)]
 
     def fold(self, strip: int, points: "ArrayLike") -> "Array":
         """Return where points of a flat piece are in space when it is rolled.
@@ -145,7 +147,7 @@ class Pattern:
         sources = self._unrolled.sources
         if isinstance(strip, bool) or not isinstance(strip, int) or not 0 <= strip < len(sources):
             raise InputError(f"strip is an index from 0 to {len(sources) - 1}, not {shown(strip)}")
-        flat = door.to_float_array("points", points)
+        flat = to_float_array("points", points)
         if flat.ndim == 0 or flat.shape[-1] != 2 or not np.isfinite(flat).all():
             raise InputError(f"points are pairs of finite coordinates, not {shown(points)}")
         return sources[strip].fold(flat)
@@ -185,9 +187,9 @@ class Pattern:
             refuse_ignored_options(
                 "on an allowance, which has no teeth", taper=(taper, DEFAULT_TAPER), pitch=(pitch, None)
             )
-        fit = partial(fit_tabs, style=style, width=width, taper=taper, pitch=pitch)
-        tabs = fit(self._unrolled.pieces)
-        return replace(self, pieces=tabs.pieces, tabs=tabs, _fit=fit)
+        options = TabOptions(style=style, width=width, taper=taper, pitch=pitch)
+        tabs = fit_tabs(self._unrolled.pieces, options)
+        return replace(self, pieces=tabs.pieces, tabs=tabs, _tab_options=options)
 
     def export(
         self,
@@ -197,7 +199,7 @@ class Pattern:
         margin: float = 5.0,
         gap: float = 3.0,
         kerf: float = 0.0,
-        labels: float | None = LABEL_HEIGHT,
+        labels: float | None = LABEL_LIMITS.height,
         fit: float | None = None,
         page: str | tuple[float, float] | None = DEFAULT_PAGE,
         packer: Literal["grid", "spyrrow"] = "grid",
@@ -256,7 +258,7 @@ class Pattern:
             refuse_ignored_options(f"on {suffix}, which has no pages", page=(page, DEFAULT_PAGE))
         if suffix == ".json":
             refuse_ignored_options(
-                "on .json, which has the pieces themselves", labels=(labels, LABEL_HEIGHT), fit=(fit, None)
+                "on .json, which has the pieces themselves", labels=(labels, LABEL_LIMITS.height), fit=(fit, None)
             )
         if is_default(packer, "grid"):
             refuse_ignored_options('on packer="grid"', seconds=(seconds, DEFAULT_PACKING_SECONDS))
@@ -274,15 +276,10 @@ class Pattern:
         pieces = self.pieces if sheet is None else self._split_to_sheet(sheet, margin)
         placed = sheets.arrange_pieces(pieces, sheet, margin=margin, gap=gap, packer=packer, seconds=seconds)
         write = pattern_files.export_each_sheet if per_sheet else pattern_files.export_sheets
-        return write(
-            placed,
-            target,
-            kerf=kerf,
-            fit=fit,
-            height=labels,
-            page=page,
-            report=asdict(self.report),
+        options = pattern_files.ExportOptions(
+            kerf=kerf, arc_tolerance=fit, label_height=labels, page=page, report=asdict(self.report)
         )
+        return write(placed, target, options)
 
     def _split_to_sheet(self, sheet: tuple[float, float], margin: float) -> Pieces:
         """Return the pieces, cut to the size of a sheet before they get their tabs."""
@@ -291,29 +288,31 @@ class Pattern:
         bare = split_pieces.split_to_fit(
             self._unrolled.pieces, inner, lambda piece, points: sources[piece].map_to_face(points)
         )
-        return self._fit(bare).pieces if self._fit else bare
+        return fit_tabs(bare, self._tab_options).pieces if self._tab_options else bare
 
 
 def _check_rulings_paired(unrolled: UnrollResult) -> None:
     """Raise InputError if strips twist, and the rulings of none could be paired anew."""
     twisted = sum(record.kind == "twisted" for record in unrolled.records)
-    if twisted and all(one.laying is None or one.laying.parameters is None for one in unrolled.sources):
+    strips = (source.unrolled_strip for source in unrolled.sources)
+    if twisted and all(strip is None or strip.original_parameters is None for strip in strips):
         raise InputError(
             f"developable has no effect: none of {twisted} twisted strips has a pairing of rulings that is developable "
             "and keeps it within the tolerance; leave developable out, or try the other direction or another tolerance"
         )
 
 
+@document_options(UnrollOptions)
 def unroll(
     shape: Any,
     tolerance: float,
     *,
-    method: Method = "longest",
-    direction: Direction = "auto",
-    layout: Layout = "smooth",
-    strain: float = DEFAULT_STRAIN,
-    developable: bool = False,
-    even: bool = False,
+    method: Method = UNROLL_DEFAULTS.method,
+    direction: Direction = UNROLL_DEFAULTS.direction,
+    layout: Layout = UNROLL_DEFAULTS.layout,
+    strain: float = UNROLL_DEFAULTS.strain,
+    developable: bool = UNROLL_DEFAULTS.developable,
+    even: bool = UNROLL_DEFAULTS.even,
     least_width: float | None = None,
     flat_tolerance: float | None = None,
     progress: Callable[[float, str], object] | None = None,
@@ -328,34 +327,7 @@ def unroll(
         A solid, shell, compound or face, several of them, a Workplane with those on its stack, or a symbolic surface.
         Neighbouring faces of one plane become one piece. Faces that touch within `flat_tolerance` without sharing edges
         are joined.
-    tolerance : float
-        Largest distance between the shape and the strips, both ways, mm.
-    method : {"longest", "elber", "curvature"}
-        How freeform faces are divided: longest strip first against a certified bound; by the paper's algorithm 1; or at
-        the ridges of the normal curvature first (equations 5 to 7).
-    direction : {"auto", "rings", "u", "v"}
-        Parameter that the rulings run along: the one with fewer strips, or with less strain if both take as many; the
-        one that makes rings of a closed face; or a given one. Where the first way fails, ``"auto"`` tries the other
-        one, then narrower strips, then triangles; see ``report.detours``.
-    layout : {"smooth", "triangles"}
-        How strips are laid flat: so that rails and rulings keep their lengths, or as the paper's triangles along one
-        diagonal. Triangles keep chords, so seams between different faces match to `flat_tolerance` only.
-    strain : float
-        By how much lengths inside a strip may change when it is laid flat, relative: a strip that twists is made
-        narrower until they do not. Not with ``method="elber"``, which is the paper's.
-    developable : bool
-        Whether rulings of twisted strips are paired anew, so that the strips are truly developable, wherever such a
-        pairing exists within the tolerance; it is an error if there is none. Not with ``method="elber"`` or
-        ``layout="triangles"``.
-    even : bool
-        Whether the strips of a face share its error evenly, instead of leaving the rest to the last one. Not with
-        ``method="elber"``.
-    least_width : float, optional
-        Mm; pieces that are thinner, measured by twice their area over the length of their outlines, are merged into a
-        neighbour of the same face where that keeps the tolerance; ``report.unmerged`` names those that could not be. A
-        face of which no piece can be that wide is refused.
-    flat_tolerance : float, optional
-        Largest distance between strips in space and flat pieces rolled, mm; by default a tenth of `tolerance`.
+    ... : the options of `UnrollOptions`
     progress : callable, optional
         Is called with the part of the work done, 0 to 1, and a word on what is next.
 
@@ -380,46 +352,32 @@ def unroll(
     >>> len(pattern.strips), pattern.report.seam_mismatch < 1e-9
     (3, True)
     """
-    allowed = check_positive("tolerance", tolerance)
-    wishes = UnrollOptions(
-        tolerance=allowed,
-        flat=allowed / FLAT_TOLERANCE_RATIO
-        if flat_tolerance is None
-        else check_positive("flat_tolerance", flat_tolerance),
-        method=check_choice("method", method, get_args(Method)),
-        direction=check_choice("direction", direction, get_args(Direction)),
-        strain=check_positive("strain", strain),
-        layout=check_choice("layout", layout, get_args(Layout)),
-        developable=check_flag("developable", developable),
-        even=check_flag("even", even),
-        least_width=None if least_width is None else check_positive("least_width", least_width),
-    )
+    return unroll_with_options(shape, collect_options(UnrollOptions, locals()), progress)
+
+
+def unroll_with_options(
+    shape: Any, options: UnrollOptions, progress: Callable[[float, str], object] | None = None
+) -> Pattern:
+    """Do what :func:`unroll` does, with the options in a record."""
+    options = options.check()
     check_callback("progress", progress, "two arguments")
-    if wishes.method == "elber":
-        refuse_ignored_options(
-            'on method="elber", which is the paper\'s',
-            even=(even, False),
-            developable=(developable, False),
-            strain=(strain, DEFAULT_STRAIN),
-        )
-    if wishes.layout == "triangles":
-        refuse_ignored_options('on layout="triangles", which is flat along diagonals', developable=(developable, False))
     if isinstance(shape, Surface):
         import cadquery
 
-        model, skin = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
+        host_shape, shell = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
     else:
         from cqblend.brep.read.trimmed_patches import read_patches
 
-        model, parts, whole = collect_unroll_shapes(shape)
+        given = collect_unroll_shapes(shape)
+        host_shape = given.model
         try:
-            skin = read_patches(parts, numbered_shape=whole, sewing_tolerance=wishes.flat)
-        except SelectionError:  # the solid in the chain is another one
-            skin = read_patches(parts, sewing_tolerance=wishes.flat)
-    unrolled = assembly.unroll_patches(skin, wishes, progress)
-    if developable:
+            shell = read_patches(given.shapes, numbered_shape=given.solid, sewing_tolerance=options.flat)
+        except SelectionError:  # the faces are not those of the solid in the chain
+            shell = read_patches(given.shapes, sewing_tolerance=options.flat)
+    unrolled = assembly.unroll_patches(shell, options, progress)
+    if options.developable:
         _check_rulings_paired(unrolled)
-    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, wishes), None, unrolled, model)
+    pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, options), None, unrolled, host_shape)
     if unrolled.failures:
         reasons = "; ".join(str(failure.error) for failure in unrolled.failures)
         some = pattern if pattern.strips else None

@@ -1,12 +1,12 @@
-"""In and out of the caller's own library.
+"""Conversion of shapes of CadQuery and build123d to TopoDS shapes and back.
 
-CadQuery, build123d and plain OCP shapes go in; what comes out belongs to the same library. The library is read off the
-classes of the objects themselves, so that none is ever imported here, and objects of modules that CQ-editor has thrown
-away are still understood. Must not know what is done with the shapes.
+A result belongs to the library of the shape that was given. The library is read off the classes of the objects, so that
+none is imported here, and so that objects of modules that CQ-editor has reloaded are still understood.
 """
 
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
@@ -16,11 +16,31 @@ if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 
-_MAX_NESTING = 9  # iterables within each other, in which edges are looked for
+_MAX_NESTING = 9
+"""Largest number of iterables within each other in which edges are looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnrollShapes:
+    """The shapes that are to be unrolled.
+
+    Attributes
+    ----------
+    model
+        The first of them as it was given, in whose library results are returned.
+    shapes
+        All of them.
+    solid
+        The solid that they may be faces of, where they were given by a Workplane that has one.
+    """
+
+    model: Any
+    shapes: "list[TopoDS_Shape]"
+    solid: "TopoDS_Shape | None"
 
 
 def resolve_shape(thing: Any) -> Any:
-    """Return the shape that is meant: the thing itself, or the solid of a Workplane.
+    """Return a shape as it is given, or the solid of a Workplane.
 
     Raises
     ------
@@ -38,7 +58,7 @@ def resolve_shape(thing: Any) -> Any:
 
 
 def to_topods(shape: Any) -> "TopoDS_Shape":
-    """Return the TopoDS shape of a shape that `native_shape` returned."""
+    """Return the TopoDS shape of a shape that `resolve_shape` returned."""
     topods = _find_topods(shape)
     if topods is None:
         raise InputError(f"a CadQuery, build123d or TopoDS shape is needed, not {_describe_shape(shape)}")
@@ -63,7 +83,7 @@ def collect_edges(things: Any) -> "list[TopoDS_Edge]":
 
 
 def to_topods_face(thing: Any, name: str) -> "TopoDS_Face":
-    """Return the TopoDS face of a face; `name` is what the caller calls it."""
+    """Return the TopoDS face of a face; `name` is the caller's parameter, for the message."""
     topods = _find_topods(thing)
     if topods is None or find_shape_kind(topods) != "face":
         raise InputError(f"{name} must be a face, not {_describe_shape(thing)}")
@@ -87,21 +107,18 @@ def collect_faces(things: Any) -> "list[TopoDS_Face]":
     return [to_topods_face(thing, "faces") for thing in _list_items(things, "faces must be faces")]
 
 
-def collect_unroll_shapes(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS_Shape | None]":
-    """Return what is to be unrolled: faces, shells, solids and compounds, in one of those or an iterable of them.
-
-    Of a Workplane, what is on its stack, and the solid that it may be of. The first thing is returned, too:
-    `wrapped_like` takes it as a model.
+def collect_unroll_shapes(things: Any) -> UnrollShapes:
+    """Return the faces, shells, solids and compounds in one of those, an iterable of them, or a Workplane's stack.
 
     Raises
     ------
     InputError
         There is none, or something else among them.
     """
-    whole = None
+    solid = None
     if _is_workplane(things):
         with suppress(ValueError):
-            whole = _find_topods(things.findSolid())
+            solid = _find_topods(things.findSolid())
         things = things.vals()
     elif _find_topods(_resolve_builder(things)) is not None:
         things = [things]
@@ -112,11 +129,11 @@ def collect_unroll_shapes(things: Any) -> "tuple[Any, list[TopoDS_Shape], TopoDS
             raise InputError(f"faces, shells or solids are unrolled, not {_describe_shape(thing)}")
     if not found:
         raise InputError("nothing is selected: select at least one face")
-    return found[0], [to_topods(thing) for thing in found], whole
+    return UnrollShapes(found[0], [to_topods(thing) for thing in found], solid)
 
 
 def _resolve_builder(thing: Any) -> Any:
-    """Return what a builder of build123d has made, the shapes of a CadQuery assembly, or the thing itself."""
+    """Return the part or sketch of a build123d builder, the compound of a CadQuery assembly, or the thing itself."""
     if _find_topods(thing) is None and _find_library(thing) == "build123d":
         return next((made for name in ("part", "sketch") if (made := getattr(thing, name, None)) is not None), thing)
     if _find_library(thing) == "cadquery" and hasattr(thing, "toCompound"):
@@ -125,10 +142,10 @@ def _resolve_builder(thing: Any) -> Any:
 
 
 def wrap_like(model: Any, result: "TopoDS_Shape") -> Any:
-    """Return a result as a shape of the library of `model`, a shape that `native_shape` returned.
+    """Return a result as a shape of the library of `model`, a shape that `resolve_shape` returned.
 
-    The class follows from the kind of the result; but what comes of a build123d ``Part`` is a ``Part``. The whole of a
-    build123d shape keeps its label and its color.
+    The class follows from the kind of the result, but a solid or compound made from a build123d ``Part`` is a ``Part``
+    as well; it keeps the label and the color of the model.
     """
     if is_topods(model):
         return downcast_shape(result)
@@ -142,7 +159,7 @@ def wrap_like(model: Any, result: "TopoDS_Shape") -> Any:
 
 
 def _list_items(things: Any, wanted: str) -> list[Any]:
-    """Return the items of an iterable of shapes, in which case nothing but shapes is wanted."""
+    """Return the items of an iterable; `wanted` says in the message what they should be."""
     if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
         raise InputError(f"{wanted}, not {_describe_shape(things)}")
     try:
@@ -175,15 +192,15 @@ def _find_topods(thing: Any) -> "TopoDS_Shape | None":
 
 
 def _get_wrapped(thing: Any) -> Any:
-    """Return what a shape of a library wraps; build123d asserts that there is something."""
+    """Return the TopoDS shape that a shape of a library wraps, None if there is none."""
     try:
         return thing.wrapped
-    except (AttributeError, AssertionError):
+    except (AttributeError, AssertionError):  # build123d asserts that there is one
         return None
 
 
 def _find_library(thing: Any) -> str | None:
-    """Return which library the class of a thing, or a class it derives from, comes from."""
+    """Return the library that defines the class of an object or one of its base classes, None if it is another one."""
     roots = {base.__module__.partition(".")[0] for base in type(thing).__mro__}
     return next((name for name in ("cadquery", "build123d") if name in roots), None)
 
@@ -193,7 +210,7 @@ def _is_workplane(thing: Any) -> bool:
 
 
 def _describe_shape(thing: Any) -> str:
-    """Return a thing as an error message names it."""
+    """Return the kind of a shape, or any other object, as an error message names it."""
     topods = _find_topods(thing)
     if topods is not None:
         return with_article(find_shape_kind(topods))

@@ -1,6 +1,6 @@
-"""What a pattern says about itself: the report.
+"""The report of a pattern: how far its flat pieces are from the shape, as a record of numbers and as text.
 
-Holds frozen records of numbers that somebody else measured or proved, and prints them. It must not know how.
+The numbers are measured or proved in `cqblend.patterns`; here they are summed up and printed.
 """
 
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ from math import isnan
 
 import numpy as np
 
-from cqblend.patterns.assembly import Areas, Record, UnrollResult
-from cqblend.patterns.flatten.flat_face import UnrollOptions
+from cqblend.patterns.unroll_result import Areas, Record, UnrollResult
+from cqblend.unroll_options import UnrollOptions
 
 THIN_WIDTH = 2.0
-"""Pieces thinner than this are hard to cut, mm."""
+"""Width below which a piece is hard to cut and reported as thin, mm."""
 
-MOST_NAMES = 12
-"""Names that are printed at most."""
+MAX_PRINTED_NAMES = 12
+"""Largest number of names of pieces that are printed in a row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,54 +26,53 @@ class Report:
     Attributes
     ----------
     tolerance, flat : float
-        Asked for, between shape and strips, and between strips and flat pieces, mm.
+        Tolerances that were given: largest distance between shape and strips, and between strips and flat pieces, mm.
     strips : int
         Number of strips, N, a plane being one. Trimming may part a strip into several pieces.
     elber : int
         Number of strips that Elber's algorithm 1 takes for the same faces, directions and tolerance; faces that are
-        ruled and developable by nature count once.
+        faces that are ruled and developable count once.
     ideal : float
-        N*, the integral of max_u sqrt(|<n, S_vv>| / (8 tolerance)) dv over the faces: what no division along
-        parameter lines can be far below.
+        N*, the integral of max_u sqrt(|<n, S_vv>| / (8 tolerance)) dv over the faces: the asymptotic number of strips
+        of the best division along parameter lines.
     deviation : float
         Largest distance between shape and strips, both ways, mm.
     certified : bool
-        Whether that is proven for all pieces; strips whose rulings were paired anew are measured.
+        Whether `deviation` is a proven bound for all pieces; that of strips whose rulings were paired anew is measured.
     flattening : float
         Largest distance between a strip in space and its flat piece folded, mm.
     twist : float
         Largest angle by which the normal of a strip turns along a ruling, bounded, rad; 0 if all are developable.
     ruling : float
-        Largest change in the length of a ruling, relative.
+        Largest change of the length of a ruling by laying it flat, relative.
     strain : float
         Largest change of a length inside a strip, relative; rails and rulings keep theirs. 0 on developable strips,
         nan where they were laid flat as triangles.
     area_change : float
         Largest change of a strip's area by laying it flat, relative.
     area : float
-        Of all pieces together, without tabs, mm^2.
+        Area of all pieces together, without tabs, mm^2.
     face_area : float
-        Of all faces together, mm^2.
+        Area of all faces together, mm^2.
     seams : int
         Number of seams.
     seam_mismatch : float
         Largest difference in length between the two sides of a seam, relative to its length.
     seam_stretch : float
-        By how much a seam along an edge is longer than the edge, relative, at most: on a strip that is longer than the
-        face there, both sides are.
+        Largest excess of a seam's length over that of the edge of the shape along which it runs, relative.
     overlap : float
-        Largest area that a piece covers twice, mm^2; always 0: pieces that cover themselves are cut.
+        Largest area that a piece covers twice, mm^2; always 0, because pieces that overlap themselves are cut.
     pieces : tuple of Record
-        The same of every piece.
+        Quality of each piece.
     areas : tuple of Areas
-        What each face has of area, and what its pieces have.
+        Area of each face, and of its pieces.
     thin : tuple of str
         Names of pieces that are thinner than 2 mm: twice their area over the length of their outlines.
     unmerged : tuple of str
         Names of pieces that are thinner than ``least_width``, and could not be merged into a neighbour within the
         tolerance.
     detours : tuple of str
-        Faces that could not be divided the first way that was tried: which way was taken, and why the others failed.
+        For each face that could not be divided in the first way that was tried: the way taken, and why others failed.
     """
 
     tolerance: float
@@ -101,12 +100,12 @@ class Report:
     detours: tuple[str, ...]
 
     @classmethod
-    def from_unroll_result(cls, unrolled: UnrollResult, wishes: UnrollOptions) -> "Report":
-        """Sum up what is known of the pieces."""
+    def from_unroll_result(cls, unrolled: UnrollResult, options: UnrollOptions) -> "Report":
+        """Return the worst, or the sum, of the figures of all pieces."""
         records, pieces = unrolled.records, unrolled.pieces
         return cls(
-            tolerance=wishes.tolerance,
-            flat=wishes.flat,
+            tolerance=options.tolerance,
+            flat=options.flat,
             strips=unrolled.strips,
             elber=unrolled.elber,
             ideal=unrolled.ideal,
@@ -126,7 +125,7 @@ class Report:
             pieces=records,
             areas=unrolled.areas,
             thin=tuple(one.name for one in records if one.width < THIN_WIDTH),
-            unmerged=tuple(one.name for one in records if one.width < (wishes.least_width or 0.0)),
+            unmerged=tuple(one.name for one in records if one.width < (options.least_width or 0.0)),
             detours=unrolled.detours,
         )
 
@@ -167,6 +166,6 @@ class Report:
 
 
 def _abbreviate_names(names: Sequence[str]) -> str:
-    """Return names in a row, the first ones of many."""
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    """Return names separated by commas; of many, the first ones and the number of the others."""
+    more = f" and {len(names) - MAX_PRINTED_NAMES} more" if len(names) > MAX_PRINTED_NAMES else ""
+    return ", ".join(names[:MAX_PRINTED_NAMES]) + more

@@ -1,6 +1,6 @@
-"""Blends by partial differential equations: the front door to You and Zhang's method.
+"""Public function that blends surfaces along rails, or boundary data, by partial differential equations.
 
-Between surfaces along rails, or between boundary data. Thin: checks what it is given, and hands it to
+The method is You and Zhang's. The arguments are checked here; the equations are solved by
 :mod:`cqblend.blends.pde.problem`.
 """
 
@@ -13,36 +13,30 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.api.surface_blend import Amount, Blend, CrossLength, Tangents, prepare_rails, refuse_derivative_options
+from cqblend.api.cross_derivatives import Amount, CrossDerivativeOptions, CrossLength, Tangents, prepare_rails
+from cqblend.api.surface_blend import Blend
+from cqblend.api.tolerances import BLEND_TOLERANCES
 from cqblend.blend_options import (
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_STEER,
-    DEFAULT_TOLERANCE,
+    BLEND_DEFAULTS,
     FORMS,
-    MAX_COLLOCATION_POINTS,
-    MAX_MODES,
-    MAX_TERMS,
-    check_angle,
-    check_choice,
-    check_count,
-    check_count_or_auto,
+    OPTION_LIMITS,
     check_pde_orders,
-    check_positive,
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.equations import ShapeParameters
-from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings
+from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import is_periodic
 from cqblend.certificate import Certificate
+from cqblend.checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
-CORNER_TOLERANCE = 1e-6  # of the size: as near as that, an end section meets a side
-END_SECTION_SAMPLES = 65  # across an end section
+END_SECTION_SAMPLES = 65
+"""Number of Chebyshev points across a blend at which an end section is sampled."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +48,15 @@ class PdeBlend(Blend):
     surface : Surface
         H, over the domain of the first side times [0, 1].
     ribbons : tuple of Ribbon
-        What it is tied to.
+        Rail and cross derivatives on each side.
     form : {"exact", "compact"}
     rails : tuple of Rail
-        With the sides on which the blend lies; none between boundary data.
+        The rails, with the sides of them on which the blend lies; none between boundary data.
     solution : Solution
-        What the surface is within its tolerance, but for what the functions along missed on the rails: callable at
-        (t, v), with its ``residual``, ``terms``, ``basis`` and ``equations``.
+        The solution of the equations, which the surface follows within its tolerance, except for the error of the basis
+        along the rails: callable at (t, v), with its ``residual``, ``terms``, ``basis`` and ``equations``.
     known : tuple of int
-        To what order each side tells how the blend is to meet it.
+        Highest order of the derivatives that are given on each side.
     """
 
     solution: Solution = field(repr=False)
@@ -70,27 +64,27 @@ class PdeBlend(Blend):
 
     @cached_property
     def certificate(self) -> Certificate:
-        """How exact it is, measured by OCCT on the surfaces, and proven from their coefficients.
+        """How exactly the blend meets its sides, measured by OCCT, and proven from the splines' coefficients.
 
-        Against boundary data, the angle is that to the plane of their tangents, the jump that of the curvature that
-        they have; nan where derivatives are not given.
+        On boundary data, the angle is that to the plane of their first derivatives, the jump that to the curvature of
+        their second derivatives; nan where these are not given.
         """
         from cqblend.brep.verification.certify import certify_surfaces
 
-        made = certify_surfaces(self, self.traces)
+        certificate = certify_surfaces(self, self.traces)
         records = tuple(
             replace(
                 record,
                 angle=record.angle if order > 0 else np.nan,
                 curvature_jump=record.curvature_jump if order > 1 else np.nan,
             )
-            for record, order in zip(made.rails, self.known, strict=True)
+            for record, order in zip(certificate.rails, self.known, strict=True)
         )
-        return replace(made, rails=records)
+        return replace(certificate, rails=records)
 
     @property
     def traces(self) -> list[tuple[Surface, Curve]]:
-        """What it meets: for each side a surface, or the strip of boundary data, and a curve in its parameter plane."""
+        """For each side the surface, or the strip made of the boundary data, and the rail in its parameter plane."""
         strips = [ribbon.trace for ribbon in self.ribbons if isinstance(ribbon, DataRibbon)]
         return strips or super().traces
 
@@ -111,9 +105,9 @@ def pde_blend(
     bulge: Amount | tuple[Amount, Amount] = 1.0,
     length: CrossLength | tuple[CrossLength, CrossLength] = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
-    steer: float = DEFAULT_STEER,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
 ) -> PdeBlend:
     r"""Blend two surfaces, or two sets of boundary data, by partial differential equations.
@@ -164,7 +158,7 @@ def pde_blend(
     tolerance, angular_tolerance : float
         mm and rad.
     crease : float, optional
-        How sharp a crease inside may be, as in `cqblend.hermite_blend`, rad.
+        Largest angle of a crease inside, as in `cqblend.hermite_blend`, rad.
 
     Raises
     ------
@@ -194,9 +188,9 @@ def pde_blend(
     wanted = PdeSettings(
         check_pde_orders(order),
         parameters,
-        check_count_or_auto("terms", terms, MAX_TERMS),
+        check_count_or_auto("terms", terms, OPTION_LIMITS.max_terms),
         check_choice("basis", basis, BASIS_NAMES),
-        check_count_or_auto("modes", modes, MAX_MODES),
+        check_count_or_auto("modes", modes, OPTION_LIMITS.max_modes),
         _check_points(points),
         check_choice("minimise", minimise, ("auto", "residual", "energy")),
     )
@@ -207,15 +201,14 @@ def pde_blend(
         check_positive("angular_tolerance", angular_tolerance),
     )
     allowed = CreaseLimit(angular_tolerance, None if crease is None else check_angle("crease", crease))
-    make = partial(wanted.blend_ribbons, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
+    blend_ribbons = partial(wanted.blend_ribbons, form=form, tolerance=tolerance, angular_tolerance=angular_tolerance)
+    options = CrossDerivativeOptions(tangents, bulge, length, steer)
     if isinstance(side1, Boundary) and isinstance(side2, Boundary):
-        refuse_derivative_options(
-            "between boundary data, which have derivatives of their own", tangents, bulge, length, steer
-        )
+        options.refuse_given("between boundary data, which have derivatives of their own")
         closed = _check_match(side1, side2, wanted)
         first, second = side1.ribbon(highest, 0, side2), side2.ribbon(highest, 1, side1)
-        held = _check_ends(ends, wanted, closed, (side1, side2))
-        made, solution = make((first, second), closed=closed, by_length=False, ends=held)
+        sections = _check_ends(ends, wanted, closed, (side1, side2))
+        blend, solution = blend_ribbons((first, second), setup=SideSetup(closed, by_length=False, ends=sections))
         rails: tuple[Rail, ...] = ()
         known = len(side1.curves) - 1, len(side2.curves) - 1
     else:
@@ -223,17 +216,17 @@ def pde_blend(
             raise InputError("a blend takes two rails or two boundaries, not one of each: they do not match")
         if ends is not None:
             raise InputError("ends are those of boundary data: blends along rails end in Hermite sections")
-        rails, ribbons = prepare_rails((side1, side2), (highest, highest), tangents, bulge, length, steer)
+        rails, ribbons = prepare_rails((side1, side2), (highest, highest), options)
         if rails[0].closed != rails[1].closed:
             raise InputError("one rail is closed, the other open: they do not match; clip the closed one")
-        made, solution = make(ribbons, closed=rails[0].closed and all(map(is_periodic, ribbons)))
+        blend, solution = blend_ribbons(ribbons, setup=SideSetup(rails[0].closed and all(map(is_periodic, ribbons))))
         known = (2, 2)
-    check_creases(made, allowed, ("side 1", "side 2"), steers=bool(rails))
-    return PdeBlend(made.surface, made.ribbons, made.form, rails, solution, known, residual=made.residual)
+    check_creases(blend, allowed, ("side 1", "side 2"), steers=bool(rails))
+    return PdeBlend(blend.surface, blend.ribbons, blend.form, rails, solution, known, residual=blend.residual)
 
 
 def _check_match(side1: Boundary, side2: Boundary, wanted: PdeSettings) -> bool:
-    """Check that boundary data suit each other and the order; return whether they are closed."""
+    """Check that both sides have one domain, and the derivatives that the order needs; return if they are closed."""
     if side1.domain != side2.domain:
         raise InputError(f"the sides run over {side1.domain} and {side2.domain}: they do not match; give one domain")
     if side1.closed != side2.closed:
@@ -247,7 +240,7 @@ def _check_match(side1: Boundary, side2: Boundary, wanted: PdeSettings) -> bool:
 
 
 def _check_ends(given: Any, wanted: PdeSettings, closed: bool, sides: tuple[Boundary, Boundary]) -> EndSections | None:
-    """Return end sections as numbers, if they meet the sides at the corners."""
+    """Return the end sections sampled at Chebyshev points, after checking that they meet the sides at the corners."""
     if given is None:
         return None
     if closed:
@@ -274,7 +267,7 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
         size = np.abs(np.concatenate([one.curves[0](one.curves[0].breaks) for one in sides])).max()
         for k, curve in enumerate(side.curves[:2]):
             apart = np.linalg.norm((section.curves[0](v, k) - curve(t))[np.array(halves) > k])
-            if apart > CORNER_TOLERANCE * size:
+            if apart > BLEND_TOLERANCES.corner * size:
                 raise InputError(
                     f"ends[{end}] misses side {number + 1} at t = {t:.6g} by {apart:.2g} in "
                     f"{('position', 'the first derivative')[k]}: ends are functions of v, from side 1 to side 2"
@@ -283,7 +276,7 @@ def _check_corners(section: Boundary, sides: tuple[Boundary, Boundary], end: int
 
 def _check_points(value: object) -> tuple[int | None, int | None]:
     if isinstance(value, list | tuple) and len(value) == 2:
-        return check_count("points[0]", value[0], MAX_COLLOCATION_POINTS), check_count(
-            "points[1]", value[1], MAX_COLLOCATION_POINTS
+        return check_count("points[0]", value[0], OPTION_LIMITS.max_collocation_points), check_count(
+            "points[1]", value[1], OPTION_LIMITS.max_collocation_points
         )
-    return check_count_or_auto("points", value, MAX_COLLOCATION_POINTS), None
+    return check_count_or_auto("points", value, OPTION_LIMITS.max_collocation_points), None

@@ -1,7 +1,7 @@
-"""Potential blends: the front door to Lee, Bedi and Dubey's method.
+"""Public functions of the potential method (Lee, Bedi and Dubey): reshape surfaces, and blend two of them.
 
-Surfaces are reshaped, a relation tells how far together, and the curves in which they meet are the blend. Thin: checks
-what it is given, and hands it to :mod:`cqblend.blends.potential.family_pair` and
+Two surfaces are reshaped by amounts that a relation couples; the curves in which they intersect make the blend. The
+arguments are checked here; the curves are computed by :mod:`cqblend.blends.potential.family_pair` and
 :mod:`cqblend.blends.potential.swept_blend`.
 """
 
@@ -15,44 +15,44 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
-from cqblend.blend_options import (
-    DEFAULT_ANGULAR_TOLERANCE,
-    DEFAULT_TOLERANCE,
-    EXACT_FORM_IS_EXACT,
-    FORMS,
-    check_angle,
-    check_choice,
-    check_positive,
-    is_default,
-    refuse_ignored_options,
-)
-from cqblend.blends.checks import to_point
+from cqblend.api.tolerances import BLEND_TOLERANCES
+from cqblend.blend_options import BLEND_DEFAULTS, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
-from cqblend.blends.potential.relations import Relation
-from cqblend.blends.potential.relations import to_relation as relation_of
-from cqblend.blends.potential.surface_family import Family, OffsetFamily, ReferenceFamily
+from cqblend.blends.potential.offset_family import OffsetFamily
+from cqblend.blends.potential.reference_family import ReferenceFamily
+from cqblend.blends.potential.relations import Relation, to_relation
+from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_blend import Sweep, sweep_branch
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
+from cqblend.checks import (
+    check_angle,
+    check_choice,
+    check_number,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+    to_finite_array,
+    to_point,
+)
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import check_number, to_finite_array
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 Amounts: TypeAlias = "float | Callable[[Array], Any] | Sequence[Sequence[float | Callable[[Array], Any]]] | None"
-"""How far control points move at s: a factor on s, a function of arrays of s, or one of these for each of them."""
+"""Offset at s: a factor on s, a function of arrays of s, one of these for each control point, or None for s itself."""
 
 Reference: TypeAlias = "str | ArrayLike | Callable[[Array], Any]"
 
-HALF_WAY = 0.5  # x at which branches are looked for, half-way
-DEFAULT_OFFSET_TOLERANCE = 1e-6  # relative, of offsets as splines
+HALF_WAY = 0.5
+"""Parameter x of the relation at which the branches of the intersection are traced."""
+
 DEFAULT_TUNING = (1.0, 1.0, 1.0)
-FINEST_SKIN_RATIO = 1e-7  # of the distance between rails: a finer skin takes more spans than it is worth
-DEFAULT_SKIN_RATIO = 1e-5  # of the distance between rails: what is between them need not be nearer to the curves
+"""Factors of the paper's rule for a reference point, for x, y and z."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class PotentialBlend(Blend):
     sweep : Sweep
         The exact intersection curves: ``blend.swept(t, v)``, at the amounts ``blend.amounts(v)``.
     skin : float
-        How far H is from them at most, where measured, mm.
+        Largest measured distance between H and these curves, mm.
     """
 
     families: tuple[Family, Family] = field(repr=False)
@@ -95,10 +95,12 @@ class PotentialBlend(Blend):
 
     @property
     def hermite(self) -> Blend:
-        """The Hermite blend of the same ribbons: what the ends of the sections alone tell."""
+        """The Hermite blend of the same ribbons, which follows the intersection curves at the rails only."""
         first, second = (replace(ribbon, order=1) for ribbon in self.ribbons)
-        made = blend_surface.blend_ribbons((first, second), self.form, DEFAULT_TOLERANCE, DEFAULT_ANGULAR_TOLERANCE)
-        return Blend(made.surface, self.ribbons, made.form, self.rails)
+        blend = blend_surface.blend_ribbons(
+            (first, second), self.form, BLEND_DEFAULTS.tolerance, BLEND_DEFAULTS.angular_tolerance
+        )
+        return Blend(blend.surface, self.ribbons, blend.form, self.rails)
 
     def swept(self, t: ArrayLike, v: ArrayLike) -> Array:
         """Return the points (..., 3) in which the reshaped surfaces meet, at t and v = 1 - x, to rounding.
@@ -128,7 +130,7 @@ def reshape(
     reference: Reference = "centroid",
     tuning: Sequence[float] = DEFAULT_TUNING,
     amounts: Amounts = None,
-    tolerance: float = DEFAULT_OFFSET_TOLERANCE,
+    tolerance: float = BLEND_TOLERANCES.offset,
 ) -> Family:
     r"""Make a family of surfaces S(u, v; s) out of one, S(u, v; 0).
 
@@ -153,8 +155,8 @@ def reshape(
         rows of these, one for each control point. By normal, f(u, v; s) is then the spline with these coefficients.
         Functions must be 0 at 0, and smooth.
     tolerance : float
-        Of offset surfaces as splines, relative to the largest amount. Offsets of planes, cylinders, cones, spheres and
-        tori are exact. Blends use none: they evaluate offsets as they are.
+        Accuracy of offset surfaces as splines, relative to the largest amount. Offsets of planes, cylinders, cones,
+        spheres and tori are exact. Blends do not use these splines, they evaluate offsets exactly.
 
     Returns
     -------
@@ -192,7 +194,7 @@ def reshape(
         raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
     by = check_choice("by", by, ("reference", "normal"))
     if by == "reference":
-        refuse_ignored_options('on by="reference", which is exact', tolerance=(tolerance, DEFAULT_OFFSET_TOLERANCE))
+        refuse_ignored_options('on by="reference", which is exact', tolerance=(tolerance, BLEND_TOLERANCES.offset))
     else:
         refuse_ignored_options('on by="normal": normals need none', reference=(reference, "centroid"))
     if tuning is not DEFAULT_TUNING:
@@ -208,7 +210,7 @@ def reshape(
 
 
 def _group_amounts(given: Any, shape: tuple[int, ...]) -> tuple[tuple[Callable[[Array], Any], ...], Array]:
-    """Return the different amounts as functions, and which of them each control point has."""
+    """Return the distinct amounts as functions, and for each control point the index of its function."""
     if given is None or callable(given) or not isinstance(given, list | tuple | np.ndarray):
         return (_to_amount_function(given),), np.zeros(shape, dtype=int)
     rows = [list(row) if isinstance(row, list | tuple | np.ndarray) else [row] for row in given]
@@ -241,7 +243,7 @@ def _to_amount_function(given: Any) -> Callable[[Array], Any]:
 
 
 def _check_tuning(given: object, *, has_effect: bool) -> tuple[float, ...]:
-    """Return the three factors of the paper's rule; others than 1 are refused where they have no effect."""
+    """Return the three factors of the paper's rule; factors other than 1 are refused where they have no effect."""
     if not isinstance(given, list | tuple | np.ndarray) or getattr(given, "ndim", 1) == 0 or len(given) != 3:
         raise InputError(f"tuning is three numbers, not {shown(given)}")
     factors = tuple(check_number("tuning", one) for one in given)
@@ -258,10 +260,10 @@ def _resolve_reference(given: Any, tuning: Sequence[float], poles: Array) -> Arr
         if rule == "extents":
             return np.asarray(np.array(tuning) * np.ptp(poles, axis=(0, 1)) / 2)
         return np.asarray(poles.mean(axis=(0, 1)))
-    made = to_point(given)
-    if made is None:
+    point = to_point(given)
+    if point is None:
         raise InputError(f'a reference is "centroid", "extents", a point or a function of s, not {shown(given)}')
-    return made
+    return point
 
 
 def potential_blend(
@@ -271,8 +273,8 @@ def potential_blend(
     *,
     near: ArrayLike | None = None,
     form: str = "auto",
-    tolerance: float = DEFAULT_TOLERANCE,
-    angular_tolerance: float = DEFAULT_ANGULAR_TOLERANCE,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     skin: float | None = None,
     crease: float | None = None,
 ) -> PotentialBlend:
@@ -298,12 +300,12 @@ def potential_blend(
         Of the joints, as in `cqblend.hermite_blend`: "exact" keeps rails and tangent planes to rounding, "compact" is
         a spline of least degree within the tolerances (mm and rad).
     skin : float, optional
-        How far the blend may be from the intersection curves in between, and the rails from those at x = 0 and 1, mm.
+        Largest distance of the blend from the intersection curves, and of the rails from those at x = 0 and 1, mm.
         By default 1e-5 of the distance between the rails, but not below `tolerance`; ten or a hundred times that where
         surfaces of low continuity would take too many spans. ``blend.skin`` says what it is.
     crease : float, optional
-        How sharp a crease inside may be, rad, such as those where the reshaped surfaces have kinks. By default no
-        sharper than `angular_tolerance`, or than what the surface itself has there.
+        Largest angle of a crease inside, rad, such as those where the reshaped surfaces have kinks. By default
+        `angular_tolerance`, or the angle of the crease that the surface itself has there.
 
     Raises
     ------
@@ -339,10 +341,12 @@ def potential_blend(
     >>> bool(abs(radius - 2) < 2e-5), blend.certificate.angle < 1e-10
     (True, True)
     """
-    pair = relation_of(relation)
+    pair = to_relation(relation)
     form = check_choice("form", form, FORMS)
     if form == "exact" and skin is not None:
-        refuse_ignored_options(EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, DEFAULT_TOLERANCE))
+        refuse_ignored_options(
+            EXACT_FORM_IS_EXACT + " if the skin is given", tolerance=(tolerance, BLEND_DEFAULTS.tolerance)
+        )
     tolerance, angular_tolerance = (
         check_positive("tolerance", tolerance),
         check_positive("angular_tolerance", angular_tolerance),
@@ -352,45 +356,45 @@ def potential_blend(
     families = tuple(one if isinstance(one, Family) else reshape(one) for one in (surface1, surface2))
     meeting = FamilyPair.from_relation((families[0], families[1]), pair)
     swept = sweep_branch(meeting, _choose_branch(meeting, near), HALF_WAY)
-    made, fill = _blend_within_skin(swept, form, tolerance, angular_tolerance, skin)
-    check_creases(made, allowed, steers=False)
-    missed = fill.measure_deviation(made.surface)
-    if not missed <= 2 * fill.tolerance:
+    blend, section = _blend_within_skin(swept, form, tolerance, angular_tolerance, skin)
+    check_creases(blend, allowed, steers=False)
+    missed = section.measure_deviation(blend.surface)
+    if not missed <= 2 * section.tolerance:
         raise GeometryError(
-            f"the blend misses the intersection curves by {missed:.2g} mm, more than {fill.tolerance:.2g}: ask for a "
-            "larger skin"
+            f"the blend misses the intersection curves by {missed:.2g} mm, more than {section.tolerance:.2g}: ask for "
+            "a larger skin"
         )
-    first, second = map(_mark_faded, made.ribbons)
+    first, second = map(_mark_faded, blend.ribbons)
     rails = (_make_rail(first, families[0]), _make_rail(second, families[1]))
     return PotentialBlend(
-        made.surface, (first, second), made.form, rails, (families[0], families[1]), pair, swept, missed
+        blend.surface, (first, second), blend.form, rails, (families[0], families[1]), pair, swept, missed
     )
 
 
 def _blend_within_skin(
     swept: Sweep, form: str, tolerance: float, angular_tolerance: float, skin: float | None
 ) -> tuple[blend_surface.BlendSurface, SweptSection]:
-    """Blend up to a swept surface, within a skin, or within the least of the default ones for which that goes."""
-    if skin is not None and skin < FINEST_SKIN_RATIO * swept.width:
+    """Return the blend that follows a swept surface within a skin (mm), by default the smallest feasible one."""
+    finest = BLEND_TOLERANCES.finest_skin
+    if skin is not None and skin < finest * swept.width:
         raise InputError(
-            f"a skin of {skin:.2g} mm is below {FINEST_SKIN_RATIO * swept.width:.2g}, {FINEST_SKIN_RATIO:g} of the "
-            "distance between the "
+            f"a skin of {skin:.2g} mm is below {finest * swept.width:.2g}, {finest:g} of the distance between the "
             "rails: it would take too many spans"
         )
 
     def blend_within(allowed: float) -> tuple[blend_surface.BlendSurface, SweptSection]:
         ribbons = swept.fit_ribbons(allowed)
-        fill = SweptSection.from_sweep(swept, swept.closed, allowed, swept.kinks)
-        return fill.blend_ribbons(ribbons, form, tolerance, angular_tolerance), fill
+        section = SweptSection.from_sweep(swept, swept.closed, allowed, swept.kinks)
+        return section.blend_ribbons(ribbons, form, tolerance, angular_tolerance), section
 
     return (
         blend_within(skin)
         if skin is not None
-        else loosen_until_feasible(blend_within, max(tolerance, DEFAULT_SKIN_RATIO * swept.width))
+        else loosen_until_feasible(blend_within, max(tolerance, BLEND_TOLERANCES.default_skin * swept.width))
     )
 
 
-def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
+def _choose_branch(meeting: FamilyPair[Family], near: ArrayLike | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
     target = to_point(near)
     if near is not None and target is None:
@@ -418,13 +422,13 @@ def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionB
 
 
 def _mark_faded(ribbon: Ribbon) -> Ribbon:
-    """Return a ribbon that says itself whether it is tangent to its surface all along."""
+    """Return a ribbon, with order 0 if its cross derivative vanishes somewhere, so that it is not tangent all along."""
     return replace(ribbon, order=0) if is_faded(ribbon, np.linspace(*ribbon.c.domain, 1025)).any() else ribbon
 
 
 def _make_rail(ribbon: Ribbon, family: Family) -> Rail:
-    """Return what a ribbon starts on: a surface, with laps of it where that is periodic, and a curve on it."""
-    surface = family.primary.surface  # type: ignore[attr-defined]
+    """Return the rail of a ribbon; a periodic surface is repeated as often as the rail runs around it."""
+    surface = family.surface
     c = ribbon.c
     weight = c[0] + c[1]
     plane = Curve.stack([c[1], c[3], weight])

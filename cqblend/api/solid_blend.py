@@ -1,11 +1,10 @@
-"""The functions that cqblend offers to scripts.
+"""Public functions on solids: blend edges, find the largest size, insert a blend, measure, verify, convert to splines.
 
-Thin: each takes shapes of the caller's library, checks the arguments, hands TopoDS and a `BlendRequest` to the core,
-and gives back shapes of the same library. Must not compute anything.
+Each takes shapes of the caller's library, checks the arguments, has `cqblend.solid_blends` or `cqblend.brep` do the
+work on TopoDS shapes, and returns shapes of the same library. Nothing is computed here.
 """
 
-from dataclasses import dataclass
-from inspect import signature
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from cqblend.api.host_shapes import (
@@ -17,12 +16,15 @@ from cqblend.api.host_shapes import (
     to_topods_face,
     wrap_like,
 )
-from cqblend.blend_options import DEFAULT_STEER, BlendRequest, check_choice, check_positive
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, BlendRequest
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.measure import edge_continuity
 from cqblend.brep.read import pcurves, spline_conversion
-from cqblend.brep.verification import edge_continuity, soundness
+from cqblend.brep.verification import soundness
 from cqblend.certificate import Certificate, SkippedEdge
+from cqblend.checks import check_choice, check_positive
 from cqblend.errors import InputError, shown
+from cqblend.option_records import collect_options, document_options
 from cqblend.solid_blends.edge_blend import blend_shape, insert_into_shape
 from cqblend.solid_blends.largest_size import find_largest_size
 from cqblend.splines import Curve, Surface
@@ -30,18 +32,18 @@ from cqblend.splines import Curve, Surface
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-    from cqblend.brep.verification.edge_continuity import Continuity
+    from cqblend.brep.measure.edge_continuity import Continuity
     from cqblend.brep.verification.soundness import Verification
 
 
 @dataclass(frozen=True, slots=True)
 class BlendResult:
-    """A blended shape, and what is known about it.
+    """A blended shape, with its blend faces and their certificate.
 
     Attributes
     ----------
     shape : cadquery.Shape, build123d.Shape or TopoDS_Shape
-        The whole, in the library of the input.
+        The blended shape, in the library of the input.
     faces : tuple of faces
         The blend faces in it, in the order of the edges, in the library of the input.
     certificate : Certificate
@@ -54,10 +56,11 @@ class BlendResult:
 
     @property
     def skipped(self) -> tuple[SkippedEdge, ...]:
-        """Picked edges that were passed over, there being nothing to blend at them: smooth ones, seams and poles."""
+        """Picked edges that were not blended, because they are smooth already, seams, or degenerate."""
         return self.certificate.skipped
 
 
+@document_options(BlendOptions)
 def blend_edges(
     shape: Any,
     edges: Any,
@@ -65,21 +68,21 @@ def blend_edges(
     *,
     width: float | tuple[float, float] | None = None,
     continuity: str | tuple[str, str] | None = None,
-    tangents: str | tuple[str, str] = "perpendicular",
-    bulge: float | tuple[float, float] = 1.0,
-    steer: float = DEFAULT_STEER,
+    tangents: str | tuple[str, str] = BLEND_DEFAULTS.tangents,
+    bulge: float | tuple[float, float] = BLEND_DEFAULTS.bulge,
+    steer: float = BLEND_DEFAULTS.steer,
     crease: float | None = None,
-    section: str = "hermite",
+    section: str = BLEND_DEFAULTS.section,
     a: float | None = None,
     b: float | None = None,
     lam: float | None = None,
     order: int | tuple[int, int, int] | None = None,
     parameters: Any = None,
-    terms: int | str = "auto",
-    form: str = "auto",
-    tolerance: float = 1e-7,
-    angular_tolerance: float = 1e-5,
-    ends: str | tuple[str, str] = "auto",
+    terms: int | str = BLEND_DEFAULTS.terms,
+    form: str = BLEND_DEFAULTS.form,
+    tolerance: float = BLEND_DEFAULTS.tolerance,
+    angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
+    ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
 ) -> BlendResult:
     """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
@@ -92,49 +95,7 @@ def blend_edges(
         The solid, or a compound of solids.
     edges : an edge, or an iterable of edges
         Edges of that very shape. A Workplane with edges on its stack, a ShapeList and a compound of edges will do.
-    radius : float, optional
-        Of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or `width`, or,
-        for the potential section, `a` and `b`.
-    width : float or pair of float, optional
-        Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair for side 1 and side 2.
-    continuity : {None, "G0", "G1", "G2", "G3"} or pair of them, optional
-        Order to which the blend meets its neighbours: touching, tangent, with the same curvature, with the same change
-        of curvature. None is G1, or what `order` gives. A pair is for side 1 and side 2.
-    tangents : {"perpendicular", "parametric", "chord"} or pair of them
-        Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
-        the parameters of the face (on a sphere, about the rail's own axis), or towards the other rail (Kim and Elber's
-        T2, T1, T3).
-    bulge : float or pair of float
-        Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller.
-    steer : float
-        Largest angle by which the directions are turned, next to where a rail crosses a knot line of its face, so that
-        the blend has no crease inside, rad. 0 turns nothing.
-    crease : float, optional
-        How sharp a crease inside the blend may be that steering leaves, rad. By default no sharper than
-        `angular_tolerance`, or than what the face itself has there.
-    section : {"hermite", "pde", "potential"}
-        How the interior is filled: ``"hermite"``, cubic across for G1, quintic for G2; ``"pde"``, by partial
-        differential equations (You and Zhang); ``"potential"``, by the curves in which both faces meet while they are
-        moved along their normals (Lee, Bedi and Dubey), G1.
-    a, b, lam : float, optional
-        Of the potential section, mm and mm^2: side 1 is moved by a, which sets the reach on side 2, side 2 by b; one of
-        them is both if the other is left out. lam, below a b, is that of `cqblend.Conic`: 0 (the default) is an
-        ellipse, less is sharper.
-    order, parameters, terms
-        Of these equations, as in `cqblend.pde_blend`. Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as
-        (4, 4, 6) is as its lowest; `continuity`, if given, must agree.
-    form : {"auto", "exact", "compact"}
-        ``"exact"``: exact rails and tangent planes; ``"compact"``: the spline of least degree within the tolerances;
-        ``"auto"``: exact where that has degree 7 at most, else compact.
-    tolerance, angular_tolerance : float
-        Of the compact form, in position (mm) and in angle (rad).
-    ends : {"auto", "natural", "flat"} or pair of them
-        How the blend of an open edge ends: ``"natural"``, on the face across its end; ``"flat"``, in a flat cap across
-        the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much); ``"auto"``,
-        natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A pair is for
-        the start and the end of the edge, in its own orientation.
-    first : a face, optional
-        The face that counts as side 1; by default the one with the lower index in the shape.
+    ... : the options of `BlendOptions`
 
     Returns
     -------
@@ -178,27 +139,12 @@ def blend_edges(
     >>> sharp.certificate.angle < 1e-10
     True
     """
-    request = BlendRequest.from_options(
-        radius,
-        width=width,
-        continuity=continuity,
-        tangents=tangents,
-        bulge=bulge,
-        steer=steer,
-        crease=crease,
-        section=section,
-        a=a,
-        b=b,
-        lam=lam,
-        order=order,
-        parameters=parameters,
-        terms=terms,
-        form=form,
-        tolerance=tolerance,
-        angular_tolerance=angular_tolerance,
-        ends=ends,
-        first=None if first is None else to_topods_face(first, "first"),
-    )
+    return blend_with_options(shape, edges, collect_options(BlendOptions, locals()))
+
+
+def blend_with_options(shape: Any, edges: Any, options: BlendOptions) -> BlendResult:
+    """Do what :func:`blend_edges` does, with the options in a record."""
+    request = _to_request(options)
     native = resolve_shape(shape)
     whole, faces, certificate = blend_shape(to_topods(native), collect_edges(edges), request)
     return BlendResult(
@@ -206,6 +152,12 @@ def blend_edges(
         faces=tuple(wrap_like(native, face) for face in faces),
         certificate=certificate,
     )
+
+
+def _to_request(options: BlendOptions) -> BlendRequest:
+    """Check options in which `first` is a face of any library."""
+    first = None if options.first is None else to_topods_face(options.first, "first")
+    return replace(options, first=first).to_request()
 
 
 def max_size(
@@ -218,22 +170,21 @@ def max_size(
 ) -> float:
     """Return the largest radius or width with which edges can be blended: with all smaller ones, they can as well.
 
-    That is the end of the first interval from 0 in which all sizes work, as trials of `blend_edges` find it, some
-    fifteen to thirty of them: what the two faces tell is cheap, but what their ends and the rest of the solid allow is
-    not known before. Sizes beyond it may work again, as behind a hole. Sizes that are too small to be told from the
-    edge's tolerance do not count.
+    That is the end of the first interval from 0 in which all sizes work. It is found by some fifteen to thirty trials
+    of `blend_edges`, because the ends of the edges and the rest of the solid limit the size as well as the two faces.
+    Larger sizes may work again, beyond a hole for example. Sizes no larger than the edge's tolerance do not count.
 
     Parameters
     ----------
     shape, edges
         As of `blend_edges`.
     by : {"radius", "width"}
-        Which of the two is meant.
+        Which of the two is looked for.
     tolerance : float
-        Of the result, relative, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result. It is not
-        that of the compact form.
+        Relative accuracy of the result, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result.
+        It is not the tolerance of the compact form.
     **options
-        All others of `blend_edges`, but for its sizes, and for `tolerance`, which is the default of the compact form.
+        All other options of `blend_edges`, except for its sizes, and for `tolerance`, which has its default there.
 
     Returns
     -------
@@ -264,15 +215,14 @@ def max_size(
     for name in options:
         if name in ("radius", "width", "a", "b", "lam"):
             raise InputError(f"{name} is a size, which max_size looks for: leave it out")
-    known = set(signature(blend_edges).parameters) - {"shape", "edges"}
+    known = {field.name for field in fields(BlendOptions)}
     for name in options:
         if name not in known:
             raise InputError(f"{name} is no option of blend_edges")
     if options.get("section") == "potential":
         raise InputError('max_size looks for a radius or a width, which section="potential" does not have')
-    if options.get("first") is not None:
-        options["first"] = to_topods_face(options["first"], "first")
-    request = BlendRequest.from_options(**{by: 1.0}, **options)
+    options[by] = 1.0
+    request = _to_request(BlendOptions(**options))
     return find_largest_size(to_topods(resolve_shape(shape)), collect_edges(edges), request, tolerance)
 
 

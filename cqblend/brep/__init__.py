@@ -1,7 +1,7 @@
 """Everything that touches OCCT: the only part of cqblend that imports OCP.
 
-Conversion between OCCT's geometry and `cqblend.splines`, surgery on topology, measurement of finished shapes, and STEP.
-Below this line nothing knows OCCT; above it nothing needs to import it.
+Conversion between OCCT's geometry and `cqblend.splines`, rewriting of solids, measurement of finished shapes, and STEP.
+The rooms below do not depend on OCCT, and those above need not import it.
 """
 
 try:

@@ -40,7 +40,8 @@ from OCP.TopoDS import (
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape, TopTools_MapOfShape
 
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors
 
 CONFUSION = 1e-7
 """mm, OCCT's ``Precision::Confusion``: points nearer than this are one, and edges and vertices have no less."""

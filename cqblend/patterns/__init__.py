@@ -1,4 +1,4 @@
-"""Developables: ruled strips, developability, flattening, and what is cut from flat stock.
+"""Flat patterns of freeform faces: division into ruled strips, flattening, trimming, and pieces for sheets of stock.
 
-Knows splines and the plane (NumPy, Shapely), no geometry kernel.
+Depends on splines, NumPy and Shapely, on no geometry kernel.
 """

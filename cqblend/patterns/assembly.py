@@ -1,285 +1,164 @@
-"""From patches to pieces: strips are divided, flattened and trimmed, and their borders become seams.
+"""Unrolls the patches of a shape to flat pieces: divides, flattens and trims them, and joins the borders by seams.
 
-Exists to keep one promise: both sides of every seam have the same length, to rounding. The length of a seam is that of
-the curve in space it stands for, the longer of the two where a strip is stretched; a side whose chord is shorter is
-bowed to it. Holds the order of the steps, and what is known of every piece. Must not know OCCT, tabs, sheets or files.
+Both sides of every seam have the same length, to rounding. The length of a seam is that of the curve in space it stands
+for, or of the longer side where a strip is stretched; segments of a side whose chords are shorter are bent to arcs.
+Divisions whose pieces are faulty are replaced, see :mod:`cqblend.patterns.soundness`. Depends on strips, flattening and
+trimming, not on OCCT, tabs, sheets or files.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flatten.flat_face import DividedPatch, UnrolledStrip, UnrollOptions
-from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
-from cqblend.patterns.soundness import add_edge_vertices, find_face_mismatch, find_self_overlapping, is_edge_key
-from cqblend.patterns.strips.division_ways import (
+from cqblend.errors import CqblendError, Failure, GeometryError
+from cqblend.patterns.flatten.division_strategies import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
     divide_patch,
     merge_thin_strips,
 )
-from cqblend.patterns.trim.flat_loops import PieceDraft, RunDraft, SampledEdges, flatten_patch_loops
-from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell, TrimmedSurface
-from cqblend.splines import Curve
+from cqblend.patterns.flatten.flat_face import DividedPatch
+from cqblend.patterns.flatten.flat_loops import PieceDraft, SampledEdges, flatten_patch_loops
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.soundness import find_face_mismatch, find_missing_vertices, find_self_overlapping
+from cqblend.patterns.tolerances import ASSEMBLY_TOLERANCES
+from cqblend.patterns.trim.run_draft import RunDraft
+from cqblend.patterns.trim.run_keys import EdgeRunKey, RunKey
+from cqblend.patterns.trim.trimmed_patch import Patch, PatchShell
+from cqblend.patterns.unroll_result import Areas, PieceSource, Record, UnrollResult
 from cqblend.splines.bernstein import Array
+from cqblend.unroll_options import UnrollOptions
 
 Progress = Callable[[float, str], object]
-"""Is told the part of the work that is done, and what is done next."""
-
-_MOST_BOW = 1.1
-"""Length to chord of an arc of 86 degrees. Samples of edges are closer."""
-
-_MOST_ROUNDS = 6
-"""Vertices are added to edges so often at most."""
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """What is known of a piece.
-
-    Attributes
-    ----------
-    name
-        Of the piece.
-    faces
-        Numbers of the faces it comes from.
-    kind
-        Of the strip: plane, cylinder, cone, tangent (developable), twisted.
-    bound
-        Distance between the face and the strip in space, both ways, mm.
-    proven
-        Whether the bound is certified; a strip whose rulings were paired anew is measured.
-    error
-        Distance between the strip in space and the flat piece folded, mm; borders that are bowed to the length of a
-        seam included, straight ends of strips not.
-    twist
-        Proven bound of the angle by which the normal turns along a ruling, rad, see
-        :func:`cqblend.patterns.strips.developability.bound_normal_turn`; 0 if the strip is developable.
-    ruling
-        Largest change in length of a ruling, relative.
-    strain
-        By how much lengths inside the strip change, relative, at most; 0 if it is developable. Rails and rulings keep
-        theirs.
-    area, flat_area
-        Of the whole strip before it was trimmed, in space and flat, mm^2.
-    width
-        How wide the piece is on average: twice its area over the length of its outlines, mm.
-    """
-
-    name: str
-    faces: tuple[int, ...]
-    kind: str
-    bound: float
-    proven: bool
-    error: float
-    twist: float
-    ruling: float
-    strain: float
-    area: float
-    flat_area: float
-    width: float
-
-
-@dataclass(frozen=True, slots=True)
-class Areas:
-    """What a face, or faces of one plane, has of area, and what its pieces have, mm^2.
-
-    Strips of a face that bulges lie inside it, and are smaller.
-    """
-
-    faces: tuple[int, ...]
-    face: float
-    pieces: float
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A face that could not be done, and why."""
-
-    faces: tuple[int, ...]
-    error: CqblendError
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PieceSource:
-    """What a piece was before it was laid flat.
-
-    Attributes
-    ----------
-    patch
-        The face, or faces of one plane, that it is of.
-    laying
-        The strip; None on a plane.
-    upward
-        Whether R_t x R_w of the strip points to the outer side.
-    loops
-        Its boundary, run by run, as a curve or as points (n + 1, 2) on the ruled strip, (t, w), or in the plane.
-    """
-
-    patch: Patch
-    laying: UnrolledStrip | None
-    upward: bool
-    loops: tuple[tuple[Array | Curve, ...], ...]
-
-    def to_trimmed_surface(self) -> TrimmedSurface:
-        """Return the piece in space: a ruled surface or a plane, and what is kept of it."""
-        if self.laying is None:
-            return TrimmedSurface(self.patch.surface, self.loops, self.patch.outward)
-        return TrimmedSurface(self.laying.to_ruled_surface(), self.loops, self.upward)
-
-    def fold(self, points: Array) -> Array:
-        """Return where points (.., 2) of the flat piece are in space, (.., 3)."""
-        if self.laying is not None:
-            return self.laying.flat.fold(points)
-        assert self.patch.frame is not None
-        return self.patch.frame.to_world_coords(points)
-
-    def map_to_face(self, points: Array) -> Array:
-        """Return the points of the face, (n, 3), for which points (n, 2) of the flat piece stand."""
-        return self.fold(points) if self.laying is None else self.laying.map_to_surface(points)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class UnrollResult:
-    """Pieces with their seams, a record and a source for each, and what could not be done.
-
-    Attributes
-    ----------
-    stretch
-        By how much a seam is longer than the edge that it stands for, relative, at most.
-    strips
-        Number of strips, N, a plane being one; trimming may part a strip into several pieces, or leave nothing of it.
-    elber
-        The same by Elber's algorithm 1, in the same directions.
-    ideal
-        N*, summed over the faces.
-    areas
-        Of every face.
-    detours
-        Faces that could not be divided the first way that was tried: which one was taken, and why the others failed.
-    """
-
-    pieces: Pieces
-    records: tuple[Record, ...]
-    sources: tuple[PieceSource, ...]
-    failures: tuple[Failure, ...]
-    stretch: float
-    strips: int
-    elber: int
-    ideal: float
-    areas: tuple[Areas, ...]
-    detours: tuple[str, ...]
-
-
-def unroll_patches(skin: PatchShell, wishes: UnrollOptions, progress: Progress | None = None) -> UnrollResult:
-    """Unroll patches to pieces.
-
-    A patch that cannot be done is left out, its neighbours are not; see ``Unrolled.failures``.
-    """
-    tell = _ignore_progress if progress is None else progress
-    work = _UnrollState(wishes, failures=[Failure((face,), error) for face, error in skin.refused.items()])
-    for i, patch in enumerate(skin.patches):
-        tell(0.6 * i / len(skin.patches), f"dividing face {patch.index}")
-        try:
-            work.faces.append(divide_patch(patch, wishes))
-        except CqblendError as error:
-            work.failures.append(_make_failure(patch, error))
-    extra: dict[int, Array] = {}
-    turn = 0
-    while True:
-        edges = SampledEdges(skin, work.faces, wishes, extra)
-        laid: list[PieceDraft] = []
-        again = False
-        for i, face in enumerate(tuple(work.faces)):
-            tell(0.6 + 0.4 * i / len(work.faces), f"laying face {face.patch.index} flat")
-            try:
-                laid += flatten_patch_loops(face, edges, wishes)
-            except CqblendError as error:
-                again |= work.replace_division(face, partial(divide_other_way, face, wishes, error))
-        if again:
-            continue
-        turn += 1
-        if turn < _MOST_ROUNDS and add_edge_vertices(extra, laid, edges, wishes):
-            continue
-        result = _assemble_pieces(skin, laid, work)
-        if not (work.redivide_faulty(laid, result, edges) or work.merge_thin_strips(laid, result)):
-            return result
-
-
-@dataclass(slots=True, eq=False)
-class _UnrollState:
-    """The faces that are being unrolled, and those that cannot be."""
-
-    wishes: UnrollOptions
-    failures: list[Failure]
-    faces: list[DividedPatch] = field(default_factory=list)
-
-    def replace_division(self, face: DividedPatch, another: Callable[[], DividedPatch]) -> bool:
-        """Put another division of a face in its place; leave it out if there is none, and return False."""
-        place = self.faces.index(face)
-        try:
-            self.faces[place] = another()
-        except CqblendError as error:
-            self.failures.append(_make_failure(face.patch, error))
-            del self.faces[place]
-            return False
-        return True
-
-    def redivide_faulty(self, laid: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
-        """Divide faces anew whose pieces cover themselves, or are not what they stand for; whether there were any."""
-        twice = find_self_overlapping(laid, result.pieces.pieces)
-        pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
-        for one, piece in zip(laid, result.pieces.pieces, strict=True):
-            pieces[id(one.face)].append((one, piece))
-        found = False
-        for face in tuple(self.faces):
-            rows = [(one.row, sum(one.span) / 2) for one, bent in twice if one.face is face and not bent]
-            if rows:
-                self.replace_division(face, partial(cut_strips_across, face, rows))
-            elif any(one.face is face for one, _ in twice):
-                self.replace_division(face, partial(divide_finer, face, self.wishes, _SELF_OVERLAP_ERROR))
-            elif (wrong := find_face_mismatch(face, pieces[id(face)], edges)) is not None:
-                error, factor = wrong
-                self.replace_division(face, partial(divide_finer, face, self.wishes, error, 1.1 * factor))
-            else:
-                continue
-            found = True
-        return found
-
-    def merge_thin_strips(self, laid: Sequence[PieceDraft], result: UnrollResult) -> bool:
-        """Merge strips whose pieces are too thin with their neighbours; whether there were any that could be."""
-        least = self.wishes.least_width
-        if least is None:
-            return False
-        thin: dict[int, set[int]] = defaultdict(set)
-        wide: set[int] = set()
-        for one, record in zip(laid, result.records, strict=True):
-            if record.width < least:
-                thin[id(one.face)].add(one.row)
-            else:
-                wide.add(id(one.face))
-        found = False
-        for face in tuple(self.faces):
-            union = (
-                merge_thin_strips(face, sorted(thin[id(face)]), self.wishes) if thin[id(face)] and face.strips else None
-            )
-            if union is not None:
-                found |= self.replace_division(face, partial(_return_division, union))
-            elif face.refusal is not None and id(face) not in wide:
-                found = True
-                self.replace_division(face, partial(_raise_error, face.refusal))
-        return found
-
+"""Is called with the part of the work that is done, 0 to 1, and the name of the next step."""
 
 _SELF_OVERLAP_ERROR = GeometryError(
     "a piece would cover itself where its border is bowed to the length of a longer seam, however narrow its strips; "
     "take a smaller tolerance"
 )
+
+
+def unroll_patches(shell: PatchShell, options: UnrollOptions, progress: Progress | None = None) -> UnrollResult:
+    """Unroll patches to pieces.
+
+    A patch that cannot be unrolled is left out, its neighbours are not; see :attr:`UnrollResult.failures`.
+
+    Parameters
+    ----------
+    shell
+        The patches and the edges that they share.
+    options
+        How they are divided and flattened.
+    progress
+        Told before every step.
+    """
+    tell = _ignore_progress if progress is None else progress
+    state = _UnrollState(options, failures=[Failure((face,), error) for face, error in shell.refused.items()])
+    dividing = ASSEMBLY_TOLERANCES.dividing_share
+    for i, patch in enumerate(shell.patches):
+        tell(dividing * i / len(shell.patches), f"dividing face {patch.index}")
+        try:
+            state.faces.append(divide_patch(patch, options))
+        except CqblendError as error:
+            state.failures.append(_make_failure(patch, error))
+    required_parameters: dict[int, Array] = {}  # by number of the edge: where it needs vertices
+    rounds = 0
+    while True:
+        edges = SampledEdges(shell, state.faces, options, required_parameters)
+        drafts: list[PieceDraft] = []
+        has_new_division = False
+        for i, face in enumerate(tuple(state.faces)):
+            tell(dividing + (1 - dividing) * i / len(state.faces), f"laying face {face.patch.index} flat")
+            try:
+                drafts += flatten_patch_loops(face, edges, options)
+            except CqblendError as error:
+                has_new_division |= state.replace_division(face, partial(divide_other_way, face, options, error))
+        if has_new_division:
+            continue
+        rounds += 1
+        missing = find_missing_vertices(drafts, edges, options) if rounds < ASSEMBLY_TOLERANCES.most_rounds else {}
+        if missing:
+            for number, parameters in missing.items():
+                known = required_parameters.get(number, np.empty(0))
+                required_parameters[number] = np.concatenate([known, parameters])
+            continue
+        result = _assemble_pieces(shell, drafts, state)
+        if not (state.redivide_faulty(drafts, result, edges) or state.merge_thin_strips(drafts, result)):
+            return result
+
+
+@dataclass(slots=True, eq=False)
+class _UnrollState:
+    """The divided faces that are being unrolled, and the faces that failed."""
+
+    options: UnrollOptions
+    failures: list[Failure]
+    faces: list[DividedPatch] = field(default_factory=list)
+
+    def replace_division(self, face: DividedPatch, divide: Callable[[], DividedPatch]) -> bool:
+        """Replace the division of a face by another one; drop the face and return False if that raises an error."""
+        index = self.faces.index(face)
+        try:
+            self.faces[index] = divide()
+        except CqblendError as error:
+            self.failures.append(_make_failure(face.patch, error))
+            del self.faces[index]
+            return False
+        return True
+
+    def redivide_faulty(self, drafts: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
+        """Divide faces anew whose pieces overlap themselves or do not match the face; return whether there were any.
+
+        Strips whose pieces overlap are cut across. If they do so only because their borders are bent, or do not match
+        the face in length or area, the face is divided with a finer tolerance.
+        """
+        overlapping = find_self_overlapping(drafts, result.pieces.pieces)
+        pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
+        for draft, piece in zip(drafts, result.pieces.pieces, strict=True):
+            pieces[draft.face.patch.index].append((draft, piece))
+        found = False
+        for face in tuple(self.faces):
+            own = [(draft, only_bent) for draft, only_bent in overlapping if draft.face is face]
+            cuts = [(draft.strip_index, sum(draft.rail_extent) / 2) for draft, only_bent in own if not only_bent]
+            if cuts:
+                self.replace_division(face, partial(cut_strips_across, face, cuts))
+            elif own:
+                self.replace_division(face, partial(divide_finer, face, self.options, _SELF_OVERLAP_ERROR))
+            elif (mismatch := find_face_mismatch(face, pieces[face.patch.index], edges)) is not None:
+                error, factor = mismatch
+                factor = ASSEMBLY_TOLERANCES.refinement_margin * factor
+                self.replace_division(face, partial(divide_finer, face, self.options, error, factor))
+            else:
+                continue
+            found = True
+        return found
+
+    def merge_thin_strips(self, drafts: Sequence[PieceDraft], result: UnrollResult) -> bool:
+        """Merge strips whose pieces are too thin with their neighbours; return whether any division changed."""
+        least = self.options.least_width
+        if least is None:
+            return False
+        thin: dict[int, set[int]] = defaultdict(set)
+        wide: set[int] = set()
+        for draft, record in zip(drafts, result.records, strict=True):
+            if record.width < least:
+                thin[draft.face.patch.index].add(draft.strip_index)
+            else:
+                wide.add(draft.face.patch.index)
+        found = False
+        for face in tuple(self.faces):
+            indices = sorted(thin[face.patch.index])
+            union = merge_thin_strips(face, indices, self.options) if indices and face.strips else None
+            if union is not None:
+                found |= self.replace_division(face, partial(_return_division, union))
+            elif face.width_error is not None and face.patch.index not in wide:
+                found = True
+                self.replace_division(face, partial(_raise_error, face.width_error))
+        return found
 
 
 def _return_division(face: DividedPatch) -> DividedPatch:
@@ -292,116 +171,134 @@ def _raise_error(error: CqblendError) -> DividedPatch:
 
 def _make_failure(patch: Patch, error: CqblendError) -> Failure:
     """Name the face in an error, unless it is named already."""
-    text = str(error)
-    named = text.startswith("face ")
-    return Failure(patch.faces, error if named else type(error)(f"face {patch.index}: {text}"))
-
-
-def _ignore_progress(part: float, what: str) -> None:
-    """Take no notice."""
-
-
-def _assemble_pieces(skin: PatchShell, laid: Sequence[PieceDraft], work: _UnrollState) -> UnrollResult:
-    """Bow the runs to the lengths of their seams, and make the pieces."""
-    members: dict[Hashable, list[tuple[Place, RunDraft]]] = defaultdict(list)
-    for i, one in enumerate(laid):
-        for j, loop in enumerate(one.loops):
-            for k, draft in enumerate(_skip_poles(loop)):
-                members[draft.key].append((Place(i, j, k), draft))
-    seams: list[Seam] = []
-    numbers: dict[Hashable, int] = {}
-    stretch = 0.0
-    for key, sides in members.items():
-        if work.wishes.layout == "triangles":
-            for _, draft in sides:
-                draft.lengths = draft.chord_lengths
-        elif is_edge_key(key):
-            stretch = max(stretch, _equalise_lengths([draft for _, draft in sides]))
-        if len(sides) == 2:
-            numbers[key] = len(seams)
-            (first, here), (second, there) = sides
-            there.inward = here.kind == there.kind == "end"
-            angle = _measure_fold_angle(skin, key, laid[first.piece], laid[second.piece])
-            seams.append(Seam(str(len(seams) + 1), (first, second), here.rising != there.rising, angle))
-    counts: dict[int, int] = defaultdict(int)
-    for one in laid:
-        counts[id(one.face)] += 1
-    pieces, records = [], []
-    ordinals: dict[int, int] = defaultdict(int)
-    for one in laid:
-        ordinals[id(one.face)] += 1
-        index = one.face.patch.index
-        name = f"{index}.{ordinals[id(one.face)]}" if counts[id(one.face)] > 1 else str(index)
-        loops = [tuple(_make_run(draft, numbers.get(draft.key)) for draft in _skip_poles(loop)) for loop in one.loops]
-        piece = Piece(name, tuple(loops))
-        pieces.append(piece)
-        records.append(_make_record(one, piece))
-    faces = {id(one.face): one.face for one in laid}.values()
-    return UnrollResult(
-        Pieces(tuple(pieces), tuple(seams)),
-        tuple(records),
-        tuple(_make_source(one) for one in laid),
-        tuple(work.failures),
-        stretch,
-        sum(max(len(face.strips), 1) for face in faces),
-        sum(face.elber for face in faces),
-        sum(face.ideal for face in faces),
-        tuple(_compare_areas(face, laid, pieces) for face in faces),
-        tuple(_describe_detour(face) for face in faces if face.failed),
+    return Failure(
+        patch.faces, error if error.shape.startswith("face") else error.with_details(shape=f"face {patch.index}")
     )
 
 
-def _compare_areas(face: DividedPatch, laid: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
-    own = sum(piece.area for one, piece in zip(laid, pieces, strict=True) if one.face is face)
+def _ignore_progress(part: float, what: str) -> None:
+    """Do nothing."""
+
+
+def _assemble_pieces(shell: PatchShell, drafts: Sequence[PieceDraft], state: _UnrollState) -> UnrollResult:
+    """Bend the runs to the lengths of their seams, and make pieces, seams and records of them."""
+    sides_by_key: dict[RunKey, list[tuple[Place, RunDraft]]] = defaultdict(list)
+    for i, draft in enumerate(drafts):
+        for j, loop in enumerate(draft.loops):
+            for k, (key, run) in enumerate(_list_keyed_runs(loop)):
+                sides_by_key[key].append((Place(i, j, k), run))
+    seams: list[Seam] = []
+    seam_indices: dict[RunKey | None, int] = {}
+    final: dict[Place, RunDraft] = {}
+    stretch = 0.0
+    for key, sides in sides_by_key.items():
+        places, runs = [place for place, _ in sides], [run for _, run in sides]
+        if state.options.layout == "triangles":
+            runs = [replace(run, lengths=run.chord_lengths) for run in runs]
+        elif isinstance(key, EdgeRunKey):
+            runs, excess = _equalise_lengths(runs)
+            stretch = max(stretch, excess)
+        if len(runs) == 2:
+            seam_indices[key] = len(seams)
+            (first, second), (here, there) = places, runs
+            runs[1] = replace(there, bow_inward=here.kind == there.kind == "end")
+            angle = _measure_fold_angle(shell, key, drafts[first.piece], drafts[second.piece])
+            seams.append(Seam(str(len(seams) + 1), (first, second), here.along_key != there.along_key, angle))
+        final.update(zip(places, runs, strict=True))
+    pieces, records = [], []
+    for i, (draft, name) in enumerate(zip(drafts, _name_pieces(drafts), strict=True)):
+        loops = [
+            [final[Place(i, j, k)] for k in range(len(_list_keyed_runs(loop)))] for j, loop in enumerate(draft.loops)
+        ]
+        piece = Piece(name, tuple(tuple(_make_run(run, seam_indices.get(run.key)) for run in loop) for loop in loops))
+        pieces.append(piece)
+        border_error = max((float(run.measure_arc_error().max()) for loop in loops for run in loop), default=0.0)
+        records.append(_make_record(draft, piece, border_error))
+    faces = {draft.face.patch.index: draft.face for draft in drafts}.values()
+    return UnrollResult(
+        pieces=Pieces(tuple(pieces), tuple(seams)),
+        records=tuple(records),
+        sources=tuple(_make_source(draft) for draft in drafts),
+        failures=tuple(state.failures),
+        stretch=stretch,
+        strips=sum(max(len(face.strips), 1) for face in faces),
+        elber=sum(face.elber_count for face in faces),
+        ideal=sum(face.ideal_count for face in faces),
+        areas=tuple(_compare_areas(face, drafts, pieces) for face in faces),
+        detours=tuple(_describe_detour(face) for face in faces if face.failures),
+    )
+
+
+def _name_pieces(drafts: Sequence[PieceDraft]) -> list[str]:
+    """Return the number of its face for each piece; with its ordinal among the pieces of that face, if it has more."""
+    numbers = [draft.face.patch.index for draft in drafts]
+    counts = Counter(numbers)
+    ordinals: Counter[int] = Counter()
+    names = []
+    for number in numbers:
+        ordinals[number] += 1
+        names.append(f"{number}.{ordinals[number]}" if counts[number] > 1 else str(number))
+    return names
+
+
+def _compare_areas(face: DividedPatch, drafts: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
+    """Return the area of a face and of its pieces."""
+    own = sum(piece.area for draft, piece in zip(drafts, pieces, strict=True) if draft.face is face)
     return Areas(face.patch.faces, face.patch.area, own)
 
 
 def _describe_detour(face: DividedPatch) -> str:
-    reasons = "; ".join(f"not {way}: {error}" for way, error in face.failed)
-    return f"face {face.patch.index}: {face.way}, {reasons}"
+    """Return a text on the strategy by which a face was divided, and on those that failed before."""
+    reasons = "; ".join(f"not {strategy}: {error}" for strategy, error in face.failures)
+    return f"face {face.patch.index}: {face.strategy}, {reasons}"
 
 
 def _make_run(draft: RunDraft, seam: int | None) -> Run:
+    """Return a run of a piece with the index of its seam; an end of a strip becomes one arc."""
     final = draft.drop_inner_vertices() if draft.kind == "end" else draft
-    return Run(final.to_path(), final.space, final.kind, seam)
+    return Run(final.to_path(), final.points_3d, final.kind, seam)
 
 
-def _skip_poles(loop: Sequence[RunDraft]) -> list[RunDraft]:
-    """Return the drafts of a loop that are more than a pole."""
-    return [draft for draft in loop if draft.key is not None]
+def _list_keyed_runs(loop: Sequence[RunDraft]) -> list[tuple[RunKey, RunDraft]]:
+    """Return the runs of a loop with their keys, without poles: these have no key, and no length in space."""
+    return [(draft.key, draft) for draft in loop if draft.key is not None]
 
 
 def _clamp_lengths(draft: RunDraft) -> Array:
-    """Return the lengths of segments, where they are not much longer than their chords; else they would be balloons."""
-    return np.clip(draft.lengths, draft.chord_lengths, _MOST_BOW * draft.chord_lengths)
+    """Return the wanted lengths (n,) of the segments of a run, not much longer than their chords.
+
+    Else their arcs would bulge far beyond the piece.
+    """
+    return np.clip(draft.lengths, draft.chord_lengths, ASSEMBLY_TOLERANCES.most_bow * draft.chord_lengths)
 
 
-def _equalise_lengths(drafts: Sequence[RunDraft]) -> float:
+def _equalise_lengths(drafts: Sequence[RunDraft]) -> tuple[list[RunDraft], float]:
     """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
 
-    Returns by how much that is longer than the edge, relative to it. A segment becomes as long as its part of the
-    edge, where that is not much longer than its chord; where a strip is much shorter than the face, as next to a
-    pole, it would be a balloon. What is missing then is shared by all.
+    Returns the runs, and their excess in length over the edge, relative to it. A segment gets the length of its part of
+    the edge, where that is not much longer than its chord, as it is next to a pole, where a strip is much shorter than
+    the face. The length that is missing then is shared by all segments.
     """
-    natural = [_clamp_lengths(draft) for draft in drafts]
+    clamped = [_clamp_lengths(draft) for draft in drafts]
     edge = float(drafts[0].lengths.sum())
-    total = max(edge, *(float(lengths.sum()) for lengths in natural))
-    for draft, lengths in zip(drafts, natural, strict=True):
-        whole = float(lengths.sum())
-        draft.lengths = lengths * (total / whole) if whole > 0 else lengths
-    return total / edge - 1 if edge > 0 else 0.0
+    total = max(edge, *(float(lengths.sum()) for lengths in clamped))
+    runs = []
+    for draft, lengths in zip(drafts, clamped, strict=True):
+        sum_of_lengths = float(lengths.sum())
+        scaled = lengths * (total / sum_of_lengths) if sum_of_lengths > 0 else lengths
+        runs.append(replace(draft, lengths=scaled))
+    return runs, total / edge - 1 if edge > 0 else 0.0
 
 
-def _measure_fold_angle(skin: PatchShell, key: Hashable, first: PieceDraft, second: PieceDraft) -> float:
-    """Return the angle by which the outer normal turns across the middle of a seam, positive if convex."""
-    assert isinstance(key, tuple)
-    if key[0] == "edge":
-        return skin.edges[key[1]].angle
-    if first.row == second.row:
+def _measure_fold_angle(shell: PatchShell, key: RunKey, first: PieceDraft, second: PieceDraft) -> float:
+    """Return the angle (rad) by which the outer normal turns across the middle of a seam, positive if convex."""
+    if isinstance(key, EdgeRunKey):
+        return shell.edges[key.edge].angle
+    if first.strip_index == second.strip_index:
         return 0.0
-    lower, upper = sorted((first, second), key=lambda one: one.row)
-    t = (key[4] + key[5]) / 2
-    below, above = lower.face.strips[lower.row].rails, upper.face.strips[upper.row].rails
+    lower, upper = sorted((first, second), key=lambda draft: draft.strip_index)
+    t = (key.start + key.stop) / 2
+    below, above = lower.face.strips[lower.strip_index].rails, upper.face.strips[upper.strip_index].rails
     tangent = above[0](t, 1)
     down, up = below[1](t) - below[0](t), above[1](t) - above[0](t)
     sign = 1.0 if lower.face.upward else -1.0
@@ -411,25 +308,35 @@ def _measure_fold_angle(skin: PatchShell, key: Hashable, first: PieceDraft, seco
     return angle if (after - before) @ up > 0 else -angle
 
 
-def _make_record(one: PieceDraft, piece: Piece) -> Record:
-    faces, laying = one.face.patch.faces, one.laying
-    error = max(
-        (float(draft.measure_arc_error().max()) for loop in one.loops for draft in _skip_poles(loop)), default=0.0
-    )
+def _make_record(draft: PieceDraft, piece: Piece, border_error: float) -> Record:
+    """Return the quality record of a piece; the error of its bent borders is given, mm."""
+    faces, strip = draft.face.patch.faces, draft.unrolled_strip
     width = 2 * piece.area / max(sum(path.length for path in piece.outlines), np.finfo(float).tiny)
-    if laying is None:
-        off = one.face.patch.plane_deviation
-        return Record(piece.name, faces, "plane", off, True, error, 0.0, 0.0, 0.0, piece.area, piece.area, width)
-    flat = laying.flat
+    if strip is None:
+        return Record(
+            name=piece.name,
+            faces=faces,
+            kind="plane",
+            bound=draft.face.patch.plane_deviation,
+            proven=True,
+            error=border_error,
+            twist=0.0,
+            ruling=0.0,
+            strain=0.0,
+            area=piece.area,
+            flat_area=piece.area,
+            width=width,
+        )
+    flat = strip.flat
     return Record(
         name=piece.name,
         faces=faces,
         kind=flat.kind,
-        bound=laying.bound,
-        proven=laying.proven,
-        error=max(flat.error, error),
-        twist=flat.turn,
-        ruling=flat.ruling,
+        bound=strip.bound,
+        proven=strip.proven,
+        error=max(flat.error, border_error),
+        twist=flat.normal_turn,
+        ruling=flat.ruling_error,
         strain=flat.strain,
         area=flat.area_space,
         flat_area=flat.area_flat,
@@ -437,6 +344,7 @@ def _make_record(one: PieceDraft, piece: Piece) -> Record:
     )
 
 
-def _make_source(one: PieceDraft) -> PieceSource:
-    loops = tuple(tuple(draft.to_trim_curve() for draft in loop) for loop in one.loops)
-    return PieceSource(one.face.patch, one.laying, one.face.upward, loops)
+def _make_source(draft: PieceDraft) -> PieceSource:
+    """Return where a piece comes from in space."""
+    loops = tuple(tuple(run.to_trim_curve() for run in loop) for loop in draft.loops)
+    return PieceSource(draft.face.patch, draft.unrolled_strip, draft.face.upward, loops)

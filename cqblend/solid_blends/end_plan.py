@@ -16,38 +16,37 @@ import numpy as np
 from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
 from cqblend.brep.rewrite.end_curve import BlendEndError
+from cqblend.brep.rewrite.face_edits import CapParameters
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
-
-CAP_OFFSETS = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)  # how far before the end of the edge a cap may stand, in reaches
-PARALLEL_COSINE = (
-    0.15  # |cos| between an edge and the normal of the face at its end, below which the face runs along the edge
-)
-MAX_UNCOVERED = 0.3  # of the edge: more than that no cap leaves open at one end
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 SMALLER_SIZE_HINT = "A smaller size may help"
 EARLIER_BLEND_HINT = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
 
 EndMethod = Literal["natural", "flat at the vertex", "flat"]
+"""On the face across the end; in a cap at the vertex; in a cap at the vertex or before it."""
+
 METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
     "auto": ("natural", "flat at the vertex"),
     "natural": ("natural",),
     "flat": ("flat",),
 }
+"""Methods tried at one end, in this order, by what is asked for."""
 
 
 @dataclass(frozen=True)
 class EndPlan:
-    """How a blend ends at t = 0 and at t = 1: in caps at these t, or naturally (None); and the range of its rails."""
+    """How a blend ends at t = 0 and t = 1, in flat caps at these t or naturally (None), and the range of its rails."""
 
     methods: tuple[EndMethod, EndMethod]
-    caps: tuple[float | None, float | None]
+    caps: CapParameters
     domain: tuple[float, float]
 
     @classmethod
     def from_domain(cls, domain: tuple[float, float]) -> EndPlan:
-        """Return the plan of natural ends."""
+        """Return the plan of natural ends at both ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
     @property
@@ -58,9 +57,9 @@ class EndPlan:
 
 
 class EndAttempts:
-    """Which ends to try, the wanted ones first; what failed at one end is not tried again with another at the other.
+    """Which methods to try at both ends, in order; one that failed at an end is not tried there again.
 
-    Iterate, and tell with :meth:`record_failure` why an attempt failed.
+    Iterate over pairs of methods, and record by :meth:`record_failure` why an attempt failed.
     """
 
     def __init__(self, wanted: tuple[EndWanted, EndWanted]) -> None:
@@ -70,100 +69,106 @@ class EndAttempts:
         self._errors: list[CqblendError] = []
 
     def __iter__(self) -> Iterator[tuple[EndMethod, EndMethod]]:
-        for how in self._combinations:
-            if not any((end, how[end]) in self._failed for end in (0, 1)):
-                yield how
+        for methods in self._combinations:
+            if not any((end, methods[end]) in self._failed for end in (0, 1)):
+                yield methods
 
-    def record_failure(self, how: tuple[EndMethod, EndMethod], error: CqblendError) -> None:
-        """Remember why an attempt failed."""
+    def record_failure(self, methods: tuple[EndMethod, EndMethod], error: CqblendError) -> None:
+        """Record why an attempt failed: at one end, if the error says at which, or as a whole."""
         if isinstance(error, BlendEndError):
-            self._failed.setdefault((error.end, how[error.end]), error.cause)
+            self._failed.setdefault((error.end, methods[error.end]), error.cause)
             error = error.cause
         self._errors.append(error)
 
     def get_first_cause(self, end: int) -> CqblendError:
-        """Return why the first choice at an end was not to be had."""
+        """Return why the natural end failed at an end, or, if that is not known, the first error."""
         return self._failed.get((end, "natural"), self._errors[0])
 
     def make_error(self, joint: Joint) -> CqblendError:
-        """Return the error to raise when nothing came of any: the first one, and why a flat end was no way out."""
+        """Return the error to raise when all attempts failed: the first one, and why a flat end failed too."""
         for end in (0, 1):
-            failures = {how: error for (where, how), error in self._failed.items() if where == end}
+            failures = {method: error for (where, method), error in self._failed.items() if where == end}
             if len(failures) == len(METHODS_TO_TRY[self._wanted[end]]):
                 first, *others = failures.values()
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
-                way = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
-                return type(first)(f"the blend cannot end at {joint.name_end(end)}: {first}{others_too}{way}")
+                advice = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
+                return first.with_details(
+                    before=f"the blend cannot end at {joint.name_end(end)}: ", after=f"{others_too}{advice}"
+                )
         return self._errors[0]
 
 
-def plan_ends(joint: Joint, solve: ContactSolver, how: tuple[EndMethod, EndMethod]) -> EndPlan:
-    """Return where the ends of an open blend stand, each as it is to be.
+def plan_ends(joint: Joint, solve: ContactSolver, methods: tuple[EndMethod, EndMethod]) -> EndPlan:
+    """Return where an open blend ends, by the given methods, and how far its rails reach.
 
-    Rails reach the planes of the faces at their ends, or of the caps, and a little more.
+    They reach the planes of the faces at their ends, or of the caps, and a little more.
 
     Raises
     ------
-    EndError
-        One of them cannot be so.
+    BlendEndError
+        One of the ends cannot be built by its method.
     """
     length = joint.spine.length
-    reach = float(solve(np.array([0.5])).reach.max())
+    reach = float(solve(np.array([0.5])).cross_lengths.max())
     caps: list[float | None] = []
     domain = []
-    for end, way in enumerate(how):
+    for end, method in enumerate(methods):
         sign = 1.0 if end else -1.0
         try:
-            if way == "natural":
+            if method == "natural":
                 caps.append(None)
                 domain.append(end + sign * (_measure_end_overrun(joint, solve, end) + reach / 5) / length)
             else:
-                cap = _place_cap(joint, solve, end, reach, CAP_OFFSETS if way == "flat" else CAP_OFFSETS[:1])
+                offsets = SOLID_BLEND_TOLERANCES.cap_offsets if method == "flat" else (0.0,)
+                cap = _place_cap(joint, solve, end, reach, offsets)
                 caps.append(cap)
                 domain.append(cap + sign * 0.02 * reach / length)
         except (TopologyError, SizeError, GeometryError) as error:
             raise BlendEndError(end, error) from error
-    return EndPlan(how, (caps[0], caps[1]), (domain[0], domain[1]))
+    return EndPlan(methods, (caps[0], caps[1]), (domain[0], domain[1]))
 
 
 def record_ends(joint: Joint, plan: EndPlan, attempts: EndAttempts | None = None) -> tuple[EndRecord, ...]:
     """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for."""
     records = []
-    for end, (how, cap) in enumerate(zip(plan.methods, plan.caps, strict=True)):
-        before = 0.0 if cap is None else abs(end - cap) * joint.spine.length
+    for end, (method, cap) in enumerate(zip(plan.methods, plan.caps, strict=True)):
+        uncovered = 0.0 if cap is None else abs(end - cap) * joint.spine.length
         why = ""
-        if how == "flat at the vertex" and attempts is not None:
+        if method == "flat at the vertex" and attempts is not None:
             cause = attempts.get_first_cause(end)
             why, help_ = str(cause), SMALLER_SIZE_HINT if isinstance(cause, SizeError) else EARLIER_BLEND_HINT
-            where = f"edge {joint.edge_number}: the blend ends in a flat cap at {joint.name_end(end)}"
+            where = f"{joint.name}: the blend ends in a flat cap at {joint.name_end(end)}"
             warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
         kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
-        records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, before, why))
+        records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, uncovered, why))
     return tuple(records)
 
 
 def _measure_end_overrun(joint: Joint, solve: ContactSolver, end: int) -> float:
-    """Return how far past the end of the edge (mm) the rails meet the plane of the face there."""
+    """Return how far (mm) the rails overrun the end of the edge before they meet the plane of the face there."""
     corner, normal = joint.find_end_plane(end)
     t = np.array([float(end)])
     try:
         contacts = solve(t)
     except (GeometryError, SizeError) as error:
         raise TopologyError("the joint fades out before it gets there") from error
-    direction = joint.locate_stations(t).direction[0] * (1.0 if end else -1.0)
-    across = float(direction @ normal)
-    if abs(across) < PARALLEL_COSINE:  # the face runs along the edge: the rails meet it before the end, or at it
-        return 0.0
+    direction = joint.locate_stations(t).tangents[0] * (1.0 if end else -1.0)
+    cosine = float(direction @ normal)
+    if abs(cosine) < SOLID_BLEND_TOLERANCES.parallel_cosine:
+        return 0.0  # the face runs along the edge: the rails meet it before the end, or at it
     points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return max([0.0, *(float((corner - point) @ normal) / across for point in points)])
+    return max([0.0, *(float((corner - point) @ normal) / cosine for point in points)])
 
 
-def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, steps: tuple[float, ...]) -> float:
-    """Return the t nearest to an end of the edge at which a flat cap stands on both faces."""
+def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, offsets: tuple[float, ...]) -> float:
+    """Return the t nearest to an end of the edge at which a flat cap stands on both faces.
+
+    ``offsets`` are distances from the end, in units of ``reach`` (mm), that are tried in order.
+    """
     error: CqblendError | None = None
-    for back in steps:
-        step = back * reach / joint.spine.length
-        if step > MAX_UNCOVERED:
+    for offset in offsets:
+        step = offset * reach / joint.spine.length
+        if step > SOLID_BLEND_TOLERANCES.max_uncovered:
             break
         t = np.array([end + step if end == 0 else end - step])
         try:

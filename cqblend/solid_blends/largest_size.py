@@ -1,4 +1,4 @@
-"""The largest size that an edge takes: where the first interval of sizes from 0 ends in which all blends succeed."""
+"""The largest size with which edges can be blended: the end of the first interval of sizes from 0 that all work."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from cqblend.blend_options import BlendRequest
 from cqblend.errors import CqblendError
 from cqblend.solid_blends import size_limits
 from cqblend.solid_blends.edge_blend import blend_shape, make_cheap_trial
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
-
-FALLBACK_RATIO = 1e-2  # of the solid's size: tried where nothing promises to work, for the sake of what is said
 
 
 def find_largest_size(
@@ -27,7 +26,7 @@ def find_largest_size(
     CqblendError
         As :func:`cqblend.solid_blends.edge_blend.blend_shape`, where none succeeds.
     """
-    promising, extent = make_cheap_trial(shape, edges, request)
+    is_promising, extent = make_cheap_trial(shape, edges, request)
     refusals: list[tuple[float, CqblendError]] = []
 
     def is_working_factor(factor: float) -> bool:
@@ -41,12 +40,13 @@ def find_largest_size(
         return True
 
     size = max(request.lengths)
-    end = size_limits.find_working_limit(is_working_factor, promising, extent / size, tolerance)
-    if not end and not refusals and is_working_factor(FALLBACK_RATIO * extent / size):
-        return FALLBACK_RATIO * extent / size
-    if not end:
+    largest = size_limits.find_working_limit(is_working_factor, is_promising, extent / size, tolerance)
+    fallback = SOLID_BLEND_TOLERANCES.fallback_size * extent / size
+    if not largest and not refusals and is_working_factor(fallback):
+        return fallback
+    if not largest:
         factor, error = min(refusals, key=lambda refusal: refusal[0])
-        raise type(error)(
-            f"no size was found that works; with the smallest that was tried, {factor * size:.3g}: {error}"
+        raise error.with_details(
+            before=f"no size was found that works; with the smallest that was tried, {factor * size:.3g}: "
         )
-    return end
+    return largest

@@ -1,4 +1,4 @@
-"""Which sizes fit: what contacts tell of one before it is tried, and how the end of those that fit is found."""
+"""Which sizes fit: a check of contacts before a size is tried, and the search for the largest size that works."""
 
 from __future__ import annotations
 
@@ -12,149 +12,149 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
-from cqblend.surfaces.primaries import Array
+from cqblend.solid_blends.tolerances import SIZE_SEARCH, SOLID_BLEND_TOLERANCES
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 ContactSolverFactory = Callable[[Joint, BlendRequest], ContactSolver]
-"""What finds the contacts of a blend."""
-
-CHECK_STATIONS = 25  # at which contacts are looked at
-MIN_TOLERANCE_RATIO = 3.0  # of the edge's tolerance: no size is smaller
-TRIAL_START_RATIO = (
-    1 / 8
-)  # of the size that contacts allow: where trials start, and by which they go down where that fails
-MAX_TRIAL_STARTS = 3  # times
-TRIAL_GROWTH = 1.25  # by which they go up
-CHEAP_TRIAL_GROWTH, CHEAP_TRIAL_COUNT = (
-    1.1,
-    90,
-)  # the same of trials that look at contacts alone: over nearly four decades
+"""Returns the contact solver of a joint for a request."""
 
 
 def _space_stations(joint: Joint) -> Array:
-    """Return the t at which contacts are looked at: all around a closed edge, inside an open one."""
-    count = np.arange(CHECK_STATIONS)
-    return count / (CHECK_STATIONS - 1) if joint.spine.closed else (count + 0.5) / CHECK_STATIONS
+    """Return the t at which contacts are checked: all around a closed edge, inside an open one."""
+    count = SOLID_BLEND_TOLERANCES.check_stations
+    numbers = np.arange(count)
+    return numbers / (count - 1) if joint.spine.closed else (numbers + 0.5) / count
 
 
 def _measure_rail_distances(joint: Joint, contacts: Contacts) -> Array:
     """Return how far the contacts on both sides are from the edge, (2, n), mm."""
     points = [primary.jet(uv)[0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return np.linalg.norm(np.stack(points) - contacts.point, axis=2)
+    return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
 
 
-def measure_reach(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> float:
-    """Return how far the rails are from the edge at most (mm)."""
-    return float(_measure_rail_distances(joint, solver(joint, request)(_space_stations(joint))).max())
+def measure_reach(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> float:
+    """Return the largest distance (mm) of the rails from the edge."""
+    return float(_measure_rail_distances(joint, make_solver(joint, request)(_space_stations(joint))).max())
 
 
-def check_size(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> None:
+def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> None:
     """Raise SizeError if contacts turn back, leave their faces, or are too near to the edge.
 
-    The edge as it is drawn runs up to its tolerance beside the surfaces' true intersection, from which contacts are
-    solved: a rail that is nearer than that cannot be told from it, however obtuse the angle between the faces. New
-    edges may have twice that tolerance, so that sizes below three times lose themselves in it.
+    The edge's curve runs up to its tolerance beside the surfaces' true intersection, from which contacts are solved: a
+    rail that is nearer than that cannot be told from it, however obtuse the angle between the faces. New edges may have
+    twice that tolerance, so that the least size is three times it.
     """
     size, least = max(request.lengths), min(request.lengths)
     if size > joint.extent:
-        raise SizeError(f"size {size:g} is larger than the whole solid, {joint.extent:.4g}")
-    contacts = solver(joint, request)(_space_stations(joint))
+        raise SizeError(
+            f"size {size:g} is larger than the whole solid, {joint.extent:.4g}", kind="too large", value=size
+        )
+    contacts = make_solver(joint, request)(_space_stations(joint))
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.point, axis=0)).sum(1)
+        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
+            t = float(contacts.t[np.argmin(ahead)])
             raise SizeError(
-                f"size {size:g} is too large: the rail turns back at t = {contacts.t[np.argmin(ahead)]:.3g}, where the "
-                "edge bends more sharply than that"
+                f"size {size:g} is too large: the rail turns back at t = {t:.3g}, where the edge bends more sharply "
+                "than that",
+                kind="too large",
+                place=t,
+                value=size,
             )
     left = find_leaving_contact(joint, contacts)
     if left is not None:
         side, index = left
         raise SizeError(
             f"size {size:g} is too large: {describe_obstacle(joint, contacts, side, index)}, and at t = "
-            f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.face_numbers[side]}"
+            f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.face_numbers[side]}",
+            kind="too large",
+            place=float(contacts.t[index]),
+            value=size,
         )
     nearest = float(_measure_rail_distances(joint, contacts).min())
-    short = max(MIN_TOLERANCE_RATIO * joint.tolerance / least, joint.tolerance / nearest)
+    short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
     if short > 1:
         raise SizeError(
             f"size {least:g} is too small: it must be three times the edge's own tolerance, {joint.tolerance:.2g}, and "
             f"the rails, which run {nearest:.2g} from the edge, further off than that: take at least "
-            f"{1.01 * short * least:.3g}"
+            f"{1.01 * short * least:.3g}",
+            kind="too small",
+            value=least,
         )
 
 
-def is_possible_size(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> bool:
+def is_possible_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> bool:
     """Whether :func:`check_size` lets a request pass."""
     try:
-        check_size(joint, request, solver)
+        check_size(joint, request, make_solver)
     except CqblendError:
         return False
     return True
 
 
-def suggest_size(joint: Joint, request: BlendRequest, solver: ContactSolverFactory) -> str:
-    """Say which size may fit instead, as far as contacts and faces tell, and what finds out."""
-    finds = "cqblend.max_size finds what does" if request.relation is None else "try less"
+def suggest_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> str:
+    """Return advice which size may fit instead, as far as contacts tell, and how to find out."""
+    advice = "cqblend.max_size finds what does" if request.relation is None else "try less"
     size = max(request.lengths)
-    if size <= joint.extent and is_possible_size(joint, request, solver):
-        return f"; less than {size:g} may fit: {finds}"
-    most = size * _bisect_largest(
-        lambda factor: is_possible_size(joint, request.with_scaled_lengths(factor), solver),
+    if size <= joint.extent and is_possible_size(joint, request, make_solver):
+        return f"; less than {size:g} may fit: {advice}"
+    largest = size * _bisect_largest(
+        lambda factor: is_possible_size(joint, request.with_scaled_lengths(factor), make_solver),
         min(1.0, joint.extent / size),
     )
-    return f"; at most about {_round_down(most):g} fits, as far as the two faces tell: {finds}" if most else ""
+    return f"; at most about {_round_down(largest):g} fits, as far as the two faces tell: {advice}" if largest else ""
 
 
-def _bisect_largest(works: Callable[[float], bool], high: float) -> float:
+def _bisect_largest(is_working: Callable[[float], bool], high: float) -> float:
     """Return the largest value up to ``high`` that works, by halving, to a part in 4096 of it; 0 if none does."""
-    low = 0.0
-    for _ in range(12):
-        middle = (low + high) / 2
-        low, high = (middle, high) if works(middle) else (low, middle)
-    return low
+    return bisect_interval(is_working, 0.0, high, steps=12)[0]
 
 
 def find_working_limit(
-    works: Callable[[float], bool], promising: Callable[[float], bool], high: float, tolerance: float
+    is_working: Callable[[float], bool], is_promising: Callable[[float], bool], high: float, tolerance: float
 ) -> float:
     """Return the end of the first interval from 0 in which sizes work, within a relative tolerance; 0 if there is none.
 
-    ``works`` is the trial proper, ``promising`` a cheap one, which lets all pass that work. The cheap one goes up in
-    small steps to where it ends; from well below, trials proper go up in larger ones, then halve between the last that
-    works and the first that does not. The result less the tolerance has worked, too.
+    ``is_working`` is the full trial, which makes a blend; ``is_promising`` checks contacts only, and passes all sizes
+    that work. Sizes are factors on the request, up to ``high``. Cheap trials go up in small steps to where they end;
+    from well below, full trials go up in larger steps, and then halve the interval between the last that works and the
+    first that does not. The result less the tolerance has worked, too.
     """
-    start, end = _find_first_interval(promising, high)
-    trials = dict.fromkeys(max(start, end * TRIAL_START_RATIO**k) for k in range(1, MAX_TRIAL_STARTS + 1))
-    low = next((size for size in trials if size and works(size)), 0.0)
+    start, end = _find_first_interval(is_promising, high)
+    trials = dict.fromkeys(max(start, end * SIZE_SEARCH.start_ratio**k) for k in range(1, SIZE_SEARCH.max_starts + 1))
+    low = next((size for size in trials if size and is_working(size)), 0.0)
     if not low:
         return 0.0
     high = end
     while low < high:
-        following = min(low * TRIAL_GROWTH, high)
-        if not works(following):
+        following = min(low * SIZE_SEARCH.growth, high)
+        if not is_working(following):
             high = following
             break
         low = following
     while high - low > tolerance / 2 * low:
         middle = (low + high) / 2
-        low, high = (middle, high) if works(middle) else (low, middle)
-    while not works((1 - tolerance) * low):  # sizes work here and there: the interval ends before
+        low, high = (middle, high) if is_working(middle) else (low, middle)
+    while not is_working((1 - tolerance) * low):  # sizes work here and there: the interval ends before
         low *= (1 - tolerance) ** 2
     return low
 
 
-def _find_first_interval(promising: Callable[[float], bool], high: float) -> tuple[float, float]:
+def _find_first_interval(is_promising: Callable[[float], bool], high: float) -> tuple[float, float]:
     """Return where the first interval of sizes that promise to work starts and ends; zeros if there is none."""
     first = last = 0.0
-    for size in (high * CHEAP_TRIAL_GROWTH ** -np.arange(CHEAP_TRIAL_COUNT, -1.0, -1.0)).tolist():
-        if promising(size):
+    for size in (high * SIZE_SEARCH.cheap_growth ** -np.arange(SIZE_SEARCH.cheap_count, -1.0, -1.0)).tolist():
+        if is_promising(size):
             first, last = first or size, size
         elif first:
-            return first, last + _bisect_largest(partial(_is_promising_beyond, promising, last), size - last)
+            return first, last + _bisect_largest(partial(_is_promising_beyond, is_promising, last), size - last)
     return first, last
 
 
-def _is_promising_beyond(promising: Callable[[float], bool], size: float, more: float) -> bool:
-    return promising(size + more)
+def _is_promising_beyond(is_promising: Callable[[float], bool], size: float, more: float) -> bool:
+    """Whether a size that is larger by some more promises to work."""
+    return is_promising(size + more)
 
 
 def _round_down(value: float) -> float:

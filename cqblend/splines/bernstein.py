@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+EPSILON = float(np.finfo(float).eps)
+"""Distance from 1 to the next float64, 2^-52: twice the largest relative rounding error of one operation."""
+
 PowerSeries: TypeAlias = Sequence[Array]
 """A truncated power series in a second variable: by order, polynomials of any degrees."""
 
@@ -78,7 +81,7 @@ def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
 
     Examples
     --------
-    >>> product(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
+    >>> multiply_polynomials(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
     array([0. , 0.5, 0. ])
     """
     out = _convolve_scaled(a * _binomial_weights(a, directions), b * _binomial_weights(b, directions), directions)
@@ -90,7 +93,7 @@ def elevate_degree(coefs: Array, amount: int) -> Array:
 
     Examples
     --------
-    >>> elevate(np.array([[0.0], [1.0]]), 1).ravel()
+    >>> elevate_degree(np.array([[0.0], [1.0]]), 1).ravel()
     array([0. , 0.5, 1. ])
     """
     if amount == 0:

@@ -14,14 +14,10 @@ import numpy as np
 
 from cqblend.splines import SMOOTH, Curve, bernstein
 from cqblend.splines.bernstein import Array
-
-NEAR_BREAKS = 1e-6  # of the domain: breaks of a blend that differ by less are brought together
-SAME_BREAK = 1e-9  # of the domain: breaks of a ribbon that differ by less are one break, reached on different ways
-MOVED_BREAK = 1e-13  # of the domain: beyond that, a break has been moved
-PIECE_GAP = 1e-4  # relative: pieces that are farther apart where their common break has been moved to do not meet
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 
-def merge_breaks(*sets: Array, near: float = NEAR_BREAKS) -> Array:
+def merge_breaks(*sets: Array, near: float = SPLINE_TOLERANCES.near_breaks) -> Array:
     """Unite sets of parameters, ascending; of those that differ by less than ``near`` one stays, the ends for sure."""
     t = np.unique(np.concatenate(sets))
     return _pick_from_clusters(t, np.zeros(len(t)), near * (t[-1] - t[0]))
@@ -40,7 +36,7 @@ def _pick_from_clusters(t: Array, order: Array, near: float) -> Array:
     return np.unique(np.concatenate([t[[0]], t[best], t[[-1]]]))
 
 
-def align_breaks(curves: Sequence[Curve], near: float = NEAR_BREAKS) -> list[Curve]:
+def align_breaks(curves: Sequence[Curve], near: float = SPLINE_TOLERANCES.near_breaks) -> list[Curve]:
     """Cut curves at each other's breaks; those that differ by less than ``near`` become the least smooth of them."""
     first = curves[0].breaks
     slack = near * (first[-1] - first[0])
@@ -73,7 +69,7 @@ def cut_at_breaks(curve: Curve, breaks: Array) -> Curve:
         coefs = bernstein.restrict_pieces(
             curve.coefs[..., kept], (start - old[kept]) / length, (end - old[kept]) / length
         )
-        moved = np.abs(own - old)[1:-1] > MOVED_BREAK * (old[-1] - old[0])
+        moved = np.abs(own - old)[1:-1] > SPLINE_TOLERANCES.moved_break * (old[-1] - old[0])
         rough = moved & (curve.continuity > 0) & (curve.continuity < SMOOTH)
         order = curve.continuity - rough
         least = np.full(len(breaks), SMOOTH)
@@ -89,5 +85,5 @@ def _close_gaps(coefs: Array, moved: Array) -> None:
     """Let pieces meet at breaks that have moved, but not those that jump: at creases, or what comes near to them."""
     before, after = coefs[-1, :, :-1], coefs[0, :, 1:]
     jump = np.abs(after - before).max(axis=0, initial=0.0)
-    meet = moved & (jump <= PIECE_GAP * np.abs(coefs).max())
+    meet = moved & (jump <= SPLINE_TOLERANCES.piece_gap * np.abs(coefs).max())
     before[:, meet] = after[:, meet] = (before[:, meet] + after[:, meet]) / 2

@@ -13,19 +13,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.roots import find_sign_changes
 from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 SplineT = TypeVar("SplineT", bound=Spline)
-_EPS = float(np.finfo(float).eps)
-
-_MERGE_DISTANCE = 1e-9
-"""Crossings of C1 lines closer than this (relative to the domain) are one break: continuing the wrong patch over such a
-distance errs by its square, while a piece so short would have derivatives of rounding noise."""
-
-_KINK_MERGE_DISTANCE = 1e-12
-"""The same of lines with a kink: nearer than that, a break was meant to be on the line."""
 
 
 def _split_coordinates(curve: Spline) -> tuple[Array, Array]:
@@ -36,7 +29,7 @@ def _split_coordinates(curve: Spline) -> tuple[Array, Array]:
 
 def _bound_rounding(coordinate: Array, weight: Array, lines: Array) -> float:
     """Return the value up to which coordinate - line * weight is zero to rounding."""
-    return float(16 * _EPS * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
+    return float(16 * EPSILON * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
 
 
 def _find_line_crossings(
@@ -61,9 +54,11 @@ def _find_line_crossings(
     line_of, piece = np.divmod(column, n)
     size = max(abs(breaks[0]), abs(breaks[-1]))
     length = breaks[-1] - breaks[0]
-    least = 4 * _EPS * size
+    least = 4 * EPSILON * size
     slack = np.where(
-        np.concatenate(loose)[line_of], np.maximum(merge * length, least), max(_KINK_MERGE_DISTANCE * length, least)
+        np.concatenate(loose)[line_of],
+        np.maximum(merge * length, least),
+        max(SPLINE_TOLERANCES.kink_crossing_merge * length, least),
     )
     return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
 
@@ -102,7 +97,7 @@ def _assign_patches(coordinate: Array, weight: Array, lines: Array) -> Array:
 
 
 def cut_at_knot_lines(
-    curve: SplineT, lines: Sequence[Array], orders: Sequence[Array], merge: float = _MERGE_DISTANCE
+    curve: SplineT, lines: Sequence[Array], orders: Sequence[Array], merge: float = SPLINE_TOLERANCES.crossing_merge
 ) -> tuple[SplineT, Array, Array]:
     """Cut a curve at the lines it crosses.
 
@@ -155,7 +150,7 @@ def to_barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Arr
     """
     numerator, weight = _split_coordinates(cut)
     u = numerator[:, k]
-    if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * _EPS * np.abs(u).max():
+    if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * EPSILON * np.abs(u).max():
         u = u.mean(axis=0, keepdims=True)
     start, end = lines[index], lines[index + 1]
     return (end * weight - u) / (end - start), (u - start * weight) / (end - start)

@@ -10,13 +10,23 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.checks import check_integer, check_interval, to_finite_array, to_float_array
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
 from cqblend.splines.evaluation import BLOCK_SIZE, BreakSide, check_break_side, dehomogenise_derivatives, locate_pieces
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _elevate_to
+from cqblend.splines.knots import (
+    SMOOTH,
+    assemble_bspline,
+    check_knot_vector,
+    extract_pieces,
+    is_clamped,
+    to_homogeneous,
+)
+from cqblend.splines.piece_arrays import match_degrees
+from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 BSplineCurve = tuple[int, Array, Array, Array | None]
 
@@ -61,7 +71,7 @@ class Curve(Spline):
     """
 
     __slots__ = ()
-    _directions: ClassVar[int] = 1
+    _parameter_count: ClassVar[int] = 1
 
     def __init__(
         self, breaks: ArrayLike, coefs: ArrayLike, *, rational: bool = False, continuity: ArrayLike | None = None
@@ -73,10 +83,10 @@ class Curve(Spline):
         cls, poles: ArrayLike, weights: ArrayLike | None = None, domain: tuple[float, float] = (0.0, 1.0)
     ) -> Self:
         """Single polynomial or rational piece from poles (p + 1, dim)."""
-        array = door.to_float_array("poles", poles)
+        array = to_float_array("poles", poles)
         if array.ndim != 2:
             raise InputError(f"poles have {array.ndim} axes, expected (p + 1, dim)")
-        ends = np.repeat(door.check_interval("domain", domain), len(array))
+        ends = np.repeat(check_interval("domain", domain), len(array))
         return cls.from_bspline(len(array) - 1, ends, array, weights)
 
     @classmethod
@@ -99,14 +109,14 @@ class Curve(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        knots, poles = door.to_float_array("knots", knots), door.to_float_array("poles", poles)
+        knots, poles = to_float_array("knots", knots), to_float_array("poles", poles)
         if poles.ndim != 2:
             raise InputError(f"poles have {poles.ndim} axes, expected (n, dim)")
-        degree = door.check_knot_vector(degree, knots, len(poles))
-        homogeneous = door.to_homogeneous(poles, weights)
-        breaks, coefs, continuity = door.extract_pieces(degree, knots, homogeneous)
+        degree = check_knot_vector(degree, knots, len(poles))
+        homogeneous = to_homogeneous(poles, weights)
+        breaks, coefs, continuity = extract_pieces(degree, knots, homogeneous)
         source = None
-        if door.is_clamped(degree, knots):
+        if is_clamped(degree, knots):
             source = (degree, knots, poles, None if weights is None else np.array(weights, dtype=np.float64))
         return cls._from_pieces((breaks,), coefs, weights is not None, (continuity,), source)
 
@@ -124,7 +134,7 @@ class Curve(Spline):
         if self._source is not None:
             degree, knots, poles, weights = self._source
             return degree, knots.copy(), poles.copy(), None if weights is None else weights.copy()
-        knots, homogeneous = door.assemble_bspline(self._breaks[0], self._coefs, self._continuity[0])
+        knots, homogeneous = assemble_bspline(self._breaks[0], self._coefs, self._continuity[0])
         return (self.degree, knots, *self._dehomogenise_poles(homogeneous))
 
     @property
@@ -178,8 +188,8 @@ class Curve(Spline):
         domain the end pieces go on as polynomials.
         """
         t, k, side = (
-            door.to_finite_array("t", t),
-            door.check_integer("the order k", k, 0, MAX_DERIVATIVE),
+            to_finite_array("t", t),
+            check_integer("the order k", k, 0, SPLINE_LIMITS.derivative),
             check_break_side(side),
         )
         if self._rational:
@@ -191,8 +201,8 @@ class Curve(Spline):
     def jet(self, t: ArrayLike, order: int, *, side: BreakSide = "right") -> Array:
         """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
         t, order, side = (
-            door.to_finite_array("t", t),
-            door.check_integer("the order", order, 0, MAX_DERIVATIVE),
+            to_finite_array("t", t),
+            check_integer("the order", order, 0, SPLINE_LIMITS.derivative),
             check_break_side(side),
         )
         jets = self._evaluate_derivatives(t.ravel(), range(order + 1), side)
@@ -241,7 +251,7 @@ class Curve(Spline):
 
     def reparametrized(self, t0: float, t1: float) -> Self:
         """Change the parameter affinely, so that the domain becomes [t0, t1]."""
-        (t0, t1), (a, b) = door.check_interval("the domain", (t0, t1)), self.domain
+        (t0, t1), (a, b) = check_interval("the domain", (t0, t1)), self.domain
         breaks = t0 + (self.breaks - a) * ((t1 - t0) / (b - a))
         breaks[-1] = t1
         return self._from_pieces((breaks,), self._coefs, self._rational, self._continuity)
@@ -262,16 +272,15 @@ class Curve(Spline):
             If the dims differ, or the domains are not consecutive.
         """
         a, b = self.domain[1], self._check_same_kind(other).domain[0]
-        continuity = door.check_integer("continuity", continuity, -1, door.SMOOTH)
+        continuity = check_integer("continuity", continuity, -1, SMOOTH)
         if self.dim != other.dim:
             raise InputError(f"cannot join curves of dim {self.dim} and {other.dim}")
-        if abs(a - b) > 1e-14 * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
+        if abs(a - b) > SPLINE_TOLERANCES.consecutive_domains * max(abs(a), abs(b), self.domain[1] - self.domain[0]):
             raise InputError(f"cannot join: the first domain ends at {a:.17g}, the second starts at {b:.17g}")
         first, second = (
             (self, other) if self._rational is other._rational else (self._to_rational(), other._to_rational())
         )
-        degree = max(first.degree, second.degree)
-        coefs = np.concatenate([_elevate_to(first._coefs, [degree]), _elevate_to(second._coefs, [degree])], axis=-1)
+        coefs = np.concatenate(match_degrees(first._coefs, second._coefs, 1), axis=-1)
         order = np.concatenate([first.continuity, [continuity], second.continuity])
         return self._from_pieces((np.concatenate([first.breaks, second.breaks[1:]]),), coefs, first._rational, (order,))
 

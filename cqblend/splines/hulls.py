@@ -8,9 +8,7 @@ not know what the functions mean.
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict_pieces
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
 
 
 def _halve_pieces(f: Array) -> Array:
@@ -21,7 +19,7 @@ def _halve_pieces(f: Array) -> Array:
 
 def _bound_halving_error(f: Array) -> float:
     """By how much one halving may move a coefficient: two sweeps of averages."""
-    return float(2 * len(f) * _EPS * np.abs(f).max())
+    return float(2 * len(f) * EPSILON * np.abs(f).max())
 
 
 def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple[float, float]:
@@ -43,7 +41,7 @@ def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple
 
     Examples
     --------
-    >>> low, high = enclose(np.array([[0.0], [1.0], [0.0]]))  # 2 x (1 - x); its hull is [0, 1]
+    >>> low, high = enclose_values(np.array([[0.0], [1.0], [0.0]]))  # 2 x (1 - x); its hull is [0, 1]
     >>> bool(-1e-14 < low <= 0 and 0.5 <= high <= 0.55)
     True
     """
@@ -77,8 +75,8 @@ def find_value_below(f: Array, floor: float) -> tuple[int, float] | None:
 
     Examples
     --------
-    >>> dip(np.array([[1.0], [-0.5], [1.0]]), 0.0)  # at least 0.25
-    >>> dip(np.array([[1.0], [-2.0], [1.0]]), 0.0)  # -0.5 in the middle
+    >>> find_value_below(np.array([[1.0], [-0.5], [1.0]]), 0.0)  # at least 0.25
+    >>> find_value_below(np.array([[1.0], [-2.0], [1.0]]), 0.0)  # -0.5 in the middle
     (0, 0.5)
     """
     slack = rounding = _bound_halving_error(f)

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import locate_pieces
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 _GAUSS_POINTS = 16
-_TOLERANCE = 1e-14
-_MAX_HALVINGS = 48
 
 
 def evaluate_legendre(degree: int, x: Array) -> Array:
@@ -75,7 +74,7 @@ class Antiderivative:
 
     Examples
     --------
-    >>> sine = Integral(np.cos, [0.0, 3.0])
+    >>> sine = Antiderivative(np.cos, [0.0, 3.0])
     >>> bool(np.abs(sine([0.5, 3.0]) - np.sin([0.5, 3.0])).max() < 1e-15)
     True
     """
@@ -89,7 +88,7 @@ class Antiderivative:
         start, end = breaks[:-1], breaks[1:]
         done: list[tuple[Array, Array, Array]] = []
         settled = 0.0
-        for level in range(_MAX_HALVINGS):
+        for level in range(SPLINE_LIMITS.cell_halvings):
             width = end - start
             t = start + x[:, None] * width
             values = function(t.ravel()).reshape(t.shape)
@@ -98,7 +97,9 @@ class Antiderivative:
                 raise GeometryError(f"there is no direction or length at t = {bad:.9g}: the geometry is singular there")
             size = weights @ np.abs(values) * width
             left_out = np.abs(series[-3:] @ values).max(axis=0) * width
-            open_ = (left_out > _TOLERANCE * max(settled + size.sum(), scale)) & (level < _MAX_HALVINGS - 1)
+            open_ = (left_out > SPLINE_TOLERANCES.integral * max(settled + size.sum(), scale)) & (
+                level < SPLINE_LIMITS.cell_halvings - 1
+            )
             done.append((start[~open_], end[~open_], integral @ values[:, ~open_] * width[~open_]))
             settled += size[~open_].sum()
             if not open_.any():

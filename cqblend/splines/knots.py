@@ -7,21 +7,15 @@ removing it would amplify rounding by more than `AMPLIFICATION`. This module mus
 have any number of trailing axes.
 """
 
-from numbers import Integral, Real
-
 import numpy as np
 
-from cqblend.errors import InputError, reason, shown
+from cqblend.checks import check_integer, to_float_array
+from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 SMOOTH = 1 << 20
 """Continuity order of a break where both pieces are one and the same polynomial: a break that no function asked for."""
-
-MAX_BSPLINE_DEGREE = 10_000
-"""Largest degree of a B-spline, far beyond what doubles hold."""
-
-MAX_AMPLIFICATION = 50.0
-"""Largest factor by which re-assembly may amplify rounding errors before it keeps another knot."""
 
 
 def check_knot_vector(degree: object, knots: Array, count: int) -> int:
@@ -34,7 +28,7 @@ def check_knot_vector(degree: object, knots: Array, count: int) -> int:
         finite or smaller than its predecessor, a knot inside the domain is repeated more than degree + 1 times, or the
         domain is empty.
     """
-    degree = check_integer("the degree", degree, 0, MAX_BSPLINE_DEGREE)
+    degree = check_integer("the degree", degree, 0, SPLINE_LIMITS.bspline_degree)
     if knots.ndim != 1 or len(knots) != count + degree + 1:
         raise InputError(
             f"{np.size(knots)} knots for {count} poles of degree {degree}: a full knot vector has {count + degree + 1}"
@@ -78,7 +72,7 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
 
     Examples
     --------
-    >>> breaks, coefs, continuity = extract(1, np.array([0.0, 0.0, 1.0, 2.0, 2.0]), np.array([0.0, 5.0, 6.0]))
+    >>> breaks, coefs, continuity = extract_pieces(1, np.array([0.0, 0.0, 1.0, 2.0, 2.0]), np.array([0.0, 5.0, 6.0]))
     >>> coefs
     array([[0., 5.],
            [5., 6.]])
@@ -159,7 +153,7 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
 
     Examples
     --------
-    >>> assemble(np.array([0.0, 1.0, 2.0]), np.array([[0.0, 5.0], [5.0, 6.0]]), np.array([0]))
+    >>> assemble_bspline(np.array([0.0, 1.0, 2.0]), np.array([[0.0, 5.0], [5.0, 6.0]]), np.array([0]))
     (array([0., 0., 1., 2., 2.]), array([0., 5., 6.]))
     """
     p = len(coefs) - 1
@@ -167,7 +161,7 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
     inner = np.clip(p - continuity, 0, p + 1).astype(int)
     while True:
         knots, window, piece, factor = _choose_pole_pieces(breaks, p, np.concatenate([ends, inner, ends]))
-        bad = np.flatnonzero(factor > MAX_AMPLIFICATION)
+        bad = np.flatnonzero(factor > SPLINE_TOLERANCES.amplification)
         if not len(bad):
             break
         raise_at = np.zeros(len(inner), dtype=bool)
@@ -185,96 +179,6 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
         values = evaluate_blossom(coefs[..., piece[inexact]], np.take_along_axis(x, order, axis=0))
         poles[inexact] = np.moveaxis(values, -1, 0)
     return knots, poles
-
-
-def to_float_array(name: str, values: object) -> Array:
-    """Copy to a float64 array.
-
-    Raises
-    ------
-    InputError
-        If that is not possible: texts are no numbers, and neither is what raises when it is asked for its number.
-    """
-    try:
-        array = np.array(values)
-        if array.dtype.kind in "biufO":
-            return array.astype(np.float64)
-    except Exception as error:
-        raise InputError(f"{name} must be an array of numbers: {reason(error)}") from error
-    raise InputError(f"{name} must be an array of numbers, not {shown(values)}")
-
-
-def to_finite_array(name: str, values: object) -> Array:
-    """Return finite numbers as a float64 array, the same one if it is one already.
-
-    Raises
-    ------
-    InputError
-        If one is not finite, or as :func:`to_float_array`.
-    """
-    array = values if isinstance(values, np.ndarray) and values.dtype == np.float64 else to_float_array(name, values)
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} must be finite, not {array[~np.isfinite(array)].flat[0]}")
-    return array
-
-
-def check_number(name: str, value: object) -> float:
-    """Return a finite number as a float. A bool is no number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    try:
-        found = float("nan") if isinstance(value, bool) or not isinstance(value, Real) else float(value)
-    except OverflowError:
-        found = float("inf")
-    if not np.isfinite(found):
-        raise InputError(f"{name} must be a finite number, not {shown(value)}")
-    return found
-
-
-def check_integer(name: str, value: object, least: int, most: int) -> int:
-    """Return a whole number from `least` to `most`. A bool is none.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    found = None if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
-    if found is None or not least <= found <= most:
-        what = " negative," if found is not None and found < 0 <= least else ""
-        raise InputError(f"{name} must be a whole number from {least} to {most}, not{what} {shown(value)}")
-    return found
-
-
-def unpack_pair(name: str, value: object) -> tuple[object, object]:
-    """Return the two items of a list, a tuple or an array of two.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
-    if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "ndim", 1) == 0 or len(value) != 2:
-        raise InputError(f"{name} must be a pair, not {shown(value)}")
-    return value[0], value[1]
-
-
-def check_interval(name: str, value: object) -> tuple[float, float]:
-    """Return two finite numbers, the lower one first.
-
-    Raises
-    ------
-    InputError
-        If they are none.
-    """
-    low, high = (check_number(name, end) for end in unpack_pair(name, value))
-    if not low < high:
-        raise InputError(f"{name}={shown(value)}: not an interval, lower end first; it is empty")
-    return low, high
 
 
 def to_homogeneous(poles: Array, weights: object) -> Array:

@@ -10,13 +10,12 @@ K. Kim, G. Elber: A symbolic approach to freeform parametric surface blends, sec
 
 import numpy as np
 
+from cqblend.checks import check_interval, check_number
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import knots as door
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
 from cqblend.splines.hulls import find_value_below
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 Interval = tuple[float, float]
 
@@ -66,21 +65,21 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
         raise InputError(f"the change of parameter jumps at r = {change.breaks[1:-1][jump][0]:.9g}")
     _, weight = change._split_weight()
     if weight is not None:
-        weightless = find_value_below(weight[:, 0], 1e-9 * float(np.abs(weight).max()))
+        weightless = find_value_below(weight[:, 0], SPLINE_TOLERANCES.least_weight * float(np.abs(weight).max()))
         if weightless is not None:
             raise InputError(
                 f"the change of parameter has no positive weight at r = {_locate_parameter(change, weightless):.9g}"
             )
     start, end = curve.domain
     first, last = float(change(change.domain[0]).item()), float(change(change.domain[1], side="left").item())
-    slack = 16 * _EPS * max(abs(start), abs(end))
+    slack = 16 * EPSILON * max(abs(start), abs(end))
     if abs(first - start) > slack or abs(last - end) > slack:
         raise InputError(
             f"the change of parameter runs from {first:.17g} at r = {change.domain[0]:.9g} to {last:.17g} at "
             f"r = {change.domain[1]:.9g}, the domain of the curve is [{start:.17g}, {end:.17g}]"
         )
     rate, _ = change.derivative()._split_weight()
-    back = find_value_below(rate[:, 0], -64 * _EPS * float(np.abs(rate).max()))
+    back = find_value_below(rate[:, 0], -64 * EPSILON * float(np.abs(rate).max()))
     if back is not None:
         raise GeometryError(
             f"the change of parameter turns back at r = {_locate_parameter(change, back):.9g}: it must not decrease "
@@ -126,7 +125,7 @@ def change_of_parameter(
     >>> change_of_parameter(100, 1)
     <rational Curve of degree 2, dim 1, 1 pieces on [0, 1]>
     """
-    (first, last), (low, high) = door.check_interval("domain", domain), door.check_interval("onto", onto)
+    (first, last), (low, high) = check_interval("domain", domain), check_interval("onto", onto)
     start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     mean = (high - low) / (last - first)
     a, b = start / mean, end / mean
@@ -174,12 +173,16 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
         raise InputError(f"a curve is a Curve, not {shown(curve)}")
     ends = curve.domain
     if domain is not None:
-        domain = door.check_interval("domain", domain)
+        domain = check_interval("domain", domain)
     start, end = _check_end_speed("start", start), _check_end_speed("end", end)
     slopes = []
     for name, t, speed in (("start", ends[0], start), ("end", ends[1], end)):
         present = float(np.linalg.norm(curve(t, 1, side="right" if name == "start" else "left")))
-        if present <= 1e-12 * float(np.abs(curve(np.array(ends))).max()) / (ends[1] - ends[0]) or present == 0:
+        if (
+            present
+            <= SPLINE_TOLERANCES.standing_speed * float(np.abs(curve(np.array(ends))).max()) / (ends[1] - ends[0])
+            or present == 0
+        ):
             raise GeometryError(f"the curve stands still at its {name}, t = {t:.9g}: no parameter gives it a speed")
         slopes.append(speed / present)
     return reparameterise(curve, change_of_parameter(*slopes, domain=domain or ends, onto=ends))
@@ -188,7 +191,7 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
 def _check_end_speed(name: str, value: object) -> float:
     """Return a derivative, or a speed, that is not negative."""
     try:
-        rate = door.check_number(name, value)
+        rate = check_number(name, value)
     except InputError:
         rate = -1.0
     if rate < 0:

@@ -9,11 +9,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from cqblend.splines.bernstein import Array, restrict_pieces
+from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
+from cqblend.splines.tolerances import SPLINE_LIMITS
 
-_EPS = float(np.finfo(float).eps)
 _PARTS_PER_LEVEL = 8
-_MAX_LEVELS = 17  # 8^17 = 2^51 parts of the unit interval
 
 
 @lru_cache(maxsize=64)
@@ -44,7 +43,7 @@ def _solve_single_roots(f: Array) -> Array:
     t: Array = (change - 1 + before / (before + after)) / degree
     if degree == 1:
         return t
-    noise = 2 * _EPS * np.abs(f).max(axis=0)
+    noise = 2 * EPSILON * np.abs(f).max(axis=0)
     lo, hi = np.zeros(count), np.ones(count)
     for _ in range(80):
         s, c = 1 - t, f
@@ -55,7 +54,7 @@ def _solve_single_roots(f: Array) -> Array:
         lo, hi = np.where(left, t, lo), np.where(left, hi, t)
         new = t - value / np.where(rise == 0, 1.0, rise)
         new = np.where((new >= lo) & (new <= hi) & (rise != 0), new, (lo + hi) / 2)
-        done = (np.abs(new - t) <= 4 * _EPS) | (np.abs(value) <= noise)
+        done = (np.abs(new - t) <= 4 * EPSILON) | (np.abs(value) <= noise)
         t = new
         if done.all():
             break
@@ -80,20 +79,20 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
 
     Examples
     --------
-    >>> sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
+    >>> find_sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
     (array([0]), array([0.25]))
     """
     column = np.arange(f.shape[1])
     start, width = np.zeros(f.shape[1]), 1.0
     touched: list[tuple[Array, Array]] = []  # column, root
     brackets: list[tuple[Array, Array, float, Array]] = []  # column, start, width, coefficients
-    for level in range(_MAX_LEVELS):
+    for level in range(SPLINE_LIMITS.root_levels):
         f = np.where(np.abs(f) <= tolerance, 0.0, f)
         count = _count_sign_changes(f)
         single, several = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
         if len(single):
             brackets.append((column[single], start[single], width, f[:, single]))
-        if not len(several) or level == _MAX_LEVELS - 1:
+        if not len(several) or level == SPLINE_LIMITS.root_levels - 1:
             break
         parts = _build_subdivision_matrix(len(f) - 1) @ f[:, several]  # (8, p+1, k)
         width /= _PARTS_PER_LEVEL

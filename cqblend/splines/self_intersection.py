@@ -9,13 +9,7 @@ import numpy as np
 
 from cqblend.splines import Curve, bernstein
 from cqblend.splines.bernstein import Array
-
-TOUCHING_DISTANCE = 1e-9
-"""Distance, relative to the curve's size, at which two of its points count as one."""
-
-_NEIGHBOUR_GAP = 1e-7  # length of parameter, relative to the domain, across which two pieces count as neighbours
-_HALVINGS = 50
-_MOST_PAIRS = 4000  # pairs of pieces still close: the curve runs along itself
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 
 def control_points(curve: Curve) -> Array:
@@ -32,7 +26,7 @@ def measure_diagonal(curve: Curve) -> float:
 def is_closed(curve: Curve) -> bool:
     """Whether a curve ends where it starts."""
     first, last = curve(curve.domain)
-    return bool(np.linalg.norm(last - first) <= TOUCHING_DISTANCE * measure_diagonal(curve))
+    return bool(np.linalg.norm(last - first) <= SPLINE_TOLERANCES.touching * measure_diagonal(curve))
 
 
 def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
@@ -48,20 +42,24 @@ def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
 
     Examples
     --------
-    >>> self_crossing(Curve.bezier([[0.0, 0.0], [0.0, 2.0], [1.0, 2.0], [1.0, 0.0]])) is None
+    >>> find_self_crossing(Curve.bezier([[0.0, 0.0], [0.0, 2.0], [1.0, 2.0], [1.0, 0.0]])) is None
     True
-    >>> a, b = self_crossing(Curve.bezier([[0.0, 0.0], [3.0, 2.0], [-2.0, 2.0], [1.0, 0.0]]))
+    >>> a, b = find_self_crossing(Curve.bezier([[0.0, 0.0], [3.0, 2.0], [-2.0, 2.0], [1.0, 0.0]]))
     >>> round(a + b, 6)
     1.0
     """
     t0, t1 = curve.domain
-    touching, closed, near = TOUCHING_DISTANCE * measure_diagonal(curve), is_closed(curve), _NEIGHBOUR_GAP * (t1 - t0)
+    touching, closed, near = (
+        SPLINE_TOLERANCES.touching * measure_diagonal(curve),
+        is_closed(curve),
+        SPLINE_TOLERANCES.neighbour_gap * (t1 - t0),
+    )
     coefs, start, end = curve.coefs, curve.breaks[:-1], curve.breaks[1:]
     points = control_points(curve)
     if _is_advancing(points, (points[-1, :, -1:] - points[0, :, :1])).all():
         return None
     i, j = np.triu_indices(len(start))
-    for _ in range(_HALVINGS):
+    for _ in range(SPLINE_LIMITS.crossing_halvings):
         points = _to_euclidean(coefs, curve.rational)
         low, high = points.min(axis=0), points.max(axis=0)
         chord = points[-1] - points[0]
@@ -75,7 +73,7 @@ def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
             small[a] & small[b]
         )
         i, j, joined = i[~settled], j[~settled], joined[~settled]
-        met = ~joined & (small[i] & small[j] | (len(i) > _MOST_PAIRS))
+        met = ~joined & (small[i] & small[j] | (len(i) > SPLINE_LIMITS.close_pairs))
         if met.any():
             middle = points.mean(axis=0)
             closest = np.linalg.norm(middle[:, i[met]] - middle[:, j[met]], axis=0).argmin()

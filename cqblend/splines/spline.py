@@ -1,10 +1,10 @@
 """What curves and surfaces have in common: a frozen tensor product of Bernstein pieces, and its algebra.
 
-A spline of k parameters holds ``breaks`` for each, one read-only coefficient array (degrees, component, pieces) with
-the pieces last, whether the last component is a weight, and the continuity order known at each interior break. All
-algebra is written here once, for k = 1 and k = 2, on homogeneous coefficients, with the meaning it has for the
-Euclidean functions. Evaluation and what belongs to one k only is in `curve` and `surface`. This module must not know
-where splines come from.
+For each parameter (one of a curve, two of a surface) a spline holds ``breaks``, the ends of its pieces, and the order
+of continuity known at each interior break. Its coefficients are one read-only array (degrees + 1, components, pieces),
+with one degree axis and one axis of pieces for each parameter; of a rational spline the last component is a weight. All
+algebra is written here once for both, on homogeneous coefficients, with the meaning it has for the Euclidean functions.
+Evaluation, and what one kind alone can do, is in `curve` and `surface`. Depends on arrays and knot vectors only.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,30 +13,22 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.checks import check_integer, check_number, to_finite_array
 from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
-from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import SMOOTH, check_integer, check_number, to_finite_array, to_float_array
-
-_EPS = float(np.finfo(float).eps)
-
-MAX_DERIVATIVE, MAX_ELEVATION = 100, 500
-"""Largest order of a derivative, and largest degree to which a spline is raised: doubles hold nothing beyond."""
-
-
-def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, directions: int) -> Array:
-    """Apply a kernel of (p+1, .., n) arrays to parameter `axis` of a coefficient array with `directions` parameters."""
-    if directions == 1:
-        return kernel(coefs)
-    there, here = (axis, directions + 1 + axis), (0, -1)
-    return np.moveaxis(kernel(np.moveaxis(coefs, there, here)), here, there)
-
-
-def unite_breaks(first: Array, second: Array) -> Array:
-    """Both sets of breaks; one of the second that equals one of the first to rounding gives way."""
-    nearest = np.abs(second[:, None] - first).min(axis=1)
-    tolerance = 4 * _EPS * max(abs(first[0]), abs(first[-1]))
-    return np.sort(np.concatenate([first, second[nearest > tolerance]]))
+from cqblend.splines.bernstein import EPSILON, Array
+from cqblend.splines.knots import SMOOTH
+from cqblend.splines.piece_arrays import (
+    apply_along_axis,
+    check_continuity,
+    check_pieces,
+    detect_continuity,
+    elevate_to,
+    match_degrees,
+    replace_item,
+    unite_breaks,
+)
+from cqblend.splines.tolerances import SPLINE_LIMITS
 
 
 class Spline:
@@ -48,7 +40,7 @@ class Spline:
     _rational: bool
     _continuity: tuple[Array, ...]
     _source: tuple[Any, ...] | None
-    _directions: ClassVar[int]
+    _parameter_count: ClassVar[int]
     __array_ufunc__ = None  # numpy arrays leave * and + to us
 
     def __init__(
@@ -59,42 +51,20 @@ class Spline:
         rational: bool = False,
         continuity: Sequence[ArrayLike | None] | None = None,
     ) -> None:
-        k = self._directions
+        count = self._parameter_count
         name = type(self).__name__
         if not isinstance(rational, bool | np.bool_):
             raise InputError(f"{name}: rational is True or False, not {shown(rational)}")
-        continuity = (None,) * k if continuity is None else continuity
+        continuity = (None,) * count if continuity is None else continuity
         for what, given in (("breaks", breaks), ("continuity", continuity)):
-            if not isinstance(given, list | tuple) or len(given) != k:
-                raise InputError(f"{name}: {what} is given for {k} parameters, not as {shown(given)}")
-        arrays = tuple(to_float_array(f"{name}: breaks", b) for b in breaks)
-        values = to_float_array(f"{name}: coefficients", coefs)
-        for b in arrays:
-            if b.ndim != 1 or len(b) < 2 or not np.isfinite(b).all() or (np.diff(b) <= 0).any():
-                raise InputError(
-                    f"{name}: breaks must be at least two finite, strictly increasing numbers, not {shown(b.tolist())}"
-                )
-        if values.ndim != 2 * k + 1:
-            raise InputError(f"{name}: coefficients have {values.ndim} axes, expected {2 * k + 1}")
-        expected = tuple(len(b) - 1 for b in arrays)
-        if values.shape[k + 1 :] != expected:
-            raise InputError(f"{name}: coefficients for {values.shape[k + 1 :]} pieces, breaks for {expected}")
-        if min(values.shape) < 1 or values.shape[k] < 1 + rational:
-            raise InputError(f"{name}: coefficients of shape {values.shape} leave no component")
-        if not np.isfinite(values).all():
-            raise InputError(f"{name}: a coefficient is not a finite number")
-        orders = []
-        for axis in range(k):
-            known = continuity[axis]
-            order = (
-                _detect_continuity(values, axis, k) if known is None else to_float_array(f"{name}: continuity", known)
-            )
-            if order.shape != (expected[axis] - 1,):
-                raise InputError(f"{name}: continuity of shape {order.shape}, expected {(expected[axis] - 1,)}")
-            if not np.isfinite(order).all() or (order != np.floor(order)).any():
-                raise InputError(f"{name}: continuity must be whole numbers, not {shown(order.tolist())}")
-            orders.append(np.clip(order, -1, SMOOTH).astype(int))
-        self._set_state(arrays, values, bool(rational), tuple(orders), None)
+            if not isinstance(given, list | tuple) or len(given) != count:
+                raise InputError(f"{name}: {what} is given for {count} parameters, not as {shown(given)}")
+        arrays, values = check_pieces(name, breaks, coefs, rational=bool(rational))
+        orders = tuple(
+            detect_continuity(values, axis, count) if known is None else check_continuity(name, known, len(b))
+            for axis, (known, b) in enumerate(zip(continuity, arrays, strict=True))
+        )
+        self._set_state(arrays, values, bool(rational), orders, None)
 
     def _set_state(
         self,
@@ -105,7 +75,7 @@ class Spline:
         source: tuple[Any, ...] | None,
     ) -> None:
         coefs = np.ascontiguousarray(coefs)
-        degrees = coefs.shape[: self._directions]
+        degrees = coefs.shape[: self._parameter_count]
         continuity = tuple(np.where(c >= n - 1, SMOOTH, c) for c, n in zip(continuity, degrees, strict=True))
         for array in (*breaks, coefs, *continuity):
             array.setflags(write=False)
@@ -145,9 +115,9 @@ class Spline:
         return hash((type(self), self._rational, self._coefs.shape, *(float(b[-1]) for b in self._breaks)))
 
     def __repr__(self) -> str:
-        k = self._directions
-        degree = " x ".join(str(n - 1) for n in self._coefs.shape[:k])
-        pieces = " x ".join(str(n) for n in self._coefs.shape[k + 1 :])
+        count = self._parameter_count
+        degree = " x ".join(str(n - 1) for n in self._coefs.shape[:count])
+        pieces = " x ".join(str(n) for n in self._coefs.shape[count + 1 :])
         domain = " x ".join(f"[{b[0]:g}, {b[-1]:g}]" for b in self._breaks)
         kind = "rational " if self._rational else ""
         return f"<{kind}{type(self).__name__} of degree {degree}, dim {self.dim}, {pieces} pieces on {domain}>"
@@ -155,7 +125,7 @@ class Spline:
     @property
     def dim(self) -> int:
         """Number of Euclidean components."""
-        return int(self._coefs.shape[self._directions]) - self._rational
+        return int(self._coefs.shape[self._parameter_count]) - self._rational
 
     @property
     def coefs(self) -> Array:
@@ -173,7 +143,7 @@ class Spline:
         """Numerator and weight coefficients (component axis kept); the weight of a polynomial spline is None."""
         if not self._rational:
             return self._coefs, None
-        before = (slice(None),) * self._directions
+        before = (slice(None),) * self._parameter_count
         return self._coefs[(*before, slice(None, -1))], self._coefs[(*before, slice(-1, None))]
 
     def _replace_coefs(
@@ -183,10 +153,18 @@ class Spline:
         continuity = self._continuity if continuity is None else continuity
         if weight is None:
             return self._from_pieces(self._breaks, numerator, False, continuity)
-        k = self._directions
-        degrees = [max(m, n) - 1 for m, n in zip(numerator.shape[:k], weight.shape[:k], strict=True)]
-        numerator, weight = _elevate_to(numerator, degrees), _elevate_to(weight, degrees)
-        return self._from_pieces(self._breaks, np.concatenate([numerator, weight], axis=k), True, continuity)
+        count = self._parameter_count
+        numerator, weight = match_degrees(numerator, weight, count)
+        return self._from_pieces(self._breaks, np.concatenate([numerator, weight], axis=count), True, continuity)
+
+    def _replace_axis(self, axis: int, breaks: Array, coefs: Array, continuity: Array) -> Self:
+        """Spline with other breaks, and continuity, of one parameter and with the coefficients that go with them."""
+        return self._from_pieces(
+            replace_item(self._breaks, axis, breaks),
+            coefs,
+            self._rational,
+            replace_item(self._continuity, axis, continuity),
+        )
 
     def _subdivide_at(self, axis: int, breaks: Array) -> Self:
         """Subdivide at `breaks`, which contain the present ones."""
@@ -197,24 +175,17 @@ class Spline:
         start, length = old[piece], old[piece + 1] - old[piece]
         x0, x1 = (breaks[:-1] - start) / length, (breaks[1:] - start) / length
         coefs = apply_along_axis(
-            lambda c: bernstein.restrict_pieces(c[..., piece], x0, x1), self._coefs, axis, self._directions
+            lambda c: bernstein.restrict_pieces(c[..., piece], x0, x1), self._coefs, axis, self._parameter_count
         )
         order = np.full(len(breaks) - 2, SMOOTH)
         order[np.searchsorted(breaks, old[1:-1]) - 1] = self._continuity[axis]
-        return self._from_pieces(
-            _replace_item(self._breaks, axis, breaks),
-            coefs,
-            self._rational,
-            _replace_item(self._continuity, axis, order),
-        )
+        return self._replace_axis(axis, breaks, coefs, order)
 
     def _snap_and_subdivide(self, axis: int, breaks: Array) -> Self:
-        """Like `_cut`, but present breaks move to those of `breaks` they equal to rounding."""
+        """Snap own breaks to the given ones that they equal to rounding, then subdivide at all given ones."""
         old = self._breaks[axis]
         moved = breaks[np.abs(old[:, None] - breaks).argmin(axis=1)]
-        self = self._from_pieces(
-            _replace_item(self._breaks, axis, moved), self._coefs, self._rational, self._continuity
-        )
+        self = self._from_pieces(replace_item(self._breaks, axis, moved), self._coefs, self._rational, self._continuity)
         return self._subdivide_at(axis, breaks)
 
     def _align_breaks(self, other: Self) -> tuple[Self, Self, tuple[Array, ...]]:
@@ -223,7 +194,7 @@ class Spline:
         for axis, (a, b) in enumerate(zip(self._breaks, other._breaks, strict=True)):
             if a is b or np.array_equal(a, b):
                 continue
-            slack = 4 * _EPS * max(abs(a[0]), abs(a[-1]))
+            slack = 4 * EPSILON * max(abs(a[0]), abs(a[-1]))
             if abs(a[0] - b[0]) > slack or abs(a[-1] - b[-1]) > slack:
                 raise InputError(
                     f"the domains [{a[0]:.17g}, {a[-1]:.17g}] and [{b[0]:.17g}, {b[-1]:.17g}] differ: clip one of them"
@@ -245,12 +216,10 @@ class Spline:
         else:
             weight = a._multiply_weights(v, w)
             x, y = (x if w is None else a._multiply_coefs(x, w)), (y if v is None else a._multiply_coefs(y, v))
-        k = self._directions
-        degrees = [max(m, n) - 1 for m, n in zip(x.shape[:k], y.shape[:k], strict=True)]
-        return a._replace_coefs(join(_elevate_to(x, degrees), _elevate_to(y, degrees)), weight, continuity)
+        return a._replace_coefs(join(*match_degrees(x, y, self._parameter_count)), weight, continuity)
 
     def _multiply_coefs(self, a: Array, b: Array) -> Array:
-        return bernstein.multiply_polynomials(a, b, self._directions)
+        return bernstein.multiply_polynomials(a, b, self._parameter_count)
 
     def _multiply_weights(self, v: Array | None, w: Array | None) -> Array | None:
         """Product of two weights, None standing for one."""
@@ -269,7 +238,7 @@ class Spline:
             raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers: {error}") from error
         if array.ndim > 1 or (array.ndim == 1 and len(array) != self.dim):
             raise OperandError(f"a {name} goes with a {name}, a number or {self.dim} numbers, not {shown(value)}")
-        return array.reshape(*(1,) * self._directions, -1, *(1,) * self._directions)
+        return array.reshape(*(1,) * self._parameter_count, -1, *(1,) * self._parameter_count)
 
     def _check_same_kind(self, value: object) -> Self:
         """Return another spline of the same kind."""
@@ -330,18 +299,19 @@ class Spline:
         """Scalar product, a spline of dim 1."""
         if self.dim != self._check_same_kind(other).dim:
             raise InputError(f"no scalar product of splines of dim {self.dim} and {other.dim}")
-        k = self._directions
-        return self._apply_bilinear(other, lambda x, y: self._multiply_coefs(x, y).sum(axis=k, keepdims=True))
+        count = self._parameter_count
+        return self._apply_bilinear(other, lambda x, y: self._multiply_coefs(x, y).sum(axis=count, keepdims=True))
 
     def cross(self, other: Self) -> Self:
         """Vector product: dim 3 for dim 3, and the determinant as dim 1 for dim 2."""
         if self.dim != self._check_same_kind(other).dim or self.dim not in (2, 3):
             raise InputError(f"no vector product of splines of dim {self.dim} and {other.dim}: both need 3, or both 2")
-        k = self._directions
+        count = self._parameter_count
         i, j = ([1, 2, 0], [2, 0, 1]) if self.dim == 3 else ([0], [1])
 
         def cross_coefs(x: Array, y: Array) -> Array:
-            return self._multiply_coefs(x.take(i, k), y.take(j, k)) - self._multiply_coefs(x.take(j, k), y.take(i, k))
+            plus = self._multiply_coefs(x.take(i, count), y.take(j, count))
+            return plus - self._multiply_coefs(x.take(j, count), y.take(i, count))
 
         return self._apply_bilinear(other, cross_coefs)
 
@@ -357,7 +327,7 @@ class Spline:
         chosen = np.atleast_1d(chosen)
         if not len(chosen):
             raise InputError(f"{index} chooses none of the {self.dim} components")
-        return self._replace_coefs(numerator.take(chosen, self._directions), weight)
+        return self._replace_coefs(numerator.take(chosen, self._parameter_count), weight)
 
     @classmethod
     def stack(cls, splines: Sequence[Self]) -> Self:
@@ -374,20 +344,20 @@ class Spline:
             raise InputError("stack needs at least one spline")
         result = splines[0]
         for other in splines[1:]:
-            result = result._combine_numerators(other, lambda x, y: np.concatenate([x, y], axis=cls._directions))
+            result = result._combine_numerators(other, lambda x, y: np.concatenate([x, y], axis=cls._parameter_count))
         return result
 
     def _take_derivative(self, orders: Sequence[int]) -> Self:
         """Mixed partial derivative. For N / w^m the quotient rule keeps (N, w, m): (N' w - m N w') / w^(m+1)."""
-        orders = [check_integer("the order of a derivative", order, 0, MAX_DERIVATIVE) for order in orders]
-        k = self._directions
+        orders = [check_integer("the order of a derivative", order, 0, SPLINE_LIMITS.derivative) for order in orders]
+        count = self._parameter_count
         numerator, weight = self._split_weight()
         power = 1
         for axis, order in enumerate(orders):
-            lengths = np.diff(self._breaks[axis]).reshape(-1, *(1,) * (k - 1 - axis))
+            lengths = np.diff(self._breaks[axis]).reshape(-1, *(1,) * (count - 1 - axis))
 
             def differentiate_axis(c: Array, axis: int = axis, lengths: Array = lengths) -> Array:
-                return apply_along_axis(bernstein.differentiate_coefs, c, axis, k) / lengths
+                return apply_along_axis(bernstein.differentiate_coefs, c, axis, count) / lengths
 
             for _ in range(order):
                 if weight is None:
@@ -404,18 +374,18 @@ class Spline:
         denominator = weight
         for _ in range(power - 1):
             denominator = self._multiply_weights(denominator, weight)
-        result = self._replace_coefs(numerator, denominator)
-        return self._from_pieces(result._breaks, result._coefs, result._rational, continuity)
+        return self._replace_coefs(numerator, denominator, continuity)
 
     def _elevate_degrees(self, amounts: Sequence[int]) -> Self:
-        amounts = [
-            check_integer("the amount by which a degree is raised", amount, 0, MAX_ELEVATION) for amount in amounts
+        most = SPLINE_LIMITS.elevation
+        amounts = [check_integer("the amount by which a degree is raised", amount, 0, most) for amount in amounts]
+        degrees = [
+            n - 1 + amount for n, amount in zip(self._coefs.shape[: self._parameter_count], amounts, strict=True)
         ]
-        degrees = [n - 1 + amount for n, amount in zip(self._coefs.shape[: self._directions], amounts, strict=True)]
-        return self._from_pieces(self._breaks, _elevate_to(self._coefs, degrees), self._rational, self._continuity)
+        return self._from_pieces(self._breaks, elevate_to(self._coefs, degrees), self._rational, self._continuity)
 
     def _reduce_degrees(self, amounts: Sequence[int | None], tolerance: float) -> Self:
-        k = self._directions
+        count = self._parameter_count
         coefs = self._coefs
         scale = np.abs(coefs).max()
         tolerance = check_number("tolerance", tolerance)
@@ -425,8 +395,8 @@ class Spline:
                 amount = check_integer(f"the amount by which degree {degree} is reduced", amount, 0, degree)
             start, steps = coefs, range(1, degree + 1) if amount is None else [amount]
             for step in steps:
-                lower = apply_along_axis(lambda c, r=step: bernstein.reduce_degree(c, r), start, axis, k)  # type: ignore[misc]
-                back = _elevate_to(lower, [n - 1 for n in start.shape[:k]])
+                lower = apply_along_axis(lambda c, r=step: bernstein.reduce_degree(c, r), start, axis, count)  # type: ignore[misc]
+                back = elevate_to(lower, [n - 1 for n in start.shape[:count]])
                 error = np.abs(back - start).max()
                 if error > tolerance * scale:
                     if amount is None:
@@ -451,7 +421,7 @@ class Spline:
         GeometryError
             If a weight coefficient is not positive: there is no hull.
         """
-        k = self._directions
+        count = self._parameter_count
         numerator, weight = self._split_weight()
         if weight is not None:
             if weight.min() <= 0:
@@ -459,14 +429,14 @@ class Spline:
                     f"no convex hull: a weight coefficient is {weight.min():.3g}; cut the pieces smaller"
                 )
             numerator = numerator / weight
-        points = np.moveaxis(numerator, k, 0).reshape(self.dim, -1)
-        slack = 4 * _EPS * (1 + sum(self._coefs.shape[:k])) * np.abs(points).max(axis=1)
+        points = np.moveaxis(numerator, count, 0).reshape(self.dim, -1)
+        slack = 4 * EPSILON * (1 + sum(self._coefs.shape[:count])) * np.abs(points).max(axis=1)
         return points.min(axis=1) - slack, points.max(axis=1) + slack
 
     def _clip_axis(self, axis: int, start: float, end: float) -> Self:
         old = self._breaks[axis]
         start, end = check_number("the start of a part", start), check_number("the end of a part", end)
-        slack = 4 * _EPS * max(abs(old[0]), abs(old[-1]))
+        slack = 4 * EPSILON * max(abs(old[0]), abs(old[-1]))
         if not (old[0] - slack <= start < end <= old[-1] + slack):
             raise InputError(
                 f"cannot clip to [{start:.17g}, {end:.17g}]: the domain is [{old[0]:.17g}, {old[-1]:.17g}]"
@@ -477,14 +447,9 @@ class Spline:
         cut = self._subdivide_at(axis, unite_breaks(old, np.array([lo, hi])))
         breaks = cut._breaks[axis]
         i, j = int(np.searchsorted(breaks, lo)), int(np.searchsorted(breaks, hi))
-        coefs = apply_along_axis(lambda c: c[..., i:j], cut._coefs, axis, self._directions)
+        coefs = apply_along_axis(lambda c: c[..., i:j], cut._coefs, axis, self._parameter_count)
         order = cut._continuity[axis][i : j - 1]
-        return self._from_pieces(
-            _replace_item(self._breaks, axis, breaks[i : j + 1]),
-            coefs,
-            self._rational,
-            _replace_item(self._continuity, axis, order),
-        )
+        return self._replace_axis(axis, breaks[i : j + 1], coefs, order)
 
     def _insert_breaks(self, axis: int, breaks: ArrayLike) -> Self:
         old = self._breaks[axis]
@@ -494,22 +459,17 @@ class Spline:
 
     def _reverse_axis(self, axis: int) -> Self:
         old = self._breaks[axis]
-        coefs = apply_along_axis(lambda c: c[::-1, ..., ::-1], self._coefs, axis, self._directions)
+        coefs = apply_along_axis(lambda c: c[::-1, ..., ::-1], self._coefs, axis, self._parameter_count)
         breaks = old[0] + old[-1] - old[::-1]
-        return self._from_pieces(
-            _replace_item(self._breaks, axis, breaks),
-            coefs,
-            self._rational,
-            _replace_item(self._continuity, axis, self._continuity[axis][::-1].copy()),
-        )
+        return self._replace_axis(axis, breaks, coefs, self._continuity[axis][::-1].copy())
 
     def _to_rational(self) -> Self:
         """Give it a weight component, one if it had none."""
         return self if self._rational else self._replace_coefs(self._coefs, self._unit_weight())
 
     def _unit_weight(self) -> Array:
-        k = self._directions
-        return np.ones((*(1,) * (k + 1), *self._coefs.shape[k + 1 :]))
+        count = self._parameter_count
+        return np.ones((*(1,) * (count + 1), *self._coefs.shape[count + 1 :]))
 
     def _dehomogenise_poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
         """Poles and weights of assembled homogeneous poles (.., dim_h)."""
@@ -525,23 +485,3 @@ class Spline:
 
 def _unpickle_spline(cls: type[Spline], *state: Any) -> Spline:
     return cls._from_pieces(*state)
-
-
-def _replace_item(items: tuple[Array, ...], axis: int, item: Array) -> tuple[Array, ...]:
-    return (*items[:axis], item, *items[axis + 1 :])
-
-
-def _elevate_to(coefs: Array, degrees: Sequence[int]) -> Array:
-    """Raise every degree of a coefficient array to the given one."""
-    for axis, degree in enumerate(degrees):
-        amount = degree + 1 - coefs.shape[axis]
-        if amount:
-            coefs = apply_along_axis(lambda c, a=amount: bernstein.elevate_degree(c, a), coefs, axis, len(degrees))  # type: ignore[misc]
-    return coefs
-
-
-def _detect_continuity(coefs: Array, axis: int, directions: int) -> Array:
-    """Continuity order where none is known: 0 where neighbouring pieces meet to rounding, else -1."""
-    lead = np.moveaxis(coefs, (axis, directions + 1 + axis), (0, -1))
-    jump = np.abs(lead[-1, ..., :-1] - lead[0, ..., 1:]).max(axis=tuple(range(lead.ndim - 2)))
-    return np.where(jump <= 64 * _EPS * np.abs(coefs).max(), 0, -1)

@@ -10,9 +10,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.checks import check_integer, check_interval, check_number, to_finite_array, to_float_array, unpack_pair
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines import knots as door
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
 from cqblend.splines.curve import Curve
@@ -24,21 +24,28 @@ from cqblend.splines.evaluation import (
     dehomogenise_derivatives,
     locate_pieces,
 )
-from cqblend.splines.spline import MAX_DERIVATIVE, Spline, _replace_item, apply_along_axis
+from cqblend.splines.knots import (
+    SMOOTH,
+    assemble_bspline,
+    check_knot_vector,
+    extract_pieces,
+    is_clamped,
+    to_homogeneous,
+)
+from cqblend.splines.piece_arrays import apply_along_axis
+from cqblend.splines.spline import Spline
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 BSplineSurface = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
 
-MAX_PERIODS = 1000
-"""Most further periods of a closed surface."""
-
 
 def _check_axis(value: object) -> int:
-    return door.check_integer("axis", value, 0, 1)
+    return check_integer("axis", value, 0, 1)
 
 
 def _broadcast_parameters(u: object, v: object) -> tuple[Array, Array]:
     """Return parameters of scattered points, of one shape."""
-    u, v = door.to_finite_array("u", u), door.to_finite_array("v", v)
+    u, v = to_finite_array("u", u), to_finite_array("v", v)
     try:
         u, v = np.broadcast_arrays(u, v)
     except ValueError as error:
@@ -78,7 +85,7 @@ class Surface(Spline):
     """
 
     __slots__ = ()
-    _directions: ClassVar[int] = 2
+    _parameter_count: ClassVar[int] = 2
 
     def __init__(
         self,
@@ -117,17 +124,17 @@ class Surface(Spline):
         InputError
             If the arrays do not fit each other, or are not finite.
         """
-        ku, kv = (door.to_float_array("knots", vector) for vector in door.unpack_pair("knots", knots))
-        poles = door.to_float_array("poles", poles)
+        ku, kv = (to_float_array("knots", vector) for vector in unpack_pair("knots", knots))
+        poles = to_float_array("poles", poles)
         if poles.ndim != 3:
             raise InputError(f"poles have {poles.ndim} axes, expected 3")
-        first, second = door.unpack_pair("degrees", degrees)
-        p, q = door.check_knot_vector(first, ku, len(poles)), door.check_knot_vector(second, kv, poles.shape[1])
-        homogeneous = door.to_homogeneous(poles, weights)
-        bu, rows, cu = door.extract_pieces(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
-        bv, coefs, cv = door.extract_pieces(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
+        first, second = unpack_pair("degrees", degrees)
+        p, q = check_knot_vector(first, ku, len(poles)), check_knot_vector(second, kv, poles.shape[1])
+        homogeneous = to_homogeneous(poles, weights)
+        bu, rows, cu = extract_pieces(p, ku, homogeneous)  # (p+1, Nv, dim, nu)
+        bv, coefs, cv = extract_pieces(q, kv, np.moveaxis(rows, 1, 0))  # (q+1, p+1, dim, nu, nv)
         source = None
-        if door.is_clamped(p, ku) and door.is_clamped(q, kv):
+        if is_clamped(p, ku) and is_clamped(q, kv):
             source = ((p, q), (ku, kv), poles, None if weights is None else np.array(weights, dtype=np.float64))
         return cls._from_pieces((bu, bv), np.swapaxes(coefs, 0, 1), weights is not None, (cu, cv), source)
 
@@ -154,7 +161,7 @@ class Surface(Spline):
         together = Curve.stack(homogeneous)
         p, _, n = together.coefs.shape
         coefs = together.coefs.reshape(p, len(rows), -1, n)[..., None]
-        breaks = np.array(door.check_interval("domain", domain))
+        breaks = np.array(check_interval("domain", domain))
         return cls._from_pieces(
             (together.breaks, breaks), coefs, rational, (together.continuity, np.empty(0, dtype=int))
         )
@@ -172,9 +179,9 @@ class Surface(Spline):
         if self._source is not None:
             degrees, (ku, kv), poles, weights = self._source
             return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
-        ku, rows = door.assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        ku, rows = assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
         # (Nu, q+1, dim, nv)
-        kv, poles = door.assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
+        kv, poles = assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
         return (self.degree, (ku, kv), *self._dehomogenise_poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
 
     @property
@@ -234,8 +241,8 @@ class Surface(Spline):
         """
         u, v = _broadcast_parameters(u, v)
         ku, kv = (
-            door.check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
-            door.check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+            check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
+            check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
         jets = self._evaluate_partials(u.ravel(), v.ravel(), ku, kv, ku + kv, check_break_side(side))
         values = (dehomogenise_derivatives(jets) if self._rational else jets)[ku, kv]
@@ -251,7 +258,7 @@ class Surface(Spline):
             > order.
         """
         u, v = _broadcast_parameters(u, v)
-        order = door.check_integer("the order", order, 0, MAX_DERIVATIVE)
+        order = check_integer("the order", order, 0, SPLINE_LIMITS.derivative)
         jets = self._evaluate_partials(u.ravel(), v.ravel(), order, order, order, check_break_side(side))
         if self._rational:
             jets = dehomogenise_derivatives(jets)
@@ -261,10 +268,10 @@ class Surface(Spline):
 
     def grid(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0) -> Array:
         """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
-        u, v = door.to_finite_array("u", u).ravel(), door.to_finite_array("v", v).ravel()
+        u, v = to_finite_array("u", u).ravel(), to_finite_array("v", v).ravel()
         ku, kv = (
-            door.check_integer("the order ku", ku, 0, MAX_DERIVATIVE),
-            door.check_integer("the order kv", kv, 0, MAX_DERIVATIVE),
+            check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
+            check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
         (p, q), dim_h = self.degree, self._coefs.shape[2]
         arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
@@ -308,7 +315,7 @@ class Surface(Spline):
         result = self
         for axis, window in enumerate((u, v)):
             if window is not None:
-                result = result._clip_axis(axis, *door.check_interval("uv"[axis], window))
+                result = result._clip_axis(axis, *check_interval("uv"[axis], window))
         return result
 
     def cut(self, u: ArrayLike = (), v: ArrayLike = ()) -> Self:
@@ -341,11 +348,13 @@ class Surface(Spline):
         InputError
             If the surface does not close, to 1e-7 of its largest coefficient.
         """
-        axis, continuity = _check_axis(axis), door.check_integer("continuity", continuity, -1, door.SMOOTH)
-        before, after = (door.check_integer("a number of periods", count, 0, MAX_PERIODS) for count in (before, after))
+        axis, continuity = _check_axis(axis), check_integer("continuity", continuity, -1, SMOOTH)
+        before, after = (
+            check_integer("a number of periods", count, 0, SPLINE_LIMITS.periods) for count in (before, after)
+        )
         lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
         gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
-        if continuity >= 0 and gap > 1e-7 * np.abs(self._coefs).max():
+        if continuity >= 0 and gap > SPLINE_TOLERANCES.closing_gap * np.abs(self._coefs).max():
             raise InputError(
                 f"the surface is open in {'uv'[axis]}: its ends are {gap:.3g} apart (homogeneous coefficients)"
             )
@@ -355,18 +364,13 @@ class Surface(Spline):
         breaks = np.concatenate([old[:-1] + i * period for i in copies] + [old[-1:] + after * period])
         coefs = apply_along_axis(lambda c: np.concatenate([c] * len(copies), axis=-1), self._coefs, axis, 2)
         orders = np.concatenate([np.append(order, continuity)] * len(copies))[:-1]
-        return self._from_pieces(
-            _replace_item(self._breaks, axis, breaks),
-            coefs,
-            self._rational,
-            _replace_item(self._continuity, axis, orders),
-        )
+        return self._replace_axis(axis, breaks, coefs, orders)
 
     def isoparametric(self, *, u: float | None = None, v: float | None = None) -> Curve:
         """Take the curve v -> S(u, v) for a given u, or u -> S(u, v) for a given v."""
         if (u is None) == (v is None):
             raise InputError("isoparametric needs exactly one of u and v")
-        axis, value = (0, door.check_number("u", u)) if u is not None else (1, door.check_number("v", v))
+        axis, value = (0, check_number("u", u)) if u is not None else (1, check_number("v", v))
         piece, s, x, _ = locate_pieces(self._breaks[axis], np.array([value]))
         row = self._coefs.take(int(piece[0]), axis=3 + axis)  # (p+1, q+1, dim, n)
         values = bernstein.evaluate_basis(self.degree[axis], s, x)[:, 0]

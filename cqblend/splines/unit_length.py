@@ -19,17 +19,16 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.checks import check_integer, check_number
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import bernstein
-from cqblend.splines import knots as door
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.curve import Curve
-from cqblend.splines.fit import hermite
 from cqblend.splines.hulls import enclose_values
-from cqblend.splines.knots import SMOOTH
+from cqblend.splines.interpolation import hermite
+from cqblend.splines.knots import SMOOTH, assemble_bspline
 from cqblend.splines.roots import find_sign_changes
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 NormaliseMethod = Literal["hermite", "schoenberg"]
 
@@ -39,11 +38,8 @@ _DEGREES = np.arange(3, 25)
 FACTOR_CONTINUITY = 2
 """Continuity of M where the field has it, from degree 5 on."""
 
-MAX_PIECES = 4096
-"""Pieces of M before the tolerance counts as out of reach."""
 
 _CHEBYSHEV_POINTS = 33
-_ATTEMPTS = 5
 
 
 @dataclass(frozen=True)
@@ -146,10 +142,11 @@ def _check_arguments(field: object, tolerance: object, method: object, knots: ob
         raise InputError(f"method {shown(method)}: choose 'hermite' or 'schoenberg'")
     if knots is not None:
         try:
-            door.check_integer("knots", knots, 0, MAX_PIECES if method == "schoenberg" else -1)
+            check_integer("knots", knots, 0, SPLINE_LIMITS.factor_pieces if method == "schoenberg" else -1)
         except InputError as error:
             raise InputError(
-                f"knots={shown(knots)}: a number of knots to insert, {MAX_PIECES} at most, for method='schoenberg'"
+                f"knots={shown(knots)}: a number of knots to insert, {SPLINE_LIMITS.factor_pieces} at most, "
+                "for method='schoenberg'"
             ) from error
     return wanted
 
@@ -164,7 +161,7 @@ def _bound_length(field: Curve, length: float | Curve) -> float:
         reach = float(max(-low[0], high[0]))
     else:
         try:
-            reach = abs(door.check_number("length", length))
+            reach = abs(check_number("length", length))
         except InputError:
             reach = nan
     if not isfinite(reach) or reach == 0:
@@ -190,14 +187,14 @@ def _refuse_zeros(direction: Curve) -> None:
     """Raise where the field is zero to rounding: at a break, or where its length is least inside a piece."""
     rate = direction.dot(direction).derivative()
     scale = np.abs(rate.coefs).max()
-    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * _EPS * scale))
+    column, x = find_sign_changes(rate.coefs[:, 0], np.full(rate.coefs.shape[-1], 16 * EPSILON * scale))
     breaks = direction.breaks
     inside = breaks[column] + x * (breaks[column + 1] - breaks[column])
     t = np.concatenate([inside, breaks[:-1], breaks[1:]])
     values = np.concatenate([direction(np.concatenate([inside, breaks[:-1]])), direction(breaks[1:], side="left")])
     lengths = np.linalg.norm(values, axis=1)
     least = int(lengths.argmin())
-    if lengths[least] <= 1e-9 * lengths.max():
+    if lengths[least] <= SPLINE_TOLERANCES.vanishing_field * lengths.max():
         raise GeometryError(
             f"the field vanishes at t = {t[least]:.9g}, where it has no direction: cut it there and treat the parts"
         )
@@ -208,8 +205,9 @@ def _unreachable_error(direction: Curve, tolerance: float) -> GeometryError:
     lengths = np.linalg.norm(direction(t), axis=1)
     at, ratio = t[lengths.argmin()], lengths.max() / lengths.min()
     return GeometryError(
-        f"no {MAX_PIECES} pieces bring the field to its length within a relative {tolerance:.3g}: it is shortest near "
-        f"t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it there"
+        f"no {SPLINE_LIMITS.factor_pieces} pieces bring the field to its length within a relative {tolerance:.3g}: "
+        f"it is shortest near t = {at:.6g}, and {ratio:.3g} times longer elsewhere; raise the tolerance, or cut it "
+        "there"
     )
 
 
@@ -220,7 +218,7 @@ def _compute_length_errors(unit: Curve) -> Array:
 
 def _bound_length_error(unit: Curve, misses: Array) -> float:
     r"""Bound \| \|U\| - 1 \| by the hull of <U, U> - 1, with the rounding of these and of one more product with U."""
-    rounding = _EPS * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
+    rounding = EPSILON * (unit.degree + unit.dim + 4) * unit.dim * float(np.abs(unit.coefs).max()) ** 2
     low, high = enclose_values(misses, slack=rounding)
     return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 
@@ -231,7 +229,7 @@ def _bound_length_error(unit: Curve, misses: Array) -> float:
 def _fit_fewest_poles(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
     """Find the factor that leads to the fewest poles, the unit field and its error."""
     target = tolerance
-    for _ in range(_ATTEMPTS):
+    for _ in range(SPLINE_LIMITS.factor_attempts):
         factor = _interpolate_reciprocal_length(direction, *_choose_breaks_and_degree(direction, target))
         unit = direction * factor if factor.degree == 0 else factor * direction
         error = _bound_length_error(unit, _compute_length_errors(unit))
@@ -293,7 +291,7 @@ def _choose_breaks_and_degree(direction: Curve, tolerance: float) -> tuple[Array
         pieces = settled + 2 * open_
         poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(roots) + 1) * (order + 1) - shared
         done = possible & (open_ == 0)
-        possible &= done | (poles < poles[done].min(initial=MAX_PIECES * (direction.degree + 2)))
+        possible &= done | (poles < poles[done].min(initial=SPLINE_LIMITS.factor_pieces * (direction.degree + 2)))
         worth = possible & ~done
         if not worth.any():
             break
@@ -393,7 +391,7 @@ def _refine_schoenberg(direction: Curve, tolerance: float, knots: int | None) ->
                 f"with {knots} knots inserted the length is off by a relative {error:.3g}, more than {tolerance:.3g}: "
                 f"give more, leave knots=None, or use method='hermite'"
             )
-        if len(bad) + bad.sum() > MAX_PIECES:
+        if len(bad) + bad.sum() > SPLINE_LIMITS.factor_pieces:
             raise _unreachable_error(direction, tolerance)
         field = _insert_simple_knots(field, (field.breaks[:-1] + field.breaks[1:])[bad] / 2)
 
@@ -407,7 +405,7 @@ def _insert_simple_knots(field: Curve, knots: Array) -> Curve:
 def _fit_schoenberg_factor(field: Curve) -> Curve | None:
     """Replace each pole k of <T, T> by 1/sqrt(k); None if there is one that is not positive."""
     squared = field.dot(field)
-    knots, poles = door.assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
+    knots, poles = assemble_bspline(squared.breaks, squared.coefs, squared.continuity)
     if poles.min() <= 0:
         return None
     return Curve.from_bspline(squared.degree, knots, 1 / np.sqrt(poles))

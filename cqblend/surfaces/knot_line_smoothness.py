@@ -12,12 +12,10 @@ are a linear system for each; as many orders as agree, so smooth is the shape. K
 from __future__ import annotations
 
 from math import comb
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[Any]
+from cqblend.splines.bernstein import Array
 
 HIGHEST_ORDER = 4  # up to which smoothness is counted
 SERIES_EXPONENTS = [(i, k - i) for k in range(1, HIGHEST_ORDER + 1) for i in range(k, -1, -1)]  # exponents, by order

@@ -243,14 +243,12 @@ def test_surfaces_out_and_in():
 
 
 def test_import_is_light():
-    """No CadQuery, no OCP, no scipy, and at most 0.25 s of work beyond NumPy; the best of three, for busy machines."""
+    """No CadQuery, no OCP, no scipy: what it costs beyond NumPy is in benchmarks/quick_jobs.py."""
     code = (
-        "import sys, time, numpy; start = time.process_time(); import cqblend; spent = time.process_time() - start;"
-        "print(spent, *sorted({name.partition('.')[0] for name in sys.modules} & {'cadquery', 'OCP', 'scipy'}))"
+        "import sys, cqblend;"
+        "print(*sorted({name.partition('.')[0] for name in sys.modules} & {'cadquery', 'OCP', 'scipy'}))"
     )
-    runs = [python(code).split() for _ in range(3)]
-    assert {len(run) for run in runs} == {1}, runs
-    assert min(float(run[0]) for run in runs) < 0.25
+    assert python(code).split() == []
 
 
 @pytest.mark.parametrize("order", ["cadquery, cqblend", "cqblend, cadquery"])

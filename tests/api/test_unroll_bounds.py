@@ -78,13 +78,13 @@ def turned(first, second):
 
 def check_strip(source, record):
     """Deviation, angle, strain and areas of a strip against what its record says; what lengths are in the plane."""
-    laying = source.laying
-    surface, ruled = evaluator(laying.strip.surface), evaluator(source.to_trimmed_surface().surface)
+    unrolled = source.unrolled_strip
+    surface, ruled = evaluator(unrolled.strip.surface), evaluator(source.to_trimmed_surface().surface)
     (t0, t1), rng = source.to_trimmed_surface().surface.domain[0], np.random.default_rng(0)
     # both directions at once: rulings are parallel to the parameter lines and the fractions go from 0 to 1
-    if laying.parameters is None:
-        t, v = np.meshgrid(np.linspace(t0, t1, 67), np.linspace(*laying.strip.span, 17), indexing="ij")
-        off = surface(t, v) - ruled(t, laying.strip.find_fractions(t, v))
+    if unrolled.original_parameters is None:
+        t, v = np.meshgrid(np.linspace(t0, t1, 67), np.linspace(*unrolled.strip.span, 17), indexing="ij")
+        off = surface(t, v) - ruled(t, unrolled.strip.find_fractions(t, v))
         assert np.sqrt((off**2).sum(axis=-1)).max() <= record.bound
     h = LONG(1e-6) * (t1 - t0)
     t = np.linspace(t0, t1, 301)[1:-1]
@@ -101,10 +101,13 @@ def check_strip(source, record):
         np.abs(t[:, None] - source.to_trimmed_surface().surface.breaks[0]).min(axis=1) > step
     )  # rails may have kinks
     t, w = t[smooth], w[smooth]
-    flat = [laying.flat(t + step, w) - laying.flat(t - step, w), laying.flat(t, w + part) - laying.flat(t, w - part)]
+    flat = [
+        unrolled.flat(t + step, w) - unrolled.flat(t - step, w),
+        unrolled.flat(t, w + part) - unrolled.flat(t, w - part),
+    ]
     space = [ruled(t + step, w) - ruled(t - step, w), ruled(t, w + part) - ruled(t, w - part)]
     ratio = np.linalg.norm(space[0].astype(float), axis=1) / np.linalg.norm(space[1].astype(float), axis=1)
-    reach = np.abs(laying.flat(t, w)).max() + np.abs(laying.rails[0](t)).max()
+    reach = np.abs(unrolled.flat(t, w)).max() + np.abs(unrolled.rails[0](t)).max()
     noise = 1e-9 + 1e-15 * reach / np.linalg.norm(flat, axis=2).min()
     for angle in np.linspace(0, np.pi, 13):
         cos, sin = np.cos(angle), np.sin(angle) * ratio[:, None]
@@ -126,14 +129,14 @@ def check_strip(source, record):
 
 def check_border(source, piece, record):
     """Points of the piece's outline, rolled, are on the strip or as far from it as the record says."""
-    laying, ruled = source.laying, evaluator(source.to_trimmed_surface().surface)
+    unrolled, ruled = source.unrolled_strip, evaluator(source.to_trimmed_surface().surface)
     t = np.linspace(*source.to_trimmed_surface().surface.domain[0], 2001)
     rails = [ruled(t, np.full(len(t), w)).astype(float) for w in (0.0, 1.0)]
     for _, _, run in piece.runs():
         flat = dense(run.path.points, run.path.bulges, 6)
-        _, w = laying.flat.chart.to_parameters(flat[:, 0] + 1j * flat[:, 1])
+        _, w = unrolled.flat.chart.to_parameters(flat[:, 0] + 1j * flat[:, 1])
         beyond = np.flatnonzero((w < -1e-9) | (w > 1 + 1e-9))
-        folded = laying.flat.fold(flat[beyond]) if len(beyond) else ()
+        folded = unrolled.flat.fold(flat[beyond]) if len(beyond) else ()
         for point, side in zip(folded, w[beyond] > 0.5, strict=True):
             start, step = rails[int(side)][:-1], np.diff(rails[int(side)], axis=0)
             part = np.clip(((point - start) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-300), 0, 1)
@@ -146,7 +149,7 @@ def check_pattern(pattern):
     sources = pattern._unrolled.sources
     looked_at = np.unique(np.linspace(0, len(sources) - 1, MOST).astype(int))  # the others are alike
     for i, (source, record, piece) in enumerate(zip(sources, report.pieces, pattern.strips, strict=True)):
-        if source.laying is not None and i in looked_at:
+        if source.unrolled_strip is not None and i in looked_at:
             check_strip(source, record)
             check_border(source, piece, record)
         around = sum(length(run.path.points, run.path.bulges) for _, _, run in piece.runs())
@@ -204,6 +207,6 @@ def test_every_bound_holds_on_solids(name, away):
 
 def source_face(source):
     """The strip or plane of a piece, trimmed, as a face of its own."""
-    from cqblend.brep.pattern_shapes import sew_strip_faces
+    from cqblend.brep.write.pattern_shapes import sew_strip_faces
 
     return sew_strip_faces([source.to_trimmed_surface()], 1e-6)

@@ -200,7 +200,7 @@ def test_what_is_cut_never_crosses_itself():
         (20.0, 20.0), Pieces((Piece("7", ((Run(bow, np.zeros((5, 3)), "trim"),),)),), ()), (0,), 0, 0
     )
     with pytest.raises(VerificationError, match=r"piece 7 crosses itself: .* mm2 about"):
-        drawing.draw_sheets(placed, height=None)
+        drawing.draw_sheets(placed, label_height=None)
 
 
 # Strips in space.
@@ -221,7 +221,7 @@ def test_strips_of_any_degree_are_there_in_space(degree):
         assert told[0].filename == __file__
     t = np.linspace(*surface.domain[0], 9)
     for source in pattern._unrolled.sources:
-        for point in source.laying.rails[0](t):
+        for point in source.unrolled_strip.rails[0](t):
             assert distance(point, shape.wrapped) < 1e-7
     assert pattern.cross_sections()
 

@@ -89,7 +89,7 @@ def test_widths_are_found_on_a_wavy_face():
     stations = stations_of(joint, np.linspace(0.1, 0.9, 9))
     contacts = solve_setback_contacts(joint.sides, stations, (6.0, 6.0))
     for side, uv in zip(joint.sides, contacts.uv, strict=True):
-        offset = side.primary.jet(uv)[0] - stations.point
+        offset = side.primary.jet(uv)[0] - stations.points
         assert np.abs(np.linalg.norm(offset, axis=1) - 6).max() < 1e-9
 
 

@@ -15,7 +15,7 @@ import cqblend
 from cqblend import Curve, Rail, Surface, hermite_blend
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import bernstein
-from cqblend.surfaces.primaries import TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 STATIONS = np.linspace(0.03, 0.97, 7).tolist()
 

@@ -17,7 +17,7 @@ from places import BENCHMARKS
 from spline_witness import along_edge
 
 import cqblend
-from cqblend.brep.verification.soundness import find_flaws
+from cqblend.brep.verification.brep_check import find_flaws
 from cqblend.errors import CqblendError
 
 PATH = BENCHMARKS / "bodies.py"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cqblend.errors import GeometryError
-from cqblend.splines.fit import approximate_curve, approximate_to_rounding
+from cqblend.splines.approximation import approximate_curve, approximate_to_rounding
 
 DENSE = np.linspace(0, 2 * np.pi, 5001)
 

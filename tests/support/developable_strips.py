@@ -67,3 +67,24 @@ def random_strip(seed, rational=False):
     other = poles + [0, 0.2, 0.5] + 0.1 * rng.normal(size=(4, 3))
     weights = rng.uniform(0.6, 1.6, 4) if rational else None
     return Curve.bezier(poles, weights), Curve.bezier(other, None if weights is None else weights[::-1])
+
+
+DEVELOPABLE = {
+    "cylinder": CYLINDER,
+    "oblique cylinder": (EDGE, moved(EDGE, [1, -3, 2])),
+    "cone": CONE,
+    "cone of a cubic": (moved(EDGE, [0, 0, 3]), moved(EDGE * 1.5, [0, 0, 4.5])),
+    "ring of a cone": (circle(2, 0), circle(1, 1)),
+    "fan": (QUARTER, APEX),
+    "fan upside down": (APEX, QUARTER),
+    "tangent": tangent_strip(0.5, 1.5),
+    "edge of regression": tangent_strip(0.0, 1.0),
+    "helix": helix_strip(1.0, 0.4, 0.5, 2.0, pieces=64),
+}
+TWISTED = {"saddle": SADDLE, "cubics": random_strip(3), "rational": random_strip(8, True)}
+
+
+def grid(rails, count=33, across=5):
+    """Parameters t and w of a grid on a strip."""
+    t = np.linspace(*rails[0].domain, count)
+    return (f.ravel() for f in np.meshgrid(t, np.linspace(0, 1, across), indexing="ij"))

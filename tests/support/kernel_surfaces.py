@@ -29,17 +29,11 @@ from OCP.TColStd import (
 )
 
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import (
-    Cone,
-    Cylinder,
-    LocalFrame,
-    Plane,
-    Primary,
-    RevolvedEllipse,
-    RevolvedSpline,
-    Sphere,
-    TensorSurface,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame
 
 ORIGIN = np.array([3.0, -2.0, 5.0])
 SIZE = 12.0
@@ -83,6 +77,20 @@ def frame(placed: gp_Ax3) -> LocalFrame:
     """Return OCCT's frame as arrays."""
     axes = (placed.XDirection(), placed.YDirection(), placed.Direction())
     return LocalFrame(np.array(placed.Location().Coord()), np.array([axis.Coord() for axis in axes]))
+
+
+def seeded_random(pair: Pair) -> np.random.Generator:
+    """Return random numbers that are the same in every run, others for every pair."""
+    return np.random.default_rng(sum(pair.name.encode()))
+
+
+def sample_parameters(pair: Pair, n: int = 12) -> np.ndarray:
+    """Native parameters in the window; on spheres with a free pole, away from its antipode."""
+    uv = pair.uv(seeded_random(pair).uniform(size=(n, 2)))
+    if isinstance(pair.primary, Sphere):
+        n3 = (pair.jet(uv)[0] - pair.primary.frame.origin) / pair.primary.radius
+        uv = uv[n3 @ pair.primary.pole > -0.9]
+    return uv
 
 
 def _split(knots: np.ndarray) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.errors import GeometryError, SizeError
-from cqblend.surfaces.primaries import Array, Primary, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 SMOOTH_EDGE_SINE = 1e-3  # sine of the angle between the faces below which it does not tell convex from concave
 NEWTON_STEPS = 40  # Newton iterations; four suffice next to the solution, the rest is for damped starts
@@ -40,8 +42,8 @@ class Stations:
     """Cross-sections of the joint at parameters ``t`` (n,): edge points and directions, both faces' parameters."""
 
     t: Array
-    point: Array
-    direction: Array
+    points: Array
+    tangents: Array
     uv: tuple[Array, Array]
 
 
@@ -53,19 +55,19 @@ class Contacts:
     """
 
     t: Array
-    point: Array
+    edge_points: Array
     uv: tuple[Array, Array]
-    reach: Array
-    vectors: Array | None = None
+    cross_lengths: Array
+    cross_vectors: Array | None = None
 
     def select_stations(self, index: Array) -> Contacts:
         """Return some of the contacts."""
         return Contacts(
             self.t[index],
-            self.point[index],
+            self.edge_points[index],
             (self.uv[0][index], self.uv[1][index]),
-            self.reach[:, index],
-            None if self.vectors is None else self.vectors[:, index],
+            self.cross_lengths[:, index],
+            None if self.cross_vectors is None else self.cross_vectors[:, index],
         )
 
     def merge_with(self, others: Contacts) -> Contacts:
@@ -73,12 +75,12 @@ class Contacts:
         order = np.argsort(np.concatenate([self.t, others.t]))
         both = Contacts(
             np.concatenate([self.t, others.t]),
-            np.concatenate([self.point, others.point]),
+            np.concatenate([self.edge_points, others.edge_points]),
             (np.concatenate([self.uv[0], others.uv[0]]), np.concatenate([self.uv[1], others.uv[1]])),
-            np.concatenate([self.reach, others.reach], axis=1),
+            np.concatenate([self.cross_lengths, others.cross_lengths], axis=1),
             None
-            if self.vectors is None or others.vectors is None
-            else np.concatenate([self.vectors, others.vectors], axis=1),
+            if self.cross_vectors is None or others.cross_vectors is None
+            else np.concatenate([self.cross_vectors, others.cross_vectors], axis=1),
         )
         return both.select_stations(order)
 
@@ -168,8 +170,8 @@ def project_to_intersection(sides: tuple[SupportSurface, SupportSurface], statio
 
     def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
         a, b = sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:])
-        tau = stations.direction
-        residual = np.concatenate([a[0] - b[0], ((a[0] - stations.point) * tau).sum(1, keepdims=True)], 1)
+        tau = stations.tangents
+        residual = np.concatenate([a[0] - b[0], ((a[0] - stations.points) * tau).sum(1, keepdims=True)], 1)
         jacobian = np.zeros((len(x), 4, 4))
         for column, rate in enumerate((a[1], a[2], -b[1], -b[2])):
             jacobian[:, :3, column] = rate
@@ -185,7 +187,7 @@ def project_to_intersection(sides: tuple[SupportSurface, SupportSurface], statio
     uv = (x[:, :2], x[:, 2:])
     point = sides[0].primary.jet(uv[0])[0]
     outer = cross_product(sides[0].primary.evaluate_normals(uv[0]), sides[1].primary.evaluate_normals(uv[1]))
-    tau = normalise_vectors(outer) * np.sign((outer * stations.direction).sum(1, keepdims=True))
+    tau = normalise_vectors(outer) * np.sign((outer * stations.tangents).sum(1, keepdims=True))
     return Stations(stations.t, point, tau, uv)
 
 
@@ -197,8 +199,8 @@ def compute_inward_directions(
     The stations run as the boundary of face 1 does: seen from outside, face 1 lies to their left.
     """
     n1, n2 = (side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
-    into1 = cross_product(n1, stations.direction)
-    into2 = -cross_product(n2, stations.direction)
+    into1 = cross_product(n1, stations.tangents)
+    into2 = -cross_product(n2, stations.tangents)
     return into1, into2, -(into1 * n2).sum(1)
 
 
@@ -288,7 +290,7 @@ def solve_ball_contacts(sides: tuple[SupportSurface, SupportSurface], stations: 
     half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
 
     def attempt_ball_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
-        point, tau, r = stations.point[index], stations.direction[index], sizes[:, None]
+        point, tau, r = stations.points[index], stations.tangents[index], sizes[:, None]
 
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
             jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
@@ -328,7 +330,7 @@ def solve_ball_contacts(sides: tuple[SupportSurface, SupportSurface], stations: 
         raise _make_size_error(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
     uv = x[:, :2], x[:, 2:]
     theta = measure_opening(*(sign[i] * sides[i].primary.evaluate_normals(uv[i]) for i in BOTH_SIDES))
-    return Contacts(stations.t, stations.point, uv, np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
+    return Contacts(stations.t, stations.points, uv, np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
 
 
 def solve_setback_contacts(
@@ -348,7 +350,7 @@ def solve_setback_contacts(
         def attempt_setback_contacts(
             index: Array, sizes: Array, start: Array, primary: Primary = primary, direction: Array = direction
         ) -> tuple[Array, Array]:
-            point, tau = stations.point[index], stations.direction[index]
+            point, tau = stations.points[index], stations.tangents[index]
 
             def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
                 jet = primary.jet(x)
@@ -372,5 +374,5 @@ def solve_setback_contacts(
     chord = sides[1].primary.jet(found[1])[0] - sides[0].primary.jet(found[0])[0]
     shares = 2 * np.array(widths) / sum(widths)
     return Contacts(
-        stations.t, stations.point, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
+        stations.t, stations.points, (found[0], found[1]), np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
     )

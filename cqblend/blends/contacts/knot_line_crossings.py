@@ -11,7 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import ContactSolver
-from cqblend.surfaces.primaries import Array, Primary, TensorSurface, shift_to_period
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import solve_in_brackets
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 LEAST_SMOOTH_CONTINUITY = 3  # continuity, below which a knot line makes corners
 SEARCH_STATIONS, SECANT_STEPS = 129, 30  # contacts between which crossings are looked for, and steps to find them
@@ -40,7 +44,7 @@ def find_contact_crossings(
     solve: ContactSolver, primary: Primary, side: int, domain: tuple[float, float], bent: int
 ) -> list[ContactCrossing]:
     """Return where contacts cross knot lines of a spline that is less than C3 there; bends are of order ``bent``."""
-    if not isinstance(primary, TensorSurface) or primary.knot_continuity is None:
+    if not isinstance(primary, TensorSurface) or all(primary.is_angular):
         return []
     rough: list[list[tuple[float, int]]] = [
         list(zip(primary.inner_knot_lines(axis).tolist(), primary.knot_continuity[axis].tolist(), strict=True))
@@ -77,27 +81,19 @@ def find_contact_crossings(
     low, first = np.array([one.t for one, *_ in found]), np.array([value for _, _, value, _ in found])
     high, last = np.array([end for _, end, _, _ in found]), np.array([value for *_, value in found])
     axes = np.array([one.axis for one, *_ in found])
-    middle, moved = low, np.zeros(len(low), dtype=int)
-    for _ in range(SECANT_STEPS):  # regula falsi, the Illinois way: an end that stays twice counts half
-        middle = np.clip((low * last - high * first) / np.where(last == first, 1.0, last - first), low, high)
-        ascending = np.argsort(middle, kind="stable")
-        reached = np.empty_like(middle)
-        reached[ascending] = solve(middle[ascending]).uv[side][np.arange(len(middle)), axes[ascending]]
-        values = np.array(
+
+    def measure_past_knots(t: Array) -> Array:
+        ascending = np.argsort(t, kind="stable")
+        reached = np.empty_like(t)
+        reached[ascending] = solve(t[ascending]).uv[side][np.arange(len(t)), axes[ascending]]
+        return np.array(
             [
                 float(distance_past_knot(reached[k : k + 1], one.value, primary.periods[one.axis])[0])
                 for k, (one, *_) in enumerate(found)
             ]
         )
-        ahead = values * first > 0
-        low, high = np.where(ahead, middle, low), np.where(ahead, high, middle)
-        first, last = (
-            np.where(ahead, values, np.where(moved == -1, first / 2, first)),
-            np.where(ahead, np.where(moved == 1, last / 2, last), values),
-        )
-        moved = np.where(ahead, 1, -1)
-        if np.abs(values).max() <= CROSSING_TOLERANCE:
-            break
+
+    middle = solve_in_brackets(measure_past_knots, (low, high), (first, last), CROSSING_TOLERANCE, SECANT_STEPS)
     ascending = np.argsort(middle, kind="stable")
     reached = solve(middle[ascending]).uv[side]
     crossings = []

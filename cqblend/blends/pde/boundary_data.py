@@ -1,37 +1,35 @@
-"""Boundary data of a blend that belong to no surface: position and derivatives across, given as functions along.
+"""Boundary data that belong to no surface: position and derivatives across, as functions of the parameter along.
 
-They make a surface of their own, the strip C + v T + v^2/2 K, and a ribbon on it. So all that is known of blends along
-rails, how they are measured and what is proven of them, holds for data as well.
+Position C(t), first derivative T(t) and second derivative K(t) make an auxiliary surface C + v T + v^2/2 K and a ribbon
+on it. So blends between boundary data are computed, measured and proven in the same way as blends between rails.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.checks import call_user_function
+from cqblend.blends.pde.tolerances import PDE_TOLERANCES
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
-from cqblend.splines import Curve, Surface, fit
-from cqblend.splines.knots import check_integer, check_interval, check_number, to_float_array
-from cqblend.surfaces.primaries import Array, TensorSurface
+from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 ComponentFunction: TypeAlias = float | Curve | Callable[[Array], Any]
 BoundaryFunction: TypeAlias = Curve | Callable[[Array], Any] | Sequence[ComponentFunction]
 
-LEAST_AREA_SHARE = 1e-9  # relative: an area below is none
-MEETING_ENDS_SHARE = 1e-9  # relative: ends that differ by less meet
-
 
 @dataclass(frozen=True)
 class Boundary:
-    """What a blend is to be on one side, as functions of t: position, and derivatives by v, across.
+    """Position and derivatives by v (across) of a blend at one of its sides, as functions of t (along).
 
     As in You and Zhang's paper, v runs from side 1 to side 2 on both sides: on side 2, derivatives point out of the
     blend.
@@ -44,12 +42,12 @@ class Boundary:
     first, second
         First and second derivative by v, likewise; as many as the order of the equation takes. mm.
     domain
-        Of t, for functions; Curves have one of their own.
+        Interval of t, where functions are given; (0, 2 pi) by default. Curves have a domain of their own.
 
     Raises
     ------
     InputError
-        If something is none of these, or domains differ.
+        If data are of another type or shape, or domains differ.
     GeometryError
         If a function is not smooth.
 
@@ -71,15 +69,20 @@ class Boundary:
         if self.second is not None and self.first is None:
             raise InputError("a boundary with a second derivative needs the first one, too")
         object.__setattr__(self, "domain", self._resolve_domain())
-        self.curves  # noqa: B018  (checked now, not later)
+        self.curves  # noqa: B018  (functions are checked when the boundary is made, not at their first use)
 
     def _resolve_domain(self) -> tuple[float, float]:
-        own = {one.domain for given in self._given_data for one in _check_components(given) if isinstance(one, Curve)}
+        domains = {
+            component.domain
+            for given in self._given_data
+            for component in _check_components(given)
+            if isinstance(component, Curve)
+        }
         if self.domain is not None:
-            own.add(check_interval("domain", self.domain))
-        if len(own) > 1:
-            raise InputError(f"a boundary has one domain, not {' and '.join(map(str, sorted(own)))}")
-        return own.pop() if own else (0.0, 2 * np.pi)
+            domains.add(check_interval("domain", self.domain))
+        if len(domains) > 1:
+            raise InputError(f"a boundary has one domain, not {' and '.join(map(str, sorted(domains)))}")
+        return domains.pop() if domains else (0.0, 2 * np.pi)
 
     @property
     def _given_data(self) -> list[BoundaryFunction]:
@@ -88,34 +91,24 @@ class Boundary:
     @cached_property
     def curves(self) -> tuple[Curve, ...]:
         """Position and derivatives as curves of dim 3, as many as are given."""
-        assert self.domain is not None
-        sets = [_check_components(given) for given in self._given_data]
-        return tuple(
-            Curve.stack([self._to_curve(one, 4 - len(some) if len(some) == 1 else 1) for one in some]) for some in sets
-        )
-
-    def _to_curve(self, one: ComponentFunction | BoundaryFunction, dim: int) -> Curve:
-        assert self.domain is not None
-        if isinstance(one, Curve):
-            return one
-        if callable(one):
-            function = _wrap_function(one, dim)
-            return fit.approximate_to_rounding(
-                function, self.domain, closed=_is_function_periodic(function, self.domain)
-            )
-        assert isinstance(one, Real)
-        return Curve(self.domain, np.full((1, 1, 1), float(one)))
+        domain = self._resolve_domain()
+        curves = []
+        for given in self._given_data:
+            components = _check_components(given)
+            dim = 3 if len(components) == 1 else 1
+            curves.append(Curve.stack([_to_curve(component, dim, domain) for component in components]))
+        return tuple(curves)
 
     @cached_property
     def closed(self) -> bool:
-        """Whether everything given ends as it starts, and goes on with the same slope."""
+        """Whether position and derivatives end as they start, with the same slopes."""
         return all(_is_curve_periodic(curve) for curve in self.curves)
 
     def rail(self, side: int) -> Rail:
-        """Return the data of side 1 or 2 as a rail on a surface of their own: C + v T + v^2/2 K, into the blend.
+        """Return the data of side 1 or 2 as a rail on the auxiliary surface C + v T + v^2/2 K, v into the blend.
 
-        A blend along it with ``tangents=Combination(..)`` of (0, 1) and ``length="field"`` takes position and first
-        derivative as they are; of the second one it takes the curvature.
+        A blend along it with ``tangents=Combination(..)`` of (0, 1) and ``length="field"`` keeps position and first
+        derivative; of the second derivative it keeps the curvature that it gives the surface.
 
         Raises
         ------
@@ -135,12 +128,14 @@ class Boundary:
         return Rail(*self.ribbon(1, side - 1, self).trace, "left")
 
     def ribbon(self, order: int, side: int, other: Boundary) -> DataRibbon:
-        """Return the ribbon of side 0 or 1 with so many directions; one that is not given points to the other side.
+        """Return the ribbon of side 0 or 1, with ``order`` cross derivatives.
+
+        Where no derivative is given, the auxiliary surface runs straight to the other side.
 
         Raises
         ------
         GeometryError
-            If it has a direction, and that spans no tangent plane with the position's somewhere.
+            If order is 1 or 2, and position and first derivative span no tangent plane somewhere.
         """
         order, side = check_integer("the number of directions", order, 0, 2), check_integer("the side", side, 0, 1)
         if not isinstance(other, Boundary):
@@ -150,41 +145,48 @@ class Boundary:
             rest = [(other.curves[0] - position) * (1.0, -1.0)[side]]
         if order:
             _check_tangent_plane(position, rest[0], side)
-        across = Curve.stack([position, *rest]) if rest else position  # of one weight
-        jets = [across[i : i + 3] * (-1.0 if side and i == 3 else 1.0) for i in range(0, across.dim, 3)]
+        stacked = Curve.stack([position, *rest]) if rest else position  # with one common weight
+        jets = [stacked[i : i + 3] * (-1.0 if side and i == 3 else 1.0) for i in range(0, stacked.dim, 3)]
         jets += [jets[0] * 0.0] * (3 - len(jets))
-        strip = Surface.from_rows([jets[0], jets[0] + jets[1] * 0.5, jets[0] + jets[1] + jets[2] * 0.5])
+        surface = Surface.from_rows([jets[0], jets[0] + jets[1] * 0.5, jets[0] + jets[1] + jets[2] * 0.5])
         a, b = position.domain
-        c = Curve([a, b], np.array([[1 - a, a, 1, 0], [1 - b, b, 1, 0]])[..., None])
-        d, e = (Curve([a, b], np.array([[0, 0, -s, s]] * 2, float)[..., None]) for s in (1.0, 0.0))
+        lifted_rail = Curve([a, b], np.array([[1 - a, a, 1, 0], [1 - b, b, 1, 0]])[..., None])
+        first, second = (Curve([a, b], np.array([[0, 0, -s, s]] * 2, float)[..., None]) for s in (1.0, 0.0))
         uv = np.array([[a, 0.0], [b, 0.0]])
-        rows = tuple(_to_homogeneous(jet, k) for k, jet in enumerate(jets[: order + 1]))
         return DataRibbon(
-            TensorSurface.from_spline(strip), c, (d, e)[: max(order, 1)], uv, order, rows=rows, strip=strip
+            TensorSurface.from_spline(surface),
+            lifted_rail,
+            (first, second)[: max(order, 1)],
+            uv,
+            order,
+            homogeneous_jets=tuple(_to_homogeneous(jet, k) for k, jet in enumerate(jets[: order + 1])),
+            surface=surface,
         )
 
 
 @dataclass(frozen=True)
 class DataRibbon(Ribbon):
-    """A ribbon on the strip that boundary data make, with their curves for jets."""
+    """A ribbon on the auxiliary surface of boundary data.
 
-    rows: tuple[Curve, ...] = ()
-    strip: Surface | None = None
+    ``homogeneous_jets`` are the data themselves, curves of dim 4: they need not be composed from the surface.
+    """
+
+    homogeneous_jets: tuple[Curve, ...] = field(kw_only=True)
+    surface: Surface = field(kw_only=True)
 
     def compose_jets(self) -> tuple[Curve, ...]:
         """Return the data."""
-        return self.rows
+        return self.homogeneous_jets
 
     @property
     def trace(self) -> tuple[Surface, Curve]:
-        """The strip, and the boundary in its parameter plane."""
-        assert self.strip is not None
-        (a, b), _ = self.strip.domain
-        return self.strip, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
+        """The auxiliary surface, and the boundary in its parameter plane."""
+        (a, b), _ = self.surface.domain
+        return self.surface, Curve.bezier([[a, 0.0], [b, 0.0]], domain=(a, b))
 
 
-def _check_components(given: object) -> Sequence[Any]:
-    """Return what a position or derivative is made of, checked: one that has dim 3, or three of dim 1."""
+def _check_components(given: object) -> Sequence[ComponentFunction]:
+    """Check a position or derivative, and return its components: one of dim 3, or three of dim 1."""
     if isinstance(given, Curve):
         if given.dim != 3:
             raise InputError(f"boundary data are Curves of dim 3, or three of dim 1, not of dim {given.dim}")
@@ -203,8 +205,18 @@ def _check_components(given: object) -> Sequence[Any]:
     return parts
 
 
+def _to_curve(component: ComponentFunction, dim: int, domain: tuple[float, float]) -> Curve:
+    """Return a Curve, a function or a number as a Curve of dimension ``dim``."""
+    if isinstance(component, Curve):
+        return component
+    if callable(component):
+        function = _wrap_function(component, dim)
+        return approximate_to_rounding(function, domain, closed=_is_function_periodic(function, domain))
+    return Curve(domain, np.full((1, 1, 1), float(component)))
+
+
 def _wrap_function(function: Callable[[Array], Any], dim: int) -> Callable[[Array], Array]:
-    """Let a function return (n, dim), with an error that says what is wrong if it does not."""
+    """Return a function whose values have the shape (n, dim) and are finite; it raises InputError else."""
     expected = "(n, 3)" if dim == 3 else "(n,) as a component"
 
     def call_checked(t: Array) -> Array:
@@ -222,23 +234,23 @@ def _wrap_function(function: Callable[[Array], Any], dim: int) -> Callable[[Arra
 
 
 def _is_function_periodic(function: Callable[[Array], Array], domain: tuple[float, float]) -> bool:
-    """Whether a function goes on periodically, as far as value and slope tell."""
+    """Whether value and slope of a function at the end are those at its start."""
     a, b = domain
-    h = 1e-4 * (b - a)
+    h = PDE_TOLERANCES.slope_step * (b - a)
     values = function(np.array([a, a + h, a + 2 * h, b - 2 * h, b - h, b]))
     size = np.abs(function(np.linspace(a, b, 33))).max() + np.abs(values).max()
     slopes = [values[:3].T @ [-1.5, 2, -0.5], values[3:].T @ [0.5, -2, 1.5]]
-    gaps = np.abs(values[0] - values[-1]).max(), np.abs(slopes[0] - slopes[1]).max() / 1e-4
-    return bool(gaps[0] <= MEETING_ENDS_SHARE * size and gaps[1] <= 1e-5 * size)
+    gaps = np.abs(values[0] - values[-1]).max(), np.abs(slopes[0] - slopes[1]).max() / PDE_TOLERANCES.slope_step
+    return bool(gaps[0] <= PDE_TOLERANCES.closing_gap * size and gaps[1] <= PDE_TOLERANCES.function_slope_gap * size)
 
 
 def _is_curve_periodic(curve: Curve) -> bool:
     """Whether a curve ends as it starts, with its slope."""
     (a, b), size = curve.domain, np.abs(curve(curve.breaks)).max()
-    (first, slope), (last, other) = curve.jet(np.array([a, b]), 1).swapaxes(0, 1)
+    (first, first_slope), (last, last_slope) = curve.jet(np.array([a, b]), 1).swapaxes(0, 1)
     return bool(
-        np.abs(first - last).max() <= MEETING_ENDS_SHARE * size
-        and np.abs(slope - other).max() * (b - a) <= 1e-6 * max(size, 1e-300)
+        np.abs(first - last).max() <= PDE_TOLERANCES.closing_gap * size
+        and np.abs(first_slope - last_slope).max() * (b - a) <= PDE_TOLERANCES.curve_slope_gap * max(size, 1e-300)
     )
 
 
@@ -248,7 +260,7 @@ def _check_tangent_plane(position: Curve, first: Curve, side: int) -> None:
     rate, vector = position(t, 1), first(t)
     area = np.linalg.norm(np.cross(rate, vector), axis=1)
     size = np.linalg.norm(rate, axis=1).max() * np.linalg.norm(vector, axis=1).max()
-    if not area.min() > LEAST_AREA_SHARE * size:
+    if not area.min() > PDE_TOLERANCES.tangent_area * size:
         raise GeometryError(
             f"position and first derivative of side {side + 1} span no tangent plane at t = {t[area.argmin()]:.6g}: "
             "one of them vanishes, or they are parallel"

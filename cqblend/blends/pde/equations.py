@@ -7,7 +7,8 @@ PDEs on blending surfaces", eq. 1 to 6), with shape parameters c_0 = a, c_1 = b,
 .. math:: \sum_{i=0}^{n/2} c_i \frac{\partial^n f}{\partial v^{n-2i} \partial w^{2i}} = 0.
 
 It takes n/2 conditions on each rail: the position, for n = 4 the first derivative across, for n = 6 the second one.
-Knows neither boundary data nor how the equation is solved.
+Its symbol is the polynomial :math:`\sum_i c_i z^{n/2 - i}`; where that has a root z >= 0, the boundary does not
+determine the solution. Depends on numbers and arrays only: boundary data and the solver are elsewhere in this package.
 """
 
 from __future__ import annotations
@@ -20,15 +21,12 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
+from cqblend.checks import check_number
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
-from cqblend.splines.knots import check_number
 
 COEFFICIENT_NAMES = "abcd"
-DEGENERATE_SHARE = 1e-9  # of the sum of its terms: a symbol that comes nearer to zero counts as zero
-
-LARGEST_COEFFICIENT_RATIO = 1e12
-"""Coefficients beside a, at most: beyond, layers along the rails are thinner than anything that resolves them."""
 
 ShapeParameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
 
@@ -40,8 +38,7 @@ class Equation:
     Raises
     ------
     InputError
-        If it is degenerate: a is zero, or its symbol, the sum of c_i z^(n/2 - i), has a zero z >= 0. Then it has
-        solutions that the boundary does not determine.
+        If it is degenerate: a is zero, or the symbol has a root z >= 0.
 
     Examples
     --------
@@ -56,22 +53,21 @@ class Equation:
     coefficients: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if self.coefficients[0] and not np.abs(self.coefficients).max() <= LARGEST_COEFFICIENT_RATIO * abs(
-            self.coefficients[0]
-        ):
+        largest = PDE_LIMITS.coefficient_ratio * abs(self.coefficients[0])
+        if self.coefficients[0] and not np.abs(self.coefficients).max() <= largest:
             raise InputError(
                 f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) have an a that is nothing beside the "
-                f"others: take one above {1 / LARGEST_COEFFICIENT_RATIO:g} of them"
+                f"others: take one above {1 / PDE_LIMITS.coefficient_ratio:g} of them"
             )
-        at = self._find_symbol_zero()
-        if at is not None:
+        root = self._find_symbol_root()
+        if root is not None:
             symbol = " + ".join(
                 name + ("", " z", " z^2", " z^3")[self.half - i]
                 for i, name in enumerate(COEFFICIENT_NAMES[: self.half + 1])
             )
             raise InputError(
                 f"parameters ({', '.join(f'{c:.6g}' for c in self.coefficients)}) are degenerate: {symbol} is zero at "
-                f"z = {at:.4g}; take them all above 0"
+                f"z = {root:.4g}; take them all above 0"
             )
 
     @classmethod
@@ -87,7 +83,7 @@ class Equation:
 
     @property
     def half(self) -> int:
-        """How many conditions it takes on each rail."""
+        """Number of conditions on each rail, n/2."""
         return len(self.coefficients) - 1
 
     @property
@@ -97,7 +93,7 @@ class Equation:
 
     @property
     def largest_exponent(self) -> float:
-        r"""Largest \|rho\| of its solutions :math:`e^{\rho v + i w}`; omega times that for :math:`e^{i \omega w}`."""
+        r"""Largest \|rho\| of the solutions :math:`e^{\rho v + i w}`; for :math:`e^{i \omega w}` times omega."""
         squares = np.roots([c * (-1) ** i for i, c in enumerate(self.normalised_coefficients)])
         return float(np.sqrt(np.abs(squares).max()))
 
@@ -121,23 +117,22 @@ class Equation:
         h, s = np.sqrt(b + 2 * g), np.sqrt(r)
         return np.array([[1.0, 0.0, -g, 0.0], [0.0, s, 0.0, -s * g], [0.0, h, 0.0, 0.0], [0.0, 0.0, s * h, 0.0]])
 
-    def _find_symbol_zero(self) -> float | None:
+    def _find_symbol_root(self) -> float | None:
         """Return a z >= 0 (infinite for a = 0) at which the symbol vanishes, None if there is none."""
         if self.coefficients[0] == 0:
             return np.inf
         with np.errstate(over="ignore"):
             c = self.normalised_coefficients
-        turns = np.roots(np.polyder(c))
-        at = np.concatenate([[0.0], turns[np.abs(turns.imag) <= 1e-6 * np.abs(turns)].real])
-        at = at[at >= 0]
-        values = np.polyval(c, at)
-        size = np.polyval(np.abs(c), at)
-        bad = at[values <= DEGENERATE_SHARE * size]
-        if not len(bad):
+        extrema = np.roots(np.polyder(c))
+        real = extrema[np.abs(extrema.imag) <= PDE_TOLERANCES.real_extremum * np.abs(extrema)].real
+        z = np.concatenate([[0.0], real])
+        z = z[z >= 0]
+        zeros = z[np.polyval(c, z) <= PDE_TOLERANCES.degenerate_symbol * np.polyval(np.abs(c), z)]
+        if not len(zeros):
             return None
         roots = np.roots(c)
-        real = roots[(roots.real >= 0) & (np.abs(roots.imag) <= 1e-4 * np.abs(roots))].real
-        return float(real.min()) if len(real) else float(bad[0])
+        real = roots[(roots.real >= 0) & (np.abs(roots.imag) <= PDE_TOLERANCES.real_root * np.abs(roots))].real
+        return float(real.min()) if len(real) else float(zeros[0])
 
 
 def make_equations(
@@ -148,12 +143,12 @@ def make_equations(
     Parameters
     ----------
     order
-        Of each.
+        Order of each.
     parameters
         The coefficients of all three, or a sequence of three such sequences; or a number s, for the powers of
-        Laplace's operator with that factor on the derivative along; None for these with ``scale``.
+        Laplace's operator with that factor on the derivative along; None for s = ``scale``.
     scale
-        The s that makes v and w count in lengths.
+        The factor on the derivative along with which v and w both count in lengths.
 
     Raises
     ------
@@ -162,13 +157,13 @@ def make_equations(
     """
     if parameters is None or isinstance(parameters, Real):
         s = scale if parameters is None else check_number("each of the parameters", parameters)
-        if not 0 < s <= LARGEST_COEFFICIENT_RATIO:
+        if not 0 < s <= PDE_LIMITS.coefficient_ratio:
             raise InputError(
-                f"parameters must be above 0 if they are one number, and at most {LARGEST_COEFFICIENT_RATIO:g}, not "
+                f"parameters must be above 0 if they are one number, and at most {PDE_LIMITS.coefficient_ratio:g}, not "
                 f"{s:g}"
             )
-        made = [Equation.from_laplacian(n, s) for n in order]
-        return made[0], made[1], made[2]
+        first, second, third = (Equation.from_laplacian(n, s) for n in order)
+        return first, second, third
     if not isinstance(parameters, list | tuple | np.ndarray):
         raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
     rows = list(parameters)
@@ -176,13 +171,12 @@ def make_equations(
         rows = [rows] * 3
     if len(rows) != 3 or not all(isinstance(row, list | tuple | np.ndarray) for row in rows):
         raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
-    made = []
+    equations = []
     for name, row, n in zip("xyz", rows, order, strict=True):
         if len(row) != n // 2 + 1:
             raise InputError(
                 f"an equation of order {n} has {n // 2 + 1} parameters, "
-                f"{', '.join(COEFFICIENT_NAMES[: n // 2 + 1])}; there are "
-                f"{len(row)} for {name}"
+                f"{', '.join(COEFFICIENT_NAMES[: n // 2 + 1])}; there are {len(row)} for {name}"
             )
-        made.append(Equation(tuple(check_number("each of the parameters", value) for value in row)))
-    return made[0], made[1], made[2]
+        equations.append(Equation(tuple(check_number("each of the parameters", value) for value in row)))
+    return equations[0], equations[1], equations[2]

@@ -1,7 +1,7 @@
-"""From two ribbons to a blend by partial differential equations: the choice of equations and of functions, and the way.
+"""From two ribbons to a blend by partial differential equations: chooses equations, functions along and accuracies.
 
-Ribbons on surfaces are parametrised by their rails' lengths for that, so that what comes out does not depend on how the
-rails happen to be: w runs over [0, 2 pi] on closed ones, over [0, 1] on open ones.
+Ribbons on surfaces are parametrised by the length of their rails, so that the blend does not depend on how the rails
+are parametrised: w runs over [0, 2 pi] on closed rails, over [0, 1] on open ones.
 """
 
 from __future__ import annotations
@@ -14,48 +14,51 @@ import numpy as np
 
 from cqblend.blends.pde.equations import Equation, ShapeParameters, make_equations
 from cqblend.blends.pde.least_squares import Minimise
-from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Basis, Splines, Waves
+from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter, evaluate_mean_speed
 from cqblend.blends.pde.solution import BoundaryData, BoundaryProblem, EndSections, Solution
+from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.interior import LEAST_POINTS_ACROSS, PdeSection
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import merge_breaks
 from cqblend.splines.integral import Antiderivative, gauss_rule
-from cqblend.surfaces.primaries import Array
 
 BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
 BASIS_NAMES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")
 
-GAUSS_POINTS_PER_PIECE, LEAST_PIECES = 4, 128  # Gauss points of a piece, and pieces at least, at which data are read
-LARGEST_WAVE_EXPONENT = (
-    8.0  # exponents above belong to layers that no one sees: such waves are left to the Hermite interpolant
-)
-FEWEST_MODES, MOST_FREE_MODES = 8, 64  # waves or spans, where their number is free
-DEFAULT_POLYNOMIAL_DEGREE, MOST_POLYNOMIAL_DEGREE = 14, 24  # of polynomials, where it is free, and at all
-DATA_ACCURACY_SHARE = 1e-12  # of the size: accuracy of solutions for data, unless a better one is asked for
-COORDINATE_ROUNDING = 1e-13  # of coordinates: what is below it in data is rounding
-INTERIOR_TOLERANCE_SHARE = (
-    1e-5  # of the distance between rails: what is between them need not be nearer to the solution
-)
-RESIDUAL_TERM_SHARE = 1e-4  # of the interior, that terms along rails may leave out
-RAIL_ENERGY_SHARE, DATA_ENERGY_SHARE = (
-    0.02,
-    1e-3,
-)  # of the root of the energy, likewise, and between data; the middle of the blend is right to
-# the square of that
+
+@dataclass(frozen=True)
+class SideSetup:
+    """How both sides of a blend are laid out along.
+
+    Attributes
+    ----------
+    closed : bool
+        Whether both are closed.
+    by_length : bool
+        Whether w is the length of the rails, scaled, or else t itself. Between rails (by length), the blend need not be
+        nearer to the solution than ``PDE_TOLERANCES.interior``, and the solution is computed accordingly.
+    ends : EndSections or None
+        End sections of open sides; None for those of the Hermite section.
+    """
+
+    closed: bool
+    by_length: bool = True
+    ends: EndSections | None = None
 
 
 @dataclass(frozen=True)
 class PdeSettings:
-    """What is asked of a blend by partial differential equations.
+    """The options of a blend by partial differential equations.
 
     Attributes
     ----------
     order : tuple of int
-        Of the equations of x, y and z.
+        Orders of the equations of x, y and z.
     parameters
         As :func:`cqblend.blends.pde.equations.make_equations` takes them.
     terms : int or None
@@ -63,7 +66,7 @@ class PdeSettings:
     basis : str
         Functions along; "auto" for waves on closed rails and B-splines on open ones.
     modes : int or None
-        Waves, spans, or the degree of polynomials; None for as many as the data take.
+        Number of waves or spans, or the degree of polynomials; None for as many as the data take.
     points : tuple of (int or None)
         Collocation points across and along.
     minimise : {"auto", "residual", "energy"}
@@ -81,7 +84,7 @@ class PdeSettings:
 
     @property
     def halves(self) -> tuple[int, int, int]:
-        """How many conditions x, y and z take on each rail."""
+        """Number of conditions on each rail for x, y and z."""
         x, y, z = self.order
         return x // 2, y // 2, z // 2
 
@@ -91,10 +94,7 @@ class PdeSettings:
         form: str,
         tolerance: float,
         angular_tolerance: float,
-        *,
-        closed: bool,
-        by_length: bool = True,
-        ends: EndSections | None = None,
+        setup: SideSetup,
     ) -> tuple[BlendSurface, Solution]:
         """Blend two ribbons, which have as many directions as the highest order takes.
 
@@ -102,13 +102,8 @@ class PdeSettings:
         ----------
         ribbons, form, tolerance, angular_tolerance
             As :func:`cqblend.blends.sections.blend_surface.blend_ribbons` takes them.
-        closed
-            Whether both ribbons are.
-        by_length
-            Whether w is the rails' length, scaled, or t itself. If so, what is between the rails need not be nearer to
-            the solution than a share of their distance, and neither need the solution be.
-        ends
-            End sections; None for those of the ribbons.
+        setup
+            How the sides are laid out along.
 
         Raises
         ------
@@ -117,35 +112,27 @@ class PdeSettings:
         CqblendError
             As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and where the interior takes too many spans.
         """
-        task = self.pose_boundary_problem(
-            ribbons, closed=closed, by_length=by_length, ends=ends, accuracy=tolerance / 10
-        )
-        solution, clock = task.solve(self.terms), task.clock
-        knots, (kinks, orders) = clock.invert_parameter(task.basis.knots), clock.find_kinks()
-        fill = PdeSection(
+        problem = self.pose_boundary_problem(ribbons, setup, accuracy=tolerance / 10)
+        solution, rail_parameter = problem.solve(self.terms), problem.rail_parameter
+        knots, (kinks, orders) = rail_parameter.invert_parameter(problem.basis.knots), rail_parameter.find_kinks()
+        interior = PdeSection(
             solution.halves,
             max(LEAST_POINTS_ACROSS, 4 * solution.terms),
-            max(tolerance, INTERIOR_TOLERANCE_SHARE * task.data.width) if by_length else tolerance,
-            closed,
+            max(tolerance, PDE_TOLERANCES.interior * problem.data.width) if setup.by_length else tolerance,
+            setup.closed,
             np.concatenate([knots, kinks]),
             np.concatenate([np.full(len(knots), LEAST_SPLINE_DEGREE - 1), orders]),
             solution,
         )
-        blend = blend_ribbons(ribbons, form, tolerance, angular_tolerance, fill)
+        blend = blend_ribbons(ribbons, form, tolerance, angular_tolerance, interior)
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
         return replace(blend, ribbons=(first, second), residual=max(solution.residual)), solution
 
     def pose_boundary_problem(
-        self,
-        ribbons: tuple[Ribbon, Ribbon],
-        *,
-        closed: bool,
-        by_length: bool,
-        ends: EndSections | None = None,
-        accuracy: float,
+        self, ribbons: tuple[Ribbon, Ribbon], setup: SideSetup, *, accuracy: float
     ) -> BoundaryProblem:
-        """Return what is to be solved; ``accuracy`` (mm) is that of the data along rails, and of free terms.
+        """Return the boundary value problem; ``accuracy`` (mm) is that of the expansion along and of free terms.
 
         Raises
         ------
@@ -158,33 +145,45 @@ class PdeSettings:
         breaks = merge_breaks(*(jet.breaks for side in jets for jet in side))
         rails = jets[0][0], jets[1][0]
         lengths = Antiderivative(partial(evaluate_mean_speed, rails), breaks)
-        clock = LengthParameter(rails, lengths, None if not by_length else 2 * np.pi if closed else 1.0)
-        domain = (float(breaks[0]), float(breaks[-1])) if clock.end is None else (0.0, clock.end)
-        data = _read_boundary_data(
-            (jets[0], jets[1]), breaks, clock, domain, closed, max(LEAST_PIECES, self.modes or 0)
-        )
-        made = make_equations(self.order, self.parameters, _compute_length_ratio(data, float(lengths.values[-1])))
-        if not by_length:
-            accuracy = min(accuracy, DATA_ACCURACY_SHARE * data.size)
-        accuracy = max(accuracy, COORDINATE_ROUNDING * float(np.abs(data.centre).max() + data.size))
-        basis = self._choose_basis(data, made, accuracy, limited=by_length)
+        end = None if not setup.by_length else 2 * np.pi if setup.closed else 1.0
+        rail_parameter = LengthParameter(rails, lengths, end)
+        least_pieces = max(PDE_LIMITS.pieces, self.modes or 0)
+        data = _read_boundary_data((jets[0], jets[1]), breaks, rail_parameter, setup.closed, least_pieces)
+        equations = make_equations(self.order, self.parameters, _compute_length_ratio(data, float(lengths.values[-1])))
+        if not setup.by_length:
+            accuracy = min(accuracy, PDE_TOLERANCES.data_accuracy * data.size)
+        accuracy = max(accuracy, PDE_TOLERANCES.coordinate_rounding * float(np.abs(data.centre).max() + data.size))
+        basis = self._choose_basis(data, equations, accuracy, limited=setup.by_length)
         minimise = self.minimise
         if minimise == "auto":
-            whole = ends is not None and ends.jets.shape[1] >= max(self.halves)
-            minimise = "residual" if closed or whole else "energy"
+            has_all_ends = setup.ends is not None and setup.ends.jets.shape[1] >= max(self.halves)
+            minimise = "residual" if setup.closed or has_all_ends else "energy"
         elif minimise == "energy" and isinstance(basis, Waves):
             raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
-        share = (
-            (RESIDUAL_TERM_SHARE if by_length else 0.0)
-            if minimise == "residual"
-            else (RAIL_ENERGY_SHARE if by_length else DATA_ENERGY_SHARE)
+        if minimise == "residual":
+            relative_accuracy = PDE_TOLERANCES.residual_terms if setup.by_length else 0.0
+        else:
+            relative_accuracy = PDE_TOLERANCES.rail_energy if setup.by_length else PDE_TOLERANCES.data_energy
+        return BoundaryProblem(
+            data=data,
+            equations=equations,
+            basis=basis,
+            rail_parameter=rail_parameter,
+            minimise=minimise,
+            points=self.points,
+            ends=setup.ends,
+            accuracy=accuracy,
+            relative_accuracy=relative_accuracy,
+            keeps_low_degree=setup.by_length,
         )
-        return BoundaryProblem(data, made, basis, clock, minimise, self.points, ends, accuracy, share, light=by_length)
 
     def _choose_basis(
-        self, data: BoundaryData, made: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool
-    ) -> Basis:
-        """Choose the functions along: the fewest that hold the data."""
+        self, data: BoundaryData, equations: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool
+    ) -> Waves | Splines:
+        """Choose the fewest functions along whose expansion of the data is accurate.
+
+        If their number is ``limited``, waves that would make thin boundary layers are left out.
+        """
         kind = self.basis
         if kind == "auto":
             kind = "trigonometric" if data.closed else "bspline"
@@ -193,17 +192,17 @@ class PdeSettings:
             raise InputError(f'basis="{kind}" does not suit {state} rails: take "{way}" or "bspline"')
         order, period = max(self.order), data.domain[1] - data.domain[0]
         if kind == "polynomial":
-            degree = max(DEFAULT_POLYNOMIAL_DEGREE, order + 1) if self.modes is None else self.modes
-            if not order <= degree <= MOST_POLYNOMIAL_DEGREE:
+            degree = max(PDE_LIMITS.polynomial_degree, order + 1) if self.modes is None else self.modes
+            if not order <= degree <= PDE_LIMITS.most_polynomial_degree:
                 raise InputError(
                     f"polynomials of degree {degree} do not suit equations of order {order}: modes from {order} to "
-                    f"{MOST_POLYNOMIAL_DEGREE} do"
+                    f"{PDE_LIMITS.most_polynomial_degree} do"
                 )
             return Splines(data.domain, degree, 1)
-        most = MOST_FREE_MODES
+        most = PDE_LIMITS.most_modes
         if limited:
-            steepest = max(one.largest_exponent for one in made) * 2 * np.pi / period
-            most = int(np.clip(LARGEST_WAVE_EXPONENT / steepest, FEWEST_MODES, MOST_FREE_MODES))
+            exponent = max(equation.largest_exponent for equation in equations) * 2 * np.pi / period
+            most = int(np.clip(PDE_LIMITS.wave_exponent / exponent, PDE_LIMITS.fewest_modes, PDE_LIMITS.most_modes))
         if kind == "trigonometric":
             if self.modes is not None:
                 return Waves(data.domain, self.modes)
@@ -211,7 +210,7 @@ class PdeSettings:
         degree = max(order + 1, LEAST_SPLINE_DEGREE)
         if self.modes is not None:
             return Splines(data.domain, degree, self.modes, data.closed)
-        spans = FEWEST_MODES
+        spans = PDE_LIMITS.fewest_modes
         while True:
             basis = Splines(data.domain, degree, spans, data.closed)
             if spans >= most or data.project_onto_basis(basis)[1] <= accuracy:
@@ -220,40 +219,47 @@ class PdeSettings:
 
 
 def _drop_small_waves(data: BoundaryData, waves: Waves, accuracy: float) -> Waves:
-    """Leave out waves that add less than the accuracy, all that follow included."""
+    """Drop the last waves that together add less than the accuracy."""
     coefs = np.abs(data.project_onto_basis(waves)[0]).max(axis=-1).sum(axis=(1, 2))  # (count,)
-    each = coefs[1::2] + coefs[2::2]
-    tail = np.cumsum(each[::-1])[::-1]
-    return waves.with_modes(int((tail > accuracy).sum()))
+    amplitudes = coefs[1::2] + coefs[2::2]
+    tails = np.cumsum(amplitudes[::-1])[::-1]
+    return waves.with_modes(int((tails > accuracy).sum()))
 
 
 def _read_boundary_data(
     jets: tuple[tuple[Curve, ...], tuple[Curve, ...]],
     breaks: Array,
-    clock: LengthParameter,
-    domain: tuple[float, float],
+    rail_parameter: LengthParameter,
     closed: bool,
-    count: int,
+    least_pieces: int,
 ) -> BoundaryData:
-    """Read the boundary data of two ribbons at Gauss points of their pieces, those of side 2 with v reversed.
+    """Evaluate the boundary data of two ribbons at Gauss points of their pieces, those of side 2 with v reversed.
 
-    There are ``count`` pieces at least, of equal lengths in w.
+    Pieces end at the breaks, and at the ends of ``least_pieces`` pieces of equal length in w.
     """
-    pieces = np.union1d(breaks, clock.invert_parameter(np.linspace(*domain, count + 1)).clip(breaks[0], breaks[-1]))
-    nodes, weights = gauss_rule(GAUSS_POINTS_PER_PIECE)
+    domain = (float(breaks[0]), float(breaks[-1])) if rail_parameter.end is None else (0.0, rail_parameter.end)
+    even = rail_parameter.invert_parameter(np.linspace(*domain, least_pieces + 1))
+    pieces = np.union1d(breaks, even.clip(breaks[0], breaks[-1]))
+    nodes, weights = gauss_rule(PDE_LIMITS.gauss_points)
     steps = np.diff(pieces)
     t = (pieces[:-1, None] + steps[:, None] * nodes).ravel()
     first, second = (dehomogenise_jets(np.stack([jet(t) for jet in side])) for side in jets)
     signs = (-1.0) ** np.arange(len(second))[:, None, None]
-    measure = (steps[:, None] * weights).ravel() * clock.evaluate_rate(t)
+    measure = (steps[:, None] * weights).ravel() * rail_parameter.evaluate_rate(t)
     both = np.stack([first, second * signs])
     centre = both[:, 0].mean(axis=(0, 1))
     both[:, 0] -= centre
-    return BoundaryData(clock(t), measure, both, centre, domain, closed)
+    return BoundaryData(rail_parameter(t), measure, both, centre, domain, closed)
 
 
 def _compute_length_ratio(data: BoundaryData, length: float) -> float:
-    """Return the factor on derivatives along with which v and w both count in lengths: width over length of a unit."""
+    """Return the factor on derivatives along with which v and w count in lengths: width over the length of a unit of w.
+
+    Raises
+    ------
+    GeometryError
+        Both rails are points, or one curve.
+    """
     if not length > 0:
         raise GeometryError("both sides are points: there is nothing along them")
     if not data.width > 0:

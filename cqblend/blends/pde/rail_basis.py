@@ -1,6 +1,7 @@
-"""Functions along a blend, g_j(w): what its boundary data are made of, and its interior with them.
+"""Functions g_j(w) along a blend, in which its boundary data and its interior are expanded.
 
-Waves on closed rails; on open ones splines or polynomials, whose ends can be held. Knows no equations.
+Waves on closed rails; on open ones splines or polynomials, whose outermost coefficients can be prescribed. Depends on
+splines only.
 """
 
 from __future__ import annotations
@@ -11,12 +12,12 @@ from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array
 
-LEAST_SPLINE_DEGREE = 5  # least degree of splines: what they fill is C4
-LEAST_GAUSS_POINTS = 4  # points of a span, where an equation is to hold
+LEAST_SPLINE_DEGREE = 5  # of splines along: with simple knots they are C4
 
 
 class Basis(ABC):
@@ -27,11 +28,11 @@ class Basis(ABC):
     @property
     @abstractmethod
     def count(self) -> int:
-        """How many they are."""
+        """Number of functions."""
 
     @property
     def knots(self) -> Array:
-        """Where they are not smooth, inside the domain."""
+        """Inner parameters at which they are not smooth."""
         return np.empty(0)
 
     @abstractmethod
@@ -39,7 +40,7 @@ class Basis(ABC):
         """Return their k-th derivatives at w (n,): (n, count)."""
 
     def fit_coefficients(self, w: Array, weights: Array, values: Array) -> Array:
-        """Return the coefficients (count, dim) closest to values (n, dim), in the mean with weights (n,)."""
+        """Return the coefficients (count, dim) of the least-squares fit to values (n, dim) with weights (n,)."""
         root = np.sqrt(weights)[:, None]
         q, r = np.linalg.qr(self(w) * root)
         return np.asarray(np.linalg.solve(r, q.T @ (values * root)))
@@ -47,7 +48,7 @@ class Basis(ABC):
 
 @dataclass(frozen=True)
 class Waves(Basis):
-    """1, cos w, sin w, .., cos J w, sin J w, for a domain of length 2 pi; others are scaled."""
+    """1, cos w, sin w, .., cos J w, sin J w on a domain of length 2 pi, scaled to other domains; J is ``modes``."""
 
     domain: tuple[float, float]
     modes: int
@@ -58,7 +59,7 @@ class Waves(Basis):
 
     @property
     def frequencies(self) -> Array:
-        """Those of the functions, (count,): 0, 1, 1, .., J, J times 2 pi over the length of the domain."""
+        """Frequencies of the functions, (count,): 0, 1, 1, .., J, J times 2 pi over the length of the domain."""
         return ((np.arange(self.count) + 1) // 2) * (2 * np.pi / (self.domain[1] - self.domain[0]))
 
     def __call__(self, w: Array, k: int = 0) -> Array:
@@ -70,7 +71,7 @@ class Waves(Basis):
         return omega**k * np.cos(np.multiply.outer(w - self.domain[0], omega) + phase + k * np.pi / 2)
 
     def with_modes(self, modes: int) -> Waves:
-        """Return the first of them."""
+        """Return the basis of the first ``modes`` waves."""
         return Waves(self.domain, modes)
 
 
@@ -100,7 +101,7 @@ class Splines(Basis):
             return Curve.from_bspline(p, knots, np.eye(self.spans + p))
         step = (b - a) / self.spans
         before, after = a - step * np.arange(p, 0, -1), b + step * np.arange(1, p + 1)
-        # the functions that leave at one end come back at the other
+        # a function that reaches past one end of the domain is continued at the other
         poles = np.eye(self.spans)[np.arange(self.spans + p) % self.spans]
         return Curve.from_bspline(p, np.concatenate([before, inner, after]), poles)
 
@@ -108,18 +109,18 @@ class Splines(Basis):
         return self._basis_functions(w, k)
 
     def choose_gauss_points(self, count: int | None = None) -> tuple[Array, Array]:
-        """Return Gauss's nodes and weights: some for every span, or ``count`` on the whole."""
+        """Return Gauss's nodes and weights: of each span, or ``count`` on the whole domain."""
         a, b = self.domain
         pieces = self.spans if count is None else 1
         nodes, weights = gauss_rule(
-            max(LEAST_GAUSS_POINTS, (2 * self.degree) // pieces + 2) if count is None else count
+            max(PDE_LIMITS.span_gauss_points, (2 * self.degree) // pieces + 2) if count is None else count
         )
         step = (b - a) / pieces
         starts = a + step * np.arange(pieces)
         return (starts[:, None] + step * nodes).ravel(), np.tile(step * weights, pieces)
 
     def build_end_matrices(self, orders: int) -> Array:
-        """Return the matrix (2, orders, orders) from derivatives 0 .. at both ends to the outermost coefficients."""
+        """Return matrices (2, orders, orders): from derivatives 0, 1, .. at an end to the outermost coefficients."""
         ends = np.array(self.domain)
         values = np.stack([self(ends, k) for k in range(orders)])  # (orders, 2, count)
         first, last = values[:, 0, :orders], values[:, 1, self.count - orders :]

@@ -1,6 +1,7 @@
-"""The parameter along a blend that its equations know: the length of its rails, or their own parameter.
+"""The parameter w along a blend in which its equations are written: the length of its rails, or their own parameter t.
 
-Solutions in terms of length do not depend on how rails happen to be parametrised. Knows curves, and no equations.
+The length is that of root mean square speed of both rails. With it, solutions do not depend on how the rails are
+parametrised. Depends on curves only.
 """
 
 from __future__ import annotations
@@ -9,17 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import Antiderivative
-from cqblend.surfaces.primaries import Array
-
-SMOOTH_ORDER = 4  # continuity from which on a function counts as smooth
 
 
 @dataclass(frozen=True)
 class LengthParameter:
-    """From t to w: the length of a pair of curves from their start, scaled to end at ``end``; t itself without one."""
+    """The map from t to w: length of a pair of rails from their start, scaled to end at ``end``; w = t if that is None.
+
+    ``lengths`` is the integral of :func:`evaluate_mean_speed`.
+    """
 
     rails: tuple[Curve, Curve]
     lengths: Antiderivative
@@ -41,13 +44,13 @@ class LengthParameter:
         return np.asarray(t)
 
     def find_kinks(self) -> tuple[Array, Array]:
-        """Return the t at which w is less than C5, and its continuity there; the start of closed rails is one."""
+        """Return the t at which w is less than C5, and the continuity there; the start of the rails counts as C1."""
         if self.end is None:
             return np.empty(0), np.empty(0, int)
-        found = [(rail.breaks[1:-1], rail.continuity) for rail in self.rails]
-        t = np.concatenate([[self.rails[0].domain[0]], *(one for one, _ in found)])
-        orders = np.concatenate([[1], *(one for _, one in found)])
-        return t[orders <= SMOOTH_ORDER], orders[orders <= SMOOTH_ORDER]
+        t = np.concatenate([[self.rails[0].domain[0]], *(rail.breaks[1:-1] for rail in self.rails)])
+        orders = np.concatenate([[1], *(rail.continuity for rail in self.rails)])
+        kinked = orders <= PDE_LIMITS.smooth_continuity
+        return t[kinked], orders[kinked]
 
     def evaluate_rate(self, t: Array) -> Array:
         """Return dw/dt."""
@@ -59,6 +62,6 @@ class LengthParameter:
 
 
 def evaluate_mean_speed(rails: tuple[Curve, Curve], t: Array) -> Array:
-    """Return the root mean square of both rails' speeds."""
-    rates = [dehomogenise_jets(rail.jet(t, 1))[1] for rail in rails]
-    return np.asarray(np.sqrt(sum((rate**2).sum(axis=1) for rate in rates) / 2))
+    """Return the root mean square (n,) of both rails' speeds at t (n,)."""
+    velocities = [dehomogenise_jets(rail.jet(t, 1))[1] for rail in rails]
+    return np.asarray(np.sqrt(sum((velocity**2).sum(axis=1) for velocity in velocities) / 2))

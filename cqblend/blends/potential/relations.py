@@ -1,11 +1,11 @@
-r"""Relations: how far two surfaces are reshaped together, a curve (s1, s2)(x) from (a, 0) to (0, b).
+r"""Relations tell how far two surfaces are reshaped together: curves (s1, s2)(x) from (a, 0) to (0, b).
 
 Lee, Bedi and Dubey, eq. 2, after Hoffmann and Hopcroft: a conic that touches the axes at both ends,
 
 .. math:: f(s_1, s_2) = b^2 s_1^2 + a^2 s_2^2 + a^2 b^2 - 2 a b^2 s_1 - 2 a^2 b s_2 + 2 \lambda s_1 s_2 = 0,
 
-or any curve that does. Because it touches them, the blend is tangent to both surfaces: at x = 0 the second one has its
-own shape, and goes on having it to first order. Knows nothing of surfaces.
+or any curve that does. Because it touches them, the blend is tangent to both surfaces: at x = 0 the second surface has
+its own shape, and s2 has derivative 0. Depends on curves only.
 """
 
 from __future__ import annotations
@@ -13,25 +13,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cqblend.blends.checks import call_user_function
+from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
+from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
-from cqblend.splines import Curve, fit
-from cqblend.splines.knots import check_number, to_finite_array, to_float_array
-
-Array = NDArray[Any]
-RelationInput: TypeAlias = "Relation | Callable[[Array], Any] | tuple[Callable[[Array], Any], Callable[[Array], Any]]"
-
-AXIS_TOLERANCE = 1e-9  # of the size: how nearly a relation must end on an axis
-AXIS_SLOPE_TOLERANCE = (
-    1e-6  # of its speed: how nearly it must run along it there; of functions, derivatives are not known better
-)
-ROOT_SAMPLES = 513  # in which roots are looked for
-BISECTION_STEPS = 60
+from cqblend.splines import Curve
+from cqblend.splines.approximation import approximate_to_rounding
+from cqblend.splines.bernstein import EPSILON, Array
+from cqblend.splines.bracketing import bisect_intervals
 
 
 @dataclass(frozen=True)
@@ -66,12 +59,12 @@ class Relation:
         size = max(abs(a), abs(b))
         if not a > 0 or not b > 0:
             raise InputError(f"a relation runs from (a, 0) to (0, b), both above 0, not from a = {a:g} to b = {b:g}")
-        if max(abs(off1), abs(off2)) > AXIS_TOLERANCE * size:
+        if max(abs(off1), abs(off2)) > POTENTIAL_TOLERANCES.axis_gap * size:
             raise InputError(
                 f"a relation runs from (a, 0) to (0, b), not from ({a:g}, {off1:g}) to ({off2:g}, {b:g}): it must end "
                 "on the axes"
             )
-        if max(abs(across1), abs(across2)) > AXIS_SLOPE_TOLERANCE * max(size, abs(rate1), abs(rate2)):
+        if max(abs(across1), abs(across2)) > POTENTIAL_TOLERANCES.axis_slope * max(size, abs(rate1), abs(rate2)):
             raise InputError(
                 f"the relation leaves its axes with slopes ds2/dx = {across1:.3g} at x = 0 and ds1/dx = {across2:.3g} "
                 "at x = 1: they must be 0, or the blend is not tangent to its surfaces"
@@ -84,12 +77,12 @@ class Relation:
 
     @property
     def a(self) -> float:
-        """How far the first surface is reshaped at most: at x = 0, where the blend meets the second one."""
+        """The s1 at x = 0, where the blend meets the second surface: the largest, if the relation is monotone."""
         return float(self.curve(0.0)[0])
 
     @property
     def b(self) -> float:
-        """How far the second surface is reshaped at most: at x = 1, where the blend meets the first one."""
+        """The s2 at x = 1, where the blend meets the first surface: the largest, if the relation is monotone."""
         return float(self.curve(1.0)[1])
 
     def __call__(self, x: ArrayLike) -> Array:
@@ -107,10 +100,11 @@ class Relation:
 
     @cached_property
     def eased(self) -> Curve:
-        r"""The same curve at x(y) = k y + (1 - k) (3 y^2 - 2 y^3), which sets out and arrives less hastily.
+        r"""The curve reparametrised by x(y) = k y + (1 - k) (3 y^2 - 2 y^3), which limits its speed at both ends.
 
-        So that cross derivatives, which at the ends are as long as x is fast, are about as long as the blend is wide
-        however sharp it is: k is 1 for speeds up to twice the reach, and less for more.
+        The factor k is 1 where the speed is at most twice a, or b, and reduces it to that else. Cross derivatives at
+        the rails are proportional to that speed: so they are about as long as the blend is wide, however sharp the
+        relation is.
         """
         rate1, rate2 = self.curve(0.0, 1)[0], self.curve(1.0, 1)[1]
         k = min(1.0, 2 * self.a / abs(rate1), 2 * self.b / abs(rate2))
@@ -141,26 +135,24 @@ class Relation:
     def _solve_other_amount(self, wanted: Literal[0, 1], given: ArrayLike) -> Array:
         values = to_finite_array(f"s{2 - wanted}", given)
         s = values.ravel()
-        x = np.linspace(0, 1, ROOT_SAMPLES)
-        ahead = self.curve(x)[:, 1 - wanted] - s[:, None]
-        noise = 4 * np.finfo(float).eps * max(self.a, self.b)
-        met = (ahead[:, :-1] * ahead[:, 1:] <= 0) | (np.abs(ahead[:, :-1]) <= noise) | (np.abs(ahead[:, 1:]) <= noise)
-        if not met.any(axis=1).all():
+        x = np.linspace(0, 1, POTENTIAL_LIMITS.root_samples)
+        excess = self.curve(x)[:, 1 - wanted] - s[:, None]
+        noise = 4 * EPSILON * max(self.a, self.b)
+        before, after = excess[:, :-1], excess[:, 1:]
+        has_root = (before * after <= 0) | (np.abs(before) <= noise) | (np.abs(after) <= noise)
+        if not has_root.any(axis=1).all():
             name = f"s{2 - wanted}"
-            missing = s[~met.any(axis=1)][0]
+            missing = s[~has_root.any(axis=1)][0]
             raise InputError(
                 f"the relation has no root: nowhere is {name} = {missing:.6g}; it runs over "
                 f"{self.curve(x)[:, 1 - wanted].min():.6g} to {self.curve(x)[:, 1 - wanted].max():.6g}"
             )
-        i = met.argmax(axis=1)
+        i = has_root.argmax(axis=1)
         low, high = x[i], x[i + 1]
-        sign = np.sign(ahead[np.arange(len(s)), i + 1] - ahead[np.arange(len(s)), i])
-        for _ in range(BISECTION_STEPS):
-            middle = (low + high) / 2
-            past = (self.curve(middle)[:, 1 - wanted] - s) * sign >= 0
-            low, high = np.where(past, low, middle), np.where(past, middle, high)
-        off = [np.abs(self.curve(end)[:, 1 - wanted] - s) for end in (low, high)]
-        return self.curve(np.where(off[0] <= off[1], low, high))[:, wanted].reshape(values.shape)
+        sign = np.sign(excess[np.arange(len(s)), i + 1] - excess[np.arange(len(s)), i])
+        low, high = bisect_intervals(lambda x: ~((self.curve(x)[:, 1 - wanted] - s) * sign >= 0), low, high)
+        errors = [np.abs(self.curve(end)[:, 1 - wanted] - s) for end in (low, high)]
+        return self.curve(np.where(errors[0] <= errors[1], low, high))[:, wanted].reshape(values.shape)
 
 
 @dataclass(frozen=True)
@@ -258,16 +250,16 @@ def to_relation(given: Any) -> Relation:
     def evaluate_amount_pairs(x: Array) -> Array:
         parts = [to_float_array("what a relation returns", part) for part in _call_functions(functions, x)]
         try:
-            made = np.broadcast_arrays(*parts, x)[:-1]
+            pair = np.broadcast_arrays(*parts, x)[:-1]
         except ValueError as error:
             raise InputError(f"a relation takes an array of x and returns as many s1 and s2: {error}") from error
-        out = np.stack(made, axis=-1)
+        out = np.stack(pair, axis=-1)
         if out.shape != (len(x), 2) or not np.isfinite(out).all():
             raise InputError("a relation is not finite, or does not return s1 and s2, everywhere on [0, 1]")
         return out
 
     try:
-        curve = fit.approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
+        curve = approximate_to_rounding(evaluate_amount_pairs, (0.0, 1.0))
     except InputError:
         raise
     except CqblendError as error:
@@ -276,12 +268,12 @@ def to_relation(given: Any) -> Relation:
 
 
 def _call_functions(functions: Sequence[Callable[[Array], Any]], x: Array) -> Sequence[Any]:
-    made = [
-        call_user_function("a relation takes an array of x and returns as many s1 and s2", one, x) for one in functions
-    ]
-    if len(made) == 2:
-        return made
-    if not isinstance(made[0], tuple | list | np.ndarray):
-        raise InputError(f"a relation returns s1 and s2, not {shown(made[0])}")
-    array = to_float_array("what a relation returns", made[0])
+    """Return s1 and s2 as two functions, or one that returns both as a pair or as rows (n, 2), give them."""
+    rule = "a relation takes an array of x and returns as many s1 and s2"
+    results = [call_user_function(rule, function, x) for function in functions]
+    if len(results) == 2:
+        return results
+    if not isinstance(results[0], tuple | list | np.ndarray):
+        raise InputError(f"a relation returns s1 and s2, not {shown(results[0])}")
+    array = to_float_array("what a relation returns", results[0])
     return list(array.T) if array.ndim == 2 and array.shape == (len(x), 2) and len(x) != 2 else list(array)

@@ -1,9 +1,9 @@
-r"""Potential blends: the surface swept by the curves in which two reshaped surfaces meet.
+r"""Potential blends: the surface swept by the intersection curves of two reshaped surfaces, and its ribbons.
 
-At every x of a relation, S1(., .; s1(x)) and S2(., .; s2(x)) meet in a curve; all of them together are the blend. The
-curve at x = 0 lies on surface 2, that at x = 1 on surface 1, and the derivatives by x are tangent to them there: these
-make ribbons, and whatever fills the Hermite section between these ribbons up to the swept surface leaves the joints
-exact.
+At every x of a relation, S1(., .; s1(x)) and S2(., .; s2(x)) meet in a curve; all of these curves together are the
+blend. The curve at x = 0 lies on surface 2, that at x = 1 on surface 1. They are the rails, and the derivatives by x
+are tangent to the surfaces there: so rails and derivatives are fitted as ribbons, and the joints of the Hermite section
+between them are exact. :mod:`cqblend.blends.potential.swept_section` adds the difference to the swept surface.
 """
 
 from __future__ import annotations
@@ -14,34 +14,33 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import LEAST_SMOOTH_CONTINUITY
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
-from cqblend.blends.potential.family_pair import DOMAIN_TOLERANCE, FamilyPair, format_point
+from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
+from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
+from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails import rail_fit
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.ribbon import LEAST_MEASURABLE_SHARE, Ribbon
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import Array, TensorSurface, cross_product, normalise_vectors
-
-TABLE_STATIONS, TABLE_STEPS = 65, 17  # of the table from which solutions start
-CLOSING_POINTS = 8  # points by which a closed branch is continued before it is interpolated
-LEAST_RELATIVE_SPEED = 0.1  # of its mean rate: a parameter that goes slower somewhere is no phase
-TRIM_BISECTIONS = 40  # halvings
-SINGULAR_AREA_SHARE = 0.15  # of the largest |Su x Sv| along a rail: where it is less, the surface is nearly singular
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Curves, solved at a table of (t, x) from which every other point starts.
+    """The intersection curves over a domain of t and x in [0, 1].
 
-    ``t`` (k,) covers the domain, or one lap of a closed one; ``q`` is (k, j, 4).
+    ``q`` (k, j, 4) are their parameters (u1, v1, u2, v2) at stations ``t`` (k,) and at ``x`` (j,): any other point is
+    solved from a start interpolated in this table. ``t`` covers the domain, once round if the curves are ``closed``.
     """
 
-    curves: IntersectionCurves
+    curves: IntersectionCurves[Family]
     closed: bool
     t: Array
     x: Array
@@ -53,17 +52,18 @@ class Sweep:
         return float(self.t[0]), float(self.t[-1])
 
     def solve_parameters(self, t: Array, x: Array) -> Array:
-        """Return parameters (n, 4) at t (n,), within the domain, and x (n,).
+        """Return parameters q (n, 4) at t (n,), within the domain, and x (n,).
 
         Raises
         ------
         GeometryError
             Where the intersection is lost; the message names s and the place.
         """
-        q, good = self.curves.correct_solutions(self._interpolate_table(t, x), t, x)
-        if not good.all():
-            i = int((~good).argmax())
-            raise self.curves.make_lost_error(self._interpolate_table(t, x)[i], float(x[i]))
+        start = self._interpolate_table(t, x)
+        q, converged = self.curves.correct_solutions(start, t, x)
+        if not converged.all():
+            i = int((~converged).argmax())
+            raise self.curves.make_lost_error(start[i], float(x[i]))
         return q
 
     def evaluate_points(self, t: Array, x: Array) -> Array:
@@ -73,20 +73,25 @@ class Sweep:
 
     def solve_contacts(self, t: Array) -> Contacts:
         """Return the rails' parameters and cross derivatives at t (n,): rail 1 is at x = 1, rail 2 at x = 0."""
-        one, none = np.ones(len(t)), np.zeros(len(t))
-        first, second = self.solve_parameters(t, one), self.solve_parameters(t, none)
-        vectors = np.stack(
-            [
-                -self.curves.evaluate_cross_derivatives(first, t, one, 0),
-                self.curves.evaluate_cross_derivatives(second, t, none, 1),
-            ]
-        )
+        uv, vectors = self._solve_rails(t)
         half = np.full(len(t), 0.5)
         middle = self.curves.family_pair.evaluate_jets(self._interpolate_table(t, half), half)[0][0]
-        return Contacts(t, middle, (first[:, :2], second[:, 2:]), np.linalg.norm(vectors, axis=2), vectors)
+        return Contacts(t, middle, uv, np.linalg.norm(vectors, axis=2), vectors)
+
+    def _solve_rails(self, t: Array) -> tuple[tuple[Array, Array], Array]:
+        """Return the native parameters (n, 2) of both rails at t (n,), and their cross derivatives (2, n, 3)."""
+        ones, zeros = np.ones(len(t)), np.zeros(len(t))
+        first, second = self.solve_parameters(t, ones), self.solve_parameters(t, zeros)
+        vectors = np.stack(
+            [
+                -self.curves.evaluate_cross_derivatives(first, t, ones, 0),
+                self.curves.evaluate_cross_derivatives(second, t, zeros, 1),
+            ]
+        )
+        return (first[:, :2], second[:, 2:]), vectors
 
     def _interpolate_table(self, t: Array, x: Array) -> Array:
-        """Interpolate the table bilinearly."""
+        """Return q (n, 4) at t (n,) and x (n,) by bilinear interpolation in the table."""
         i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
         j = np.clip(np.searchsorted(self.x, x, side="right") - 1, 0, len(self.x) - 2)
         a = ((t - self.t[i]) / (self.t[i + 1] - self.t[i]))[:, None]
@@ -96,27 +101,26 @@ class Sweep:
         return np.asarray((1 - a) * low + a * high)
 
     def trim_to_domains(self) -> Sweep:
-        """Return the sweep over the range of t over which all curves are on both surfaces.
+        """Return the sweep over the longest range of t in which all curves are on both surfaces.
 
         Raises
         ------
         GeometryError
-            There is none, or the curves may not be cut: they are closed, or follow a parameter to its ends.
+            There is none, or the curves may not be trimmed: they are closed, or run along a parameter from end to end.
         """
-        meeting = self.curves.family_pair
-        out = meeting.measure_outside(self.q.reshape(-1, 4)).max(axis=1).reshape(self.q.shape[:2])
-        inside = (out <= DOMAIN_TOLERANCE).all(axis=1)
+        family_pair = self.curves.family_pair
+        outside = family_pair.measure_outside(self.q.reshape(-1, 4)).max(axis=1).reshape(self.q.shape[:2])
+        inside = (outside <= POTENTIAL_TOLERANCES.domain).all(axis=1)
         if inside.all():
             return self
         if self.closed or not inside.any() or isinstance(self.curves.cut_condition, IsoparametricCut):
-            i, j = np.unravel_index(int(out.argmax()), out.shape)
+            i, j = np.unravel_index(int(outside.argmax()), outside.shape)
             q = self.q[i, j]
-            axis = int(meeting.measure_outside(q[None])[0].argmax())
+            axis = int(family_pair.measure_outside(q[None])[0].argmax())
+            value = np.clip(q[axis], *family_pair.bounds[axis])
             raise GeometryError(
-                f"the intersection leaves surface {axis // 2 + 1} at {'uv'[axis % 2]} = "
-                f"{np.clip(q[axis], *meeting.bounds[axis]):.4g}, near {meeting.describe_place(q, float(self.x[j]))}: "
-                "choose "
-                "smaller a and b, or a larger surface"
+                f"the intersection leaves surface {axis // 2 + 1} at {'uv'[axis % 2]} = {value:.4g}, near "
+                f"{family_pair.describe_place(q, float(self.x[j]))}: choose smaller a and b, or a larger surface"
             )
         runs = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
         first, last = max(
@@ -124,32 +128,29 @@ class Sweep:
         )
         low = self.t[0] if first == 0 else self._find_domain_exit(self.t[first], self.t[first - 1])
         high = self.t[-1] if last == len(inside) - 1 else self._find_domain_exit(self.t[last], self.t[last + 1])
-        t = np.linspace(low, high, TABLE_STATIONS)
+        t = np.linspace(low, high, POTENTIAL_LIMITS.table_stations)
         tt, xx = (grid.ravel() for grid in np.meshgrid(t, self.x, indexing="ij"))
         return replace(self, t=t, q=self.solve_parameters(tt, xx).reshape(len(t), len(self.x), 4))
 
     def _find_domain_exit(self, inside: float, outside: float) -> float:
-        """Return the last t, from inside on, at which all curves are on both surfaces."""
-        for _ in range(TRIM_BISECTIONS):
-            middle = (inside + outside) / 2
-            q = self.solve_parameters(np.full(len(self.x), middle), self.x)
-            if self.curves.family_pair.measure_outside(q).max() <= DOMAIN_TOLERANCE / 2:
-                inside = middle
-            else:
-                outside = middle
-        return inside
+        """Return the last t, from ``inside`` to ``outside``, at which all curves are on both surfaces, by bisection."""
+
+        def is_on_surfaces(t: float) -> bool:
+            q = self.solve_parameters(np.full(len(self.x), t), self.x)
+            return bool(self.curves.family_pair.measure_outside(q).max() <= POTENTIAL_TOLERANCES.domain / 2)
+
+        return bisect_interval(is_on_surfaces, inside, outside, POTENTIAL_LIMITS.trim_bisections)[0]
 
     def _explain_roughness(self) -> str:
-        """Say why rails cannot be fitted: they run next to a singular point, or a surface is not smooth enough."""
+        """Return the reason why rails cannot be fitted: a singular point next to one, or too little continuity."""
         for side, uv in enumerate(self.solve_contacts(self.t).uv):
             jet = self.curves.family_pair.families[side].primary.jet(uv)
             area = np.linalg.norm(cross_product(jet[1], jet[2]), axis=1)
-            if area.min() < SINGULAR_AREA_SHARE * area.max():
+            if area.min() < POTENTIAL_TOLERANCES.singular_area * area.max():
                 return (
                     f"surface {side + 1} is singular (a pole, or a side shrunk to a point) at or next to its rail, "
                     f"near {format_point(jet[0, area.argmin()])}; keep the blend clear of it, or turn the surface so "
-                    "that it "
-                    "lies elsewhere"
+                    "that it lies elsewhere"
                 )
         return (
             "a surface is not smooth enough, as offsets of surfaces that are only C1 are not; reshape it from a "
@@ -157,112 +158,108 @@ class Sweep:
         )
 
     def _check_sides(self) -> None:
-        """Raise GeometryError where the blend would set out to the other side of a rail than elsewhere."""
-        contacts = self.solve_contacts(self.t)
-        assert contacts.vectors is not None
-        for side, (uv, vectors, size) in enumerate(zip(contacts.uv, contacts.vectors, contacts.reach, strict=True)):
+        """Raise GeometryError where the cross derivatives point to the other side of a rail than elsewhere."""
+        rails, cross_vectors = self._solve_rails(self.t)
+        for side, (uv, vectors) in enumerate(zip(rails, cross_vectors, strict=True)):
+            length = np.linalg.norm(vectors, axis=1)
             jet = self.curves.family_pair.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
             across = (cross_product(rate, vectors) * normalise_vectors(cross_product(jet[1], jet[2]))).sum(axis=1)
-            across[size <= LEAST_MEASURABLE_SHARE * size.max()] = 0.0
-            wrong = across * np.sign(across.sum()) < 0
-            if wrong.any():
-                i = int(wrong.argmax())
+            across[length <= LEAST_MEASURABLE_SHARE * length.max()] = 0.0
+            backwards = across * np.sign(across.sum()) < 0
+            if backwards.any():
+                i = int(backwards.argmax())
                 other = 2 - side
                 raise GeometryError(
                     f"surface {other} does not move to the same side all along: at s = 0 of surface {side + 1}, "
                     f"{format_point(jet[0, i])}, the blend would set out backwards; choose another reference for "
-                    "surface "
-                    f"{other}, on the other side of it, or amounts of one sign"
+                    f"surface {other}, on the other side of it, or amounts of one sign"
                 )
 
     @cached_property
     def kinks(self) -> tuple[Array, Array]:
         """Parameters t at which the swept surface is known not to be smooth, and its continuity there.
 
-        That is where curves are cut by knot lines.
+        They are known where stations are fixed values of a surface parameter: they are its knots.
         """
-        phase = self.curves.cut_condition
-        if not isinstance(phase, IsoparametricCut):
+        cut = self.curves.cut_condition
+        if not isinstance(cut, IsoparametricCut):
             return NO_KINKS
-        lines, orders = self.curves.family_pair.families[phase.axis // 2].kinks(phase.axis % 2)
-        t = (lines - phase.first) / (phase.last - phase.first)
-        inside = (
-            (t >= -DOMAIN_TOLERANCE)
-            & (t < 1 - DOMAIN_TOLERANCE if self.closed else t <= 1 + DOMAIN_TOLERANCE)
-            & (orders < 5)
-        )
-        return np.where(np.abs(t[inside]) < DOMAIN_TOLERANCE, 0.0, t[inside]), orders[inside]
+        knots, orders = self.curves.family_pair.families[cut.axis // 2].kinks(cut.axis % 2)
+        t, tolerance = (knots - cut.first) / (cut.last - cut.first), POTENTIAL_TOLERANCES.kink_parameter
+        inside = (t >= -tolerance) & (t < 1 - tolerance if self.closed else t <= 1 + tolerance) & (orders < 5)
+        return np.where(np.abs(t[inside]) < tolerance, 0.0, t[inside]), orders[inside]
 
     @cached_property
     def width(self) -> float:
         """The largest distance between the rails (mm)."""
-        meeting = self.curves.family_pair
-        rails = [meeting.evaluate_jets(self.q[:, j], np.full(len(self.t), self.x[j]))[0][0] for j in (0, -1)]
+        family_pair = self.curves.family_pair
+        rails = [family_pair.evaluate_jets(self.q[:, j], np.full(len(self.t), self.x[j]))[0][0] for j in (0, -1)]
         return float(np.linalg.norm(rails[0] - rails[1], axis=1).max())
 
     def fit_ribbons(self, tolerance: float) -> tuple[Ribbon, Ribbon]:
-        """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of what is between."""
+        """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of the interior."""
         self._check_sides()
         first, second = (family.primary for family in self.curves.family_pair.families)
-        around: Callable[..., ContactSolver] = (
+        unwrap: Callable[..., ContactSolver] = (
             rail_fit.unwrap_closed_solver if self.closed else rail_fit.unwrap_open_solver
         )
-        solve = around(self.solve_contacts, (first, second))
+        solve = unwrap(self.solve_contacts, (first, second))
         wanted = make_ribbon_targets(tolerance, self.width)
-        found = (
+        straight = (
             None
             if self.closed
             else rail_fit.fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
         )
-        at, orders = self.kinks
+        kinks, orders = self.kinks
         try:
-            one, two = found or rail_fit.fit_cubic_ribbons(
+            first_ribbon, second_ribbon = straight or rail_fit.fit_cubic_ribbons(
                 (first, second),
                 solve,
                 self.domain,
                 wanted,
                 closed=self.closed,
-                corners=at[orders < LEAST_SMOOTH_CONTINUITY],
+                corners=kinks[orders < LEAST_SMOOTH_CONTINUITY],
             )
         except TooManySpansError as error:
-            raise TooManySpansError(f"{error.args[0].split(':')[0]}: {self._explain_roughness()}") from error
-        return replace(one, fades=True), replace(two, fades=True)
+            raise TooManySpansError(error.finding, self._explain_roughness()) from error
+        return replace(first_ribbon, fades=True), replace(second_ribbon, fades=True)
 
 
-def sweep_branch(meeting: FamilyPair, branch: IntersectionBranch, x0: float) -> Sweep:
-    """Carry one branch of the intersection at x0 through the whole family."""
-    branch = _restart_off_knots(meeting, branch) if branch.closed else branch
+def sweep_branch(family_pair: FamilyPair[Family], branch: IntersectionBranch, x0: float) -> Sweep:
+    """Continue one branch of the intersection at x0 to all x of the relation."""
+    branch = _restart_off_knots(family_pair, branch) if branch.closed else branch
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(branch.points, axis=0), axis=1)))
-    along = length / length[-1]
-    at = _interpolate_branch(along, np.concatenate([branch.parameters, branch.points], axis=1), branch.closed)
-    t = np.linspace(0, 1, TABLE_STATIONS)
-    axis = _find_steady_parameter(meeting, branch, at)
-    phase: CutCondition
+    length_share = length / length[-1]
+    values = np.concatenate([branch.parameters, branch.points], axis=1)
+    branch_curve = _interpolate_branch(length_share, values, branch.closed)
+    t = np.linspace(0, 1, POTENTIAL_LIMITS.table_stations)
+    axis = _find_steady_parameter(family_pair, branch, branch_curve)
+    cut: CutCondition
     if axis is None:
-        points, rates, start = at[4:], at[4:].derivative(), at(t)[:, :4]
-        phase = PlaneCut(lambda t: (points(t), normalise_vectors(rates(t))))
+        points, velocities, start = branch_curve[4:], branch_curve[4:].derivative(), branch_curve(t)[:, :4]
+        cut = PlaneCut(lambda t: (points(t), normalise_vectors(velocities(t))))
     else:
         first, last = branch.parameters[[0, -1], axis].tolist()
-        phase = IsoparametricCut(axis, first, last, float(length[-1] / abs(last - first)))
-        start = at(np.interp(t, (branch.parameters[:, axis] - first) / (last - first), along))[:, :4]
-    x = np.union1d(np.linspace(0, 1, TABLE_STEPS), x0)
-    curves = IntersectionCurves(meeting, phase)
+        cut = IsoparametricCut(axis, first, last, float(length[-1] / abs(last - first)))
+        shares = np.interp(t, (branch.parameters[:, axis] - first) / (last - first), length_share)
+        start = branch_curve(shares)[:, :4]
+    x = np.union1d(np.linspace(0, 1, POTENTIAL_LIMITS.table_x_values), x0)
+    curves = IntersectionCurves(family_pair, cut)
     return Sweep(curves, branch.closed, t, x, curves.continue_solutions(start, t, x0, x)).trim_to_domains()
 
 
-def _restart_off_knots(meeting: FamilyPair, branch: IntersectionBranch) -> IntersectionBranch:
+def _restart_off_knots(family_pair: FamilyPair[Family], branch: IntersectionBranch) -> IntersectionBranch:
     """Return a closed branch that starts where it is farthest from knot lines and seams, in shares of the domains."""
     clearance = np.full(len(branch.parameters) - 1, np.inf)
     for axis in range(4):
-        primary = meeting.families[axis // 2].primary
-        assert isinstance(primary, TensorSurface)
+        primary = family_pair.families[axis // 2].primary
         breaks, period = primary.breaks[axis % 2], primary.periods[axis % 2]
-        apart = branch.parameters[:-1, axis, None] - (breaks if period is not None else breaks[1:-1])
+        distances = branch.parameters[:-1, axis, None] - (breaks if period is not None else breaks[1:-1])
         if period is not None:
-            apart -= period * np.round(apart / period)
-        if apart.size:
-            clearance = np.minimum(clearance, np.abs(apart).min(axis=1) / (breaks[-1] - breaks[0]))
+            distances -= period * np.round(distances / period)
+        if distances.size:
+            clearance = np.minimum(clearance, np.abs(distances).min(axis=1) / (breaks[-1] - breaks[0]))
     i = int(clearance.argmax())
     lap = branch.parameters[-1] - branch.parameters[0]
     return IntersectionBranch(
@@ -273,29 +270,37 @@ def _restart_off_knots(meeting: FamilyPair, branch: IntersectionBranch) -> Inter
 
 
 def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
-    """Interpolate points along a branch: C4, round a closed one too, whose parameters may go on by a period."""
+    """Interpolate values (n, d) at t (n,) over [0, 1] along a branch, with a C4 curve.
+
+    If the branch is ``closed``, so is the curve, up to periods of its parameters: points are repeated beyond both ends.
+    """
     if not closed:
-        return fit.interpolate(t, values, degree=5 if len(t) > 5 else 3)
-    lap, k = values[-1] - values[0], min(CLOSING_POINTS, len(t) - 1)
+        return interpolation.interpolate(t, values, degree=5 if len(t) > 5 else 3)
+    lap, k = values[-1] - values[0], min(POTENTIAL_LIMITS.closing_points, len(t) - 1)
     before, after = values[-1 - k : -1] - lap, values[1 : k + 1] + lap
-    long = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
-    return fit.interpolate(long, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
+    extended = np.concatenate([t[-1 - k : -1] - 1, t, t[1 : k + 1] + 1])
+    return interpolation.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 
 
-def _find_steady_parameter(meeting: FamilyPair, branch: IntersectionBranch, at: Curve) -> int | None:
-    """Return which parameter goes steadily along a branch, from end to end of its domain, or round; None if none."""
-    rates = at.derivative()(np.linspace(0, 1, 257))[:, :4]
-    best, found = LEAST_RELATIVE_SPEED, None
+def _find_steady_parameter(
+    family_pair: FamilyPair[Family], branch: IntersectionBranch, branch_curve: Curve
+) -> int | None:
+    """Return the index of the parameter whose rate along a branch is the most even; None if none is even enough.
+
+    It must run over the whole domain, or over a period if the branch is closed.
+    """
+    rates = branch_curve.derivative()(np.linspace(0, 1, POTENTIAL_LIMITS.branch_samples))[:, :4]
+    best, steady = POTENTIAL_TOLERANCES.relative_speed, None
     for axis in range(4):
-        low, high = meeting.bounds[axis]
-        turn = branch.parameters[-1, axis] - branch.parameters[0, axis]
+        low, high = family_pair.bounds[axis]
+        change = branch.parameters[-1, axis] - branch.parameters[0, axis]
         if np.isfinite(low):
             ends = np.sort(branch.parameters[[0, -1], axis])
-            if branch.closed or np.abs(ends - (low, high)).max() > DOMAIN_TOLERANCE * (high - low):
+            if branch.closed or np.abs(ends - (low, high)).max() > POTENTIAL_TOLERANCES.domain * (high - low):
                 continue
-        elif not branch.closed or turn == 0:
+        elif not branch.closed or change == 0:
             continue
-        share = float((rates[:, axis] / turn).min())
-        if share > best:
-            best, found = share, axis
-    return found
+        relative_speed = float((rates[:, axis] / change).min())
+        if relative_speed > best:
+            best, steady = relative_speed, axis
+    return steady

@@ -1,4 +1,7 @@
-"""From a swept surface to a blend: what its ribbons are to be, and what fills the section between them up to it."""
+"""The section of a potential blend: the Hermite section of its ribbons, corrected so that it is the swept surface.
+
+The correction vanishes at both rails with its derivatives, so the joints stay those of the ribbons.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +11,23 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
+from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.interior import FilledSection
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
-RAIL_TOLERANCE_SHARE = 1 / 16  # of a tolerance inside, that of the rails
-POINTS_ACROSS = 24  # points at which the swept surface is read
-LOOSENING_FACTORS = (1.0, 10.0, 100.0)  # factors on a tolerance that nobody asked for
-MEASURING_GRID = (149, 33)  # points along and across, at which a blend is measured
-
-Made = TypeVar("Made")
+Result = TypeVar("Result")
 
 NO_KINKS = np.empty(0), np.empty(0, dtype=int)
 
 
 class SweptSurface(Protocol):
-    """A swept surface: what :class:`SweptSection` needs of it."""
+    """What :class:`SweptSection` needs of a swept surface."""
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -41,13 +40,18 @@ class SweptSurface(Protocol):
 
 
 def make_ribbon_targets(tolerance: float, width: float) -> RibbonTargets:
-    """Return what ribbons are to be so that what is between them can be within a tolerance (mm) of a swept surface."""
-    return RibbonTargets(position=RAIL_TOLERANCE_SHARE * tolerance, length=tolerance / width, given_derivatives=True)
+    """Return tolerances of ribbons with which the interior can be within a tolerance (mm) of a swept surface.
+
+    ``width`` is the distance of the rails (mm).
+    """
+    return RibbonTargets(
+        position=POTENTIAL_TOLERANCES.rail_fit * tolerance, length=tolerance / width, given_derivatives=True
+    )
 
 
 @dataclass(frozen=True)
 class SweptSection(FilledSection):
-    """Fills the section between two ribbons up to a swept surface."""
+    """The interior of the section between two ribbons of a swept surface."""
 
     swept: SweptSurface
 
@@ -59,44 +63,44 @@ class SweptSection(FilledSection):
     def from_sweep(
         cls, swept: SweptSurface, closed: bool, tolerance: float, kinks: tuple[Array, Array] = NO_KINKS
     ) -> SweptSection:
-        """Return what fills G1 sections within a tolerance (mm)."""
-        return cls((2, 2, 2), POINTS_ACROSS, tolerance, closed, *kinks, swept)
+        """Return the interior of G1 sections, within a tolerance (mm)."""
+        return cls((2, 2, 2), POTENTIAL_LIMITS.points_across, tolerance, closed, *kinks, swept)
 
     def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
-        """Return how far the swept surface is from the section."""
-        plain = build_section(sides)
-        return lambda t: self.swept.evaluate_points(t, 1 - v) - plain.grid(t, v)
+        """Return the difference of the swept surface from the Hermite section, as a function of t (n,): (n, m, 3)."""
+        hermite = build_section(sides)
+        return lambda t: self.swept.evaluate_points(t, 1 - v) - hermite.grid(t, v)
 
     def blend_ribbons(
         self, ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float
     ) -> BlendSurface:
-        """Blend two ribbons up to the swept surface, with compact joints so near that it can be within the tolerance.
+        """Blend two ribbons along the swept surface, with joints near enough for the tolerance of the interior.
 
         Raises
         ------
         CqblendError
-            As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and TooFine.
+            As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and TooManySpansError.
         """
         return blend_ribbons(ribbons, form, min(tolerance, self.tolerance / 8), angular_tolerance, self)
 
     def measure_deviation(self, surface: Surface) -> float:
-        """Return how far a blend surface is from the curves at most (mm), between where these were read."""
-        (low, high), (along, across) = self.swept.domain, MEASURING_GRID
+        """Return the largest distance (mm) of a blend surface from the curves, at points off those of the fit."""
+        (low, high), (along, across) = self.swept.domain, POTENTIAL_LIMITS.measuring_grid
         t, v = low + (high - low) * (np.arange(along) + 0.37) / along, np.linspace(0, 1, across)
         return float(np.linalg.norm(surface.grid(t, v) - self.swept.evaluate_points(t, 1 - v), axis=2).max())
 
 
-def loosen_until_feasible(make: Callable[[float], Made], tolerance: float) -> Made:
-    """Return what is made within a tolerance inside (mm), or within ten or a hundred times that if it is too fine.
+def loosen_until_feasible(make: Callable[[float], Result], tolerance: float) -> Result:
+    """Return the result of ``make`` for a tolerance (mm), or for 10 or 100 times that if it takes too many spans.
 
-    That is where surfaces are so rough, or relations so sharp, that it would take too many spans.
+    That happens where a surface has little continuity, or a relation is sharp.
 
     Raises
     ------
     CqblendError
         As ``make``.
     """
-    for factor in LOOSENING_FACTORS:
+    for factor in POTENTIAL_LIMITS.loosening_factors:
         try:
             return make(factor * tolerance)
         except TooManySpansError as error:

@@ -1,1 +1,1 @@
-"""What is known of a finished blend: proven bounds, fairness, creases inside."""
+"""What is measured and proven of a finished blend: bounds of its errors, fairness, creases inside."""

@@ -1,7 +1,8 @@
-"""Creases inside a blend: how sharp they are, what they come from, and how sharp they may be.
+"""Creases inside a blend: measures them, finds what causes them, and refuses those that are too sharp.
 
-A crease is where the normal jumps from one piece of a blend to the next, along a whole section. What surfaces have of
-their own where a rail crosses them is theirs; more than that, or than the tolerance, is refused unless it is asked for.
+A crease is a section along which the normal jumps from one piece of a blend to the next. A crease as sharp as that of
+a surface where the rail crosses it is accepted; a sharper one is refused, unless it is within the tolerance or the
+caller allows it.
 """
 
 from __future__ import annotations
@@ -11,55 +12,51 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cqblend.blends.quality.tolerances import CREASE_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon, evaluate_space_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, RequiredTurn, find_required_turns
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 if TYPE_CHECKING:
     from cqblend.blends.sections.blend_surface import BlendSurface
 
-ROUNDING_ANGLE = 1e-9  # rad: below that a crease is rounding, even where none is allowed
-SECTION_POINTS = 33  # points of each section, at which normals are compared
-THIN_SECTION_SHARE = 1e-6  # of the largest |H_t x H_v|: where a section shrinks to a point, it has no normal
-CLOSED_BLEND_SHARE = 1e-9  # of the size of a blend: ends that are nearer meet
-SMOOTH_ANGLE = 1e-6  # rad: the kink of a closed rail where it meets itself, up to which it has none
-NEAR_RAIL_ANGLE = 0.05  # rad: directions so near to their rail span no tangent plane to speak of with it
-FOLDING_TURN, LARGEST_TURN = 0.8, 1.57  # rad, of a turn: what seldom goes well, and what can be asked for
-TURN_MARGIN = 0.01  # rad, on top of a turn that would do: it depends a little on what is turned
-
 
 class CreaseLimit(NamedTuple):
-    """How sharp creases may be: ``crease`` (rad) if it is given, else ``tolerance`` (rad) or what surfaces have."""
+    """How sharp creases may be: up to ``crease`` (rad) if given, else ``tolerance`` (rad) or those of surfaces."""
 
     tolerance: float
     crease: float | None = None
 
     @property
     def uniform_limit(self) -> float:
-        """What is allowed wherever it is, rad."""
-        return self.tolerance if self.crease is None else max(self.crease, ROUNDING_ANGLE)
+        """The sharpest crease that is allowed everywhere, rad."""
+        return self.tolerance if self.crease is None else max(self.crease, CREASE_TOLERANCES.rounding_angle)
 
     def find_limit(self, ribbons: Sequence[Ribbon]) -> float:
-        """Return the most that is allowed somewhere along ribbons, rad."""
-        own = [one.crease for ribbon in ribbons for one in ribbon.primary.find_knot_crossings(ribbon.c, 0)]
-        return max([self.uniform_limit, *(own if self.crease is None else [])])
+        """Return the sharpest crease that is allowed somewhere along ribbons, rad."""
+        surface_creases = [
+            crossing.crease for ribbon in ribbons for crossing in ribbon.primary.find_knot_crossings(ribbon.c, 0)
+        ]
+        return max([self.uniform_limit, *(surface_creases if self.crease is None else [])])
 
 
 def measure_creases(surface: Surface) -> tuple[Array, Array]:
-    """Return the parameters t (n,) of sections at which a blend may have a crease, and the largest there (n,), rad."""
-    breaks, v = surface.breaks[0], (np.arange(SECTION_POINTS) + 0.5) / SECTION_POINTS
-    kinks = breaks[1:-1][surface.continuity[0] < 1]
-    before = after = kinks
-    ends = np.stack([surface(np.full(SECTION_POINTS, t), v) for t in breaks[[0, -1]]])
-    if np.abs(ends[0] - ends[1]).max() <= CLOSED_BLEND_SHARE * np.abs(ends).max() and _has_periodic_boundaries(surface):
+    """Return the parameters t (n,) of sections at which a blend may have a crease, and its largest angle (n,), rad."""
+    count = CREASE_TOLERANCES.section_points
+    breaks, v = surface.breaks[0], (np.arange(count) + 0.5) / count
+    before = after = breaks[1:-1][surface.continuity[0] < 1]
+    ends = np.stack([surface(np.full(count, t), v) for t in breaks[[0, -1]]])
+    is_closed = np.abs(ends[0] - ends[1]).max() <= CREASE_TOLERANCES.closing_gap * np.abs(ends).max()
+    if is_closed and _has_periodic_boundaries(surface):
         before, after = np.append(before, breaks[-1]), np.append(after, breaks[0])
-    one, two = _evaluate_normals(surface, before, v, "left"), _evaluate_normals(surface, after, v, "right")
-    angle = np.arctan2(np.linalg.norm(cross_product(one, two), axis=-1), (one * two).sum(axis=-1))
-    lengths = np.minimum(np.linalg.norm(one, axis=-1), np.linalg.norm(two, axis=-1))
-    angle[lengths <= THIN_SECTION_SHARE * lengths.max(initial=0.0)] = 0.0
+    left, right = _evaluate_normals(surface, before, v, "left"), _evaluate_normals(surface, after, v, "right")
+    angle = np.arctan2(np.linalg.norm(cross_product(left, right), axis=-1), (left * right).sum(axis=-1))
+    lengths = np.minimum(np.linalg.norm(left, axis=-1), np.linalg.norm(right, axis=-1))
+    angle[lengths <= CREASE_TOLERANCES.thin_section * lengths.max(initial=0.0)] = 0.0
     return after, angle.max(axis=1, initial=0.0)
 
 
@@ -74,7 +71,7 @@ def _has_periodic_boundaries(surface: Surface) -> bool:
     (low, high), v = surface.domain[0], np.array([0.0, 1.0])
     first, last = (surface(np.full(2, t), v, 1, 0) for t in (low, high))
     sine = np.linalg.norm(cross_product(first, last), axis=1)
-    return bool(np.all(np.arctan2(sine, (first * last).sum(axis=1)) <= SMOOTH_ANGLE))
+    return bool(np.all(np.arctan2(sine, (first * last).sum(axis=1)) <= CREASE_TOLERANCES.smooth_angle))
 
 
 def check_creases(
@@ -84,78 +81,100 @@ def check_creases(
     *,
     steers: bool = True,
 ) -> None:
-    """Check that a blend has no crease inside that is sharper than allowed.
+    """Raise GeometryError if a blend has a crease inside that is sharper than allowed.
 
-    ``names`` are those of its surfaces; ``steers`` tells whether a larger ``steer`` can be asked for.
+    ``names`` are those of its surfaces; ``steers`` says whether the message may advise a larger option ``steer``.
 
     Raises
     ------
     GeometryError
-        If it has; the message has the angle, where and why it is, and what helps.
+        If it has; the message has the angle, the place, the cause, and what helps.
     """
     t, angle = measure_creases(blend.surface)
     over = angle > allowed.uniform_limit
     if not over.any():
         return
     t, angle = t[over], angle[over]
-    slack = SLIVER_SHARE * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
-    known = [
-        (name, one)
-        for name, ribbon in zip(names, blend.ribbons, strict=True)
-        for one in find_required_turns(ribbon, len(ribbon.directions))
-    ]
-    lines = [[pair for pair in known if abs(pair[1].crossing.t - at) <= slack] for at in t.tolist()]
+    causes = _find_causes(blend, names, t)
     if allowed.crease is None:
-        own = np.array([max((one.crossing.crease for _, one in some), default=0.0) for some in lines])
-        keep = np.flatnonzero(angle > own)
-        t, angle, lines = t[keep], angle[keep], [lines[i] for i in keep]
+        from_surfaces = np.array([max((turn.crossing.crease for _, turn in known), default=0.0) for known in causes])
+        keep = np.flatnonzero(angle > from_surfaces)
+        t, angle, causes = t[keep], angle[keep], [causes[i] for i in keep]
         if not len(t):
             return
     worst = int(angle.argmax())
-    where = f"at t = {t[worst]:.6g}, where "
-    if lines[worst]:
-        name, (one, *_) = min(lines[worst], key=lambda pair: pair[1].crossing.shape_continuity)
-        where += (
-            f"the rail crosses the knot line {'uv'[one.axis]} = {one.value:.6g} of {name}, which is only "
-            f"G{one.shape_continuity} "
-            "there"
-        )
-    else:
-        jumps = [
-            f"the speed of the rail on {name} jumps (cqblend.reparameterise changes it)"
-            for name, ribbon in zip(names, blend.ribbons, strict=True)
-            if _has_speed_jump(ribbon, t[worst : worst + 1])
-        ]
-        where += jumps[0] if jumps else "the directions into it have a kink"
-    places = [[one for owner, one in some if owner == name] for some in lines for name in {name for name, _ in some}]
-    ways = [suggest_remedy(places if all(lines) else [])] if steers else []
-    ways.append(f"crease={_round_up(float(angle.max())):.2g}, which allows it")
+    place = f"at t = {t[worst]:.6g}, where {_describe_cause(blend, names, float(t[worst]), causes[worst])}"
+    remedies = [suggest_remedy(_group_by_place(causes) if all(causes) else [])] if steers else []
+    remedies.append(f"crease={_round_up(float(angle.max())):.2g}, which allows it")
     raise GeometryError(
-        f"the blend has a crease of {angle[worst]:.2g} rad inside, over {allowed.uniform_limit:.2g}, {where}: "
-        f"take {'; or '.join(ways)}"
+        f"the blend has a crease of {angle[worst]:.2g} rad inside, over {allowed.uniform_limit:.2g}, {place}: "
+        f"take {'; or '.join(remedies)}"
     )
 
 
-def _has_speed_jump(ribbon: Ribbon, t: Array) -> bool:
-    """Whether the speed of a rail jumps at t (1,)."""
+class _Cause(NamedTuple):
+    """A knot line of a surface, by the name of the surface, that causes a crease where a rail crosses it."""
+
+    surface_name: str
+    turn: RequiredTurn
+
+
+def _find_causes(blend: BlendSurface, names: tuple[str, str], t: Array) -> list[list[_Cause]]:
+    """Return, for each t, the knot lines of both surfaces that the rails cross there."""
+    same_place = SLIVER_SHARE * (blend.surface.breaks[0][-1] - blend.surface.breaks[0][0])
+    causes = [
+        _Cause(name, turn)
+        for name, ribbon in zip(names, blend.ribbons, strict=True)
+        for turn in find_required_turns(ribbon, len(ribbon.directions))
+    ]
+    return [[cause for cause in causes if abs(cause.turn.crossing.t - at) <= same_place] for at in t.tolist()]
+
+
+def _group_by_place(causes: list[list[_Cause]]) -> list[list[RequiredTurn]]:
+    """Return the required turns at each place of each surface."""
+    return [
+        [cause.turn for cause in known if cause.surface_name == name]
+        for known in causes
+        for name in {cause.surface_name for cause in known}
+    ]
+
+
+def _describe_cause(blend: BlendSurface, names: tuple[str, str], t: float, causes: list[_Cause]) -> str:
+    """Return the cause of a crease at t for the message: a knot line, a jump of a rail's speed, or the directions."""
+    if causes:
+        name, (crossing, *_) = min(causes, key=lambda cause: cause.turn.crossing.shape_continuity)
+        return (
+            f"the rail crosses the knot line {'uv'[crossing.axis]} = {crossing.value:.6g} of {name}, which is only "
+            f"G{crossing.shape_continuity} there"
+        )
+    for name, ribbon in zip(names, blend.ribbons, strict=True):
+        if _has_speed_jump(ribbon, t):
+            return f"the speed of the rail on {name} jumps (cqblend.reparameterise changes it)"
+    return "the directions into it have a kink"
+
+
+def _has_speed_jump(ribbon: Ribbon, t: float) -> bool:
+    """Whether the speed of a rail jumps at t."""
     sides: tuple[BreakSide, BreakSide] = ("left", "right")
-    before, after = (
-        evaluate_space_jets([ribbon.primary.compose_position(ribbon.c)], t, 1, side)[0, 1] for side in sides
-    )
-    return bool(np.abs(after - before).max() > SMOOTH_ANGLE * np.abs(before).max())
+    position = ribbon.primary.compose_position(ribbon.c)
+    before, after = (evaluate_space_jets([position], np.array([t]), 1, side)[0, 1] for side in sides)
+    return bool(np.abs(after - before).max() > CREASE_TOLERANCES.smooth_angle * np.abs(before).max())
 
 
 def suggest_remedy(needed: Sequence[Sequence[RequiredTurn]]) -> str:
-    """Return what helps at places on rails where directions would have to turn: a larger ``steer``, if one would do.
+    """Return the advice for places on rails where directions would have to turn: a larger ``steer``, if that helps.
 
-    Of each place, the turns that the lines of a surface ask for: there is none where they are not one.
+    ``needed`` are the turns that the knot lines of one surface require at each place; where there are several lines, no
+    direction is parallel to all of them.
     """
-    single = all(len(place) == 1 for place in needed)
-    steer = max((abs(one.angle) for place in needed for one in place), default=np.inf) + TURN_MARGIN
-    if not single or steer > LARGEST_TURN or any(one.clear < NEAR_RAIL_ANGLE for place in needed for one in place):
+    largest, turns = CREASE_TOLERANCES.largest_turn, [turn for place in needed for turn in place]
+    steer = max((abs(turn.angle) for turn in turns), default=np.inf) + CREASE_TOLERANCES.turn_margin
+    has_single_lines = all(len(place) == 1 for place in needed)
+    is_near_rail = any(turn.clear < CREASE_TOLERANCES.near_rail_angle for turn in turns)
+    if not has_single_lines or steer > largest or is_near_rail:
         return "other tangents, or less continuity: no steer= would do"
-    doubt = ", so far that the blend may fold" if steer > FOLDING_TURN else ""
-    return f"steer={min(_round_up(steer), LARGEST_TURN):.3g}, which turns the directions along the line{doubt}"
+    warning = ", so far that the blend may fold" if steer > CREASE_TOLERANCES.folding_turn else ""
+    return f"steer={min(_round_up(steer), largest):.3g}, which turns the directions along the line{warning}"
 
 
 def _round_up(value: float) -> float:

@@ -1,22 +1,21 @@
-r"""How fair a blend is: the energy that it would take to bend it out of a plane.
+r"""How fair a blend is: the energy that it takes to bend a plate into its shape.
 
 .. math:: E = \int (\kappa_1^2 + \kappa_2^2)\, dA,
 
 with the principal curvatures: the strain energy of a thin plate of that shape, up to a factor of its material and
-thickness. It does not depend on the size nor on parameters; a cylinder of radius r and an opening of one radian has
-L / r, a quarter of a sphere 2 pi. Knows nothing of how blends are made.
+thickness. It does not depend on the size nor on parameters; a cylinder of radius r, length L and an opening of one
+radian has L / r, a quarter of a sphere 2 pi. Depends on spline surfaces only.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from cqblend.blends.quality.tolerances import FAIRNESS_SAMPLING
 from cqblend.splines import Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-from cqblend.surfaces.primaries import Array, cross_product
-
-GAUSS_POINTS_ACROSS, GAUSS_POINTS_ALONG = 24, 4  # Gauss points across, and along each cell
-LEAST_CELLS = 128  # along, at least
+from cqblend.surfaces.vectors import cross_product
 
 
 def bending_energy(surface: Surface, outline: Array | None = None) -> float:
@@ -27,21 +26,21 @@ def bending_energy(surface: Surface, outline: Array | None = None) -> float:
     surface
         H.
     outline
-        Ends (n, 2, 2) of straight pieces in the parameter plane that bound the part that counts; None for all of it.
+        Ends (n, 2, 2) of the straight pieces in the parameter plane that bound the region of the integral; None for
+        the whole domain.
     """
     t0, t1 = surface.domain[0]
-    nodes, weights = gauss_rule(GAUSS_POINTS_ACROSS)
-    pieces = surface.breaks[1]
-    v = (pieces[:-1, None] + np.diff(pieces)[:, None] * nodes).ravel()
-    weights_v = (np.diff(pieces)[:, None] * weights).ravel()
-    spans = [[(t0, t1)]] * len(v) if outline is None else [_clip_line(outline, at) for at in v]
-    cells = np.union1d(
-        np.linspace(t0, t1, LEAST_CELLS + 1), surface.breaks[0] if len(surface.breaks[0]) < 4 * LEAST_CELLS else []
-    )
-    nodes, weights = gauss_rule(GAUSS_POINTS_ALONG)
+    nodes, weights = gauss_rule(FAIRNESS_SAMPLING.points_across)
+    breaks_t, breaks_v = surface.breaks
+    v = (breaks_v[:-1, None] + np.diff(breaks_v)[:, None] * nodes).ravel()
+    weights_v = (np.diff(breaks_v)[:, None] * weights).ravel()
+    intervals = [[(t0, t1)]] * len(v) if outline is None else [_clip_line(outline, at) for at in v]
+    count = FAIRNESS_SAMPLING.cells
+    cells = np.union1d(np.linspace(t0, t1, count + 1), breaks_t if len(breaks_t) < 4 * count else [])
+    nodes, weights = gauss_rule(FAIRNESS_SAMPLING.points_along)
     total = 0.0
-    for at, factor, some in zip(v.tolist(), weights_v.tolist(), spans, strict=True):
-        for low, high in some:
+    for at, factor, intervals_at in zip(v.tolist(), weights_v.tolist(), intervals, strict=True):
+        for low, high in intervals_at:
             edges = np.concatenate([[low], cells[(cells > low) & (cells < high)], [high]])
             steps = np.diff(edges)[:, None]
             t = (edges[:-1, None] + steps * nodes).ravel()
@@ -50,7 +49,7 @@ def bending_energy(surface: Surface, outline: Array | None = None) -> float:
 
 
 def _clip_line(outline: Array, v: float) -> list[tuple[float, float]]:
-    """Return where the line of a constant v is inside an outline."""
+    """Return the intervals of t in which the line of a constant v is inside an outline."""
     (a, p), (b, q) = outline[:, 0].T, outline[:, 1].T
     crosses = (p <= v) != (q <= v)
     a, p, b, q = (x[crosses] for x in (a, p, b, q))

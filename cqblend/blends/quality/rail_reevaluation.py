@@ -1,9 +1,8 @@
-"""A primary along a rail, worked out anew for those who check a blend: on pieces of its own, and beside the origin.
+"""The primary along a rail, recomputed for the proof of a blend: on pieces of its own, relative to a point near it.
 
-Nothing is taken over from the blend. Breaks are where the rail really crosses knot lines, however close together, and
-derivatives along the rail come from its velocity, as derivatives into the blend come from their directions: no piece is
-so short that they lose their digits. Positions are taken from a point next to the blend. It must not know what is
-checked.
+Nothing is taken from the blend. Breaks are where the rail crosses knot lines, however close together; derivatives along
+the rail come from its velocity, and derivatives into the blend from their directions, not from differences: so they are
+accurate on very short pieces, too. Depends on ribbons and primary surfaces only.
 """
 
 from __future__ import annotations
@@ -15,28 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.quality.rounding import EPS, RoundingBounds, bound_rounding
+from cqblend.blends.quality.rounding import RoundingBounds, bound_rounding
+from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import extract_pieces
 from cqblend.splines.surface import BSplineSurface
-from cqblend.surfaces.primaries import (
-    Array,
-    LocalFrame,
-    Primary,
-    Quadric,
-    RevolvedEllipse,
-    RevolvedSpline,
-    TensorSurface,
-)
-
-CLOSED_FORM_ERROR = 64 * EPS  # relative error of derivatives of surfaces that OCCT evaluates by formulas
-PARAMETER_ERROR = 4 * EPS  # by which a rail's parameters are off where they are evaluated, for each degree and one
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Quadric
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame
 
 
 @dataclass(frozen=True)
 class RecomputedRibbon:
-    """The primary of a ribbon, moved by -``origin``, along its rail."""
+    """The primary of a ribbon along its rail, both moved by -``origin`` (3,)."""
 
     ribbon: Ribbon
     origin: Array
@@ -64,11 +58,11 @@ class RecomputedRibbon:
 
     @cached_property
     def mixed_derivative(self) -> tuple[Curve, float]:
-        """The second derivative towards C' + x T, with all that makes it one of the same map, and x."""
+        """The homogeneous second derivative of the ribbon's map in the direction (1, x) of (t, v), and x."""
         c, directions = self.ribbon.c, self.ribbon.directions
         d = directions[0]
-        speed, reach = (float(np.abs(curve.coefs).max()) for curve in (c.derivative(), d))
-        x = speed / reach
+        rail_speed, cross_length = (float(np.abs(curve.coefs).max()) for curve in (c.derivative(), d))
+        x = rail_speed / cross_length
         second = c.derivative(2) + d.derivative() * (2 * x)
         if len(directions) > 1:
             second = second + directions[1] * x**2
@@ -76,7 +70,7 @@ class RecomputedRibbon:
 
     @cached_property
     def native_derivatives(self) -> dict[str, Curve]:
-        """Homogeneous derivatives by the native parameters of a spline, along the rail: "u" and "v"."""
+        """Homogeneous derivatives of a spline by its native parameters "u" and "v", along the rail."""
         c = self.ribbon.c
         pairs = c.coefs[:, 0:2].sum(1), c.coefs[:, 2:4].sum(1)
         steps = {}
@@ -89,20 +83,22 @@ class RecomputedRibbon:
 
     @cached_property
     def evaluation_rounding(self) -> Callable[[Array], RoundingBounds] | None:
-        """What gives the rounding of the surface's own evaluation at parameters t (n,); None if it has closed forms."""
+        """Bounds of the rounding of OCCT's evaluation of the primary, as a function of t (n,).
+
+        None if OCCT evaluates the primary by formulas.
+        """
         primary, c = self.ribbon.primary, self.ribbon.c
         if not isinstance(primary, TensorSurface) or primary.surface is None:
             return None
-        degree = (c.degree + 1) * PARAMETER_ERROR
-        lines = primary.breaks
-        doubt = tuple(degree * max(abs(line[0]), abs(line[-1])) for line in lines)
-        table = bound_rounding(primary.surface.to_bspline(), None, (doubt[0], doubt[1]))
+        relative = (c.degree + 1) * PROOF_TOLERANCES.rail_parameter
+        u_error, v_error = (relative * max(abs(breaks[0]), abs(breaks[-1])) for breaks in primary.breaks)
+        table = bound_rounding(primary.surface.to_bspline(), None, (u_error, v_error))
 
         def select_rounding(t: Array) -> RoundingBounds:
             uv = primary.wrap_parameters(self.ribbon.find_native_parameters(t))
             spans = [
-                np.clip(np.searchsorted(line, x, "right") - 1, 0, len(line) - 2)
-                for line, x in zip(lines, uv.T, strict=True)
+                np.clip(np.searchsorted(breaks, values, "right") - 1, 0, len(breaks) - 2)
+                for breaks, values in zip(primary.breaks, uv.T, strict=True)
             ]
             return table.take_spans(spans[0], spans[1])
 
@@ -110,32 +106,34 @@ class RecomputedRibbon:
 
 
 def _translate_primary(primary: Primary, by: Array) -> Primary:
-    """Return a primary that has been moved; the same lifted parameters mean the same points."""
+    """Return a primary moved by a vector; points have the same lifted parameters as before."""
     if isinstance(primary, TensorSurface) and primary.surface is not None:
         coefs = extract_moved_pieces(primary.surface.to_bspline(), by)
         surface = Surface(primary.breaks, coefs[:, :, : 3 + primary.rational], rational=primary.rational)
         return replace(primary, surface=surface, patches=coefs)
-    assert isinstance(primary, Quadric | RevolvedSpline | RevolvedEllipse)
-    frame = LocalFrame(primary.frame.origin + by, primary.frame.axes)
-    if isinstance(primary, RevolvedSpline):
-        assert primary.profile is not None
+    if isinstance(primary, Quadric):
+        return replace(primary, frame=_translate_frame(primary.frame, by))
+    if isinstance(primary, RevolvedEllipse):
+        return RevolvedEllipse.from_ellipse(_translate_frame(primary.frame, by), primary.ellipse)
+    if isinstance(primary, RevolvedSpline) and primary.profile is not None:
+        frame = _translate_frame(primary.frame, by)
         return RevolvedSpline.from_profile(frame, primary.profile, closed=primary.periods[1] is not None)
-    return (
-        RevolvedEllipse.from_ellipse(frame, primary.ellipse)
-        if isinstance(primary, RevolvedEllipse)
-        else replace(primary, frame=frame)
-    )
+    raise TypeError(f"a {type(primary).__name__} cannot be moved")
+
+
+def _translate_frame(frame: LocalFrame, by: Array) -> LocalFrame:
+    return LocalFrame(frame.origin + by, frame.axes)
 
 
 def extract_moved_pieces(spline: BSplineSurface, by: Array, dtype: type[np.floating[Any]] = np.float64) -> Array:
-    """Return the homogeneous Bernstein pieces (p+1, q+1, 4, nu, nv) of a spline that is moved, to their own rounding.
+    """Return the homogeneous Bernstein pieces (p+1, q+1, 4, nu, nv) of a spline moved by a vector, rounded once.
 
-    They are worked out in long doubles, where the machine has them.
+    They are computed in long doubles, where the machine has them.
     """
     (p, q), (ku, kv), poles, weights = spline
-    wide = np.longdouble
-    factor = np.ones(poles.shape[:2], wide) if weights is None else weights.astype(wide)
-    net = np.concatenate([(poles.astype(wide) + by) * factor[..., None], factor[..., None]], axis=-1)
-    rows = extract_pieces(p, ku.astype(wide), net)[1]
-    coefs = extract_pieces(q, kv.astype(wide), np.moveaxis(rows, 1, 0))[1]
+    long = np.longdouble
+    factor = np.ones(poles.shape[:2], long) if weights is None else weights.astype(long)
+    net = np.concatenate([(poles.astype(long) + by) * factor[..., None], factor[..., None]], axis=-1)
+    rows = extract_pieces(p, ku.astype(long), net)[1]
+    coefs = extract_pieces(q, kv.astype(long), np.moveaxis(rows, 1, 0))[1]
     return np.asarray(np.swapaxes(coefs, 0, 1).astype(dtype))

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 LEAST_TANGENT_SHARE = 1e-6  # share of a vector that is tangent, below which it has no tangent direction
 

@@ -17,16 +17,13 @@ from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, Parametri
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import Steering, find_pins
-from cqblend.splines import Curve, fit
-from cqblend.splines.breaks import NEAR_BREAKS, SAME_BREAK, merge_breaks
-from cqblend.surfaces.primaries import (
-    Array,
-    Primary,
-    TensorSurface,
-    cross_product,
-    normalise_vectors,
-    to_tangent_coordinates,
-)
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.splines.breaks import merge_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 INITIAL_SPANS = 16  # spans of a cubic fit
 SHORTEST_SPAN_BY_ORDER = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
@@ -203,12 +200,14 @@ class DirectionFit:
     def has_seam_kink(self) -> bool:
         """Whether a closed rail meets itself in a seam of the surface, at which parameters or derivatives jump."""
         uv = self.rail.curve(np.array(self.rail.domain))
-        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SAME_BREAK * np.ptp(
+        if not (self.closed and self.order) or np.abs(uv[1] - uv[0]).max() <= SPLINE_TOLERANCES.same_break * np.ptp(
             self.rail.surface.domain
         ):
             return False
         jet = self.rail.surface.jet(uv[:, 0], uv[:, 1], self.order + 1)
-        return bool(np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SAME_BREAK * np.abs(jet).max()))
+        return bool(
+            np.any(np.abs(jet[:, :, 1] - jet[:, :, 0]).max(axis=-1) > SPLINE_TOLERANCES.same_break * np.abs(jet).max())
+        )
 
     @property
     def has_kinks(self) -> bool:
@@ -219,7 +218,9 @@ class DirectionFit:
         """Fit the directions at nodes; also tell which spans between them miss what is wanted."""
         t = add_third_points(nodes)
         kinks = merge_breaks(self.corners, np.array([pin.t for pin in steering.pins]))
-        corners = np.flatnonzero(np.abs(nodes[:, None] - kinks).min(axis=1) <= NEAR_BREAKS * (nodes[-1] - nodes[0]))
+        corners = np.flatnonzero(
+            np.abs(nodes[:, None] - kinks).min(axis=1) <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0])
+        )
         weight = (
             self.lifted_rail[0] + self.lifted_rail[1]
         )  # of a rational rail: it may have kinks, which directions per weight have not
@@ -259,7 +260,7 @@ class DirectionFit:
         if not self.has_kinks:
             return None
         apart = np.abs(nodes[:, None] - self.kink_parameters).min(axis=1, initial=np.inf)
-        (at,) = np.nonzero(apart <= NEAR_BREAKS * (nodes[-1] - nodes[0]))
+        (at,) = np.nonzero(apart <= SPLINE_TOLERANCES.near_breaks * (nodes[-1] - nodes[0]))
         joint = [0] if self.has_seam_kink else []
         pairs = np.array([[*at, *(len(nodes) - 1 for _ in joint)], [*at, *joint]])
         return ParametricKinks.from_rail(self.primary, self.lifted_rail, uv, t, pairs)
@@ -355,7 +356,7 @@ def interpolate_with_corners(
     size = np.abs(values).max()
     for i, j in zip(corners[:-1].tolist(), corners[1:].tolist(), strict=True):
         ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
-        piece = fit.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
+        piece = interpolation.interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
         if np.abs(ends[-1] - values[3 * j]).max() > SAME_VALUE_TOLERANCE * size:
             order[j] = -1
         whole = piece if whole is None else whole.join(piece, continuity=int(order[i]))

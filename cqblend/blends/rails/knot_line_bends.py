@@ -18,9 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blends.rails.ribbon import evaluate_space_jets
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, Primary, to_tangent_coordinates
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class ParametricKinks:
         at = nodes * 3
         for axis in (0, 1):
             unit = primary.lift_directions(uv[::3], c(t[::3]), np.tile(np.eye(2)[axis], (len(t[::3]), 1)))
-            beside = _evaluate_both_sides(primary.compose_jets(c, [fit.interpolate(t[::3], unit, degree=1)]), t[at])
+            beside = _evaluate_both_sides(
+                primary.compose_jets(c, [interpolation.interpolate(t[::3], unit, degree=1)]), t[at]
+            )
             frames[:, 1 + axis] = [rows[1, 0] for rows in beside]
         return cls(nodes, t[at], uv[at], frames)
 

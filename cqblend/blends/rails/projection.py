@@ -12,7 +12,7 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface, interpolate
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 _GUIDE_STATIONS = 129  # stations that the others start from
 _SEEDS_PER_PATCH = (

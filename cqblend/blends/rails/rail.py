@@ -16,13 +16,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.blends.checks import to_point
 from cqblend.blends.rails import regularity
+from cqblend.checks import to_finite_array, to_point
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
-from cqblend.splines.knots import to_finite_array
+from cqblend.splines.bernstein import Array
 from cqblend.splines.self_intersection import is_closed
-from cqblend.surfaces.primaries import Array, cross_product, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, to_tangent_coordinates
 
 RailSide: TypeAlias = Literal["left", "right"]
 FieldName: TypeAlias = Literal["parametric", "perpendicular", "chord", "guide", "combination"]

@@ -1,6 +1,6 @@
 """From contacts to ribbons: fits the two rails that a blend runs between, and its directions along them.
 
-Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.surfaces.primaries`), the only place where a
+Ribbon and direction are fitted in lifted parameters (see :mod:`cqblend.surfaces.primary`), the only place where a
 blend approximates: the boundary S(c(t)) and the tangent planes stay exact whatever the fit.
 
 Three forms, the lightest that reproduces the contacts to rounding: one straight span (degree 1), circular arcs about a
@@ -16,7 +16,6 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
 from cqblend.blends.rails.cross_fields import CrossField, RailStations, compute_unit_directions, perpendicular_field
@@ -28,18 +27,15 @@ from cqblend.blends.rails.direction_fit import (
     fit_directions,
     interpolate_with_corners,
 )
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.rails.knot_line_bends import CurveMaker, KinkData, ParametricKinks
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.rails.steering import SLIVER_SHARE, Steering, SteeringPin, find_pins
-from cqblend.splines import Curve, fit
-from cqblend.surfaces.primaries import (
-    Array,
-    Primary,
-    cross_product,
-    normalise_vectors,
-    shift_to_period,
-    unwrap_parameters,
-)
+from cqblend.splines import Curve, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 OVERLAP_STATIONS = (
     24  # stations a closed rail is fitted past its joint: the influence of a cubic spline's end fades as 0.27^n
@@ -162,14 +158,14 @@ def _fit_ribbon(
         bends = ParametricKinks.from_rail(primary, c, uv, t, np.stack([turning, turning]))
     point, rate = dehomogenise_jets(primary.compose_position(c).jet(t, 1))
     if wanted.given_derivatives:
-        assert solved.vectors is not None
-        asked = solved.vectors[side]
+        assert solved.cross_vectors is not None
+        asked = solved.cross_vectors[side]
     else:
         other = primaries[1 - side].jet(solved.uv[1 - side])[0]
         asked = compute_unit_directions(
-            wanted.fields[side], RailStations(t, jet, rate, solved.point - jet[0], other - jet[0])
+            wanted.fields[side], RailStations(t, jet, rate, solved.edge_points - jet[0], other - jet[0])
         )
-        asked = asked * (wanted.bulges[side](t) * solved.reach[side])[:, None]
+        asked = asked * (wanted.bulges[side](t) * solved.cross_lengths[side])[:, None]
     made, turned, ratio = fit_directions(primary, c, uv, t, asked, wanted.orders[side], turn or make, steering, bends)
     domain = steering.domain
     inside = (t >= domain[0]) & (t <= domain[1])
@@ -374,8 +370,8 @@ class _CubicFit:
         missed = max(float(errors.across.max()) for errors in measured)
         if missed > 10 * wanted.position:
             raise TooManySpansError(
-                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations: the edge or its faces are "
-                "not smooth enough for this size; try a smaller one"
+                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations",
+                "the edge or its faces are not smooth enough for this size; try a smaller one",
             )
         return breaks, built
 
@@ -416,7 +412,7 @@ class _CubicFit:
 
         def make_spline(values: Array, kinks: KinkData | None, corners: Array, sharp: Array) -> Curve:
             if not len(corners):
-                return fit.interpolate(nodes, values[::3])
+                return interpolation.interpolate(nodes, values[::3])
             pieces = np.unique([0, *corners, len(nodes) - 1])
             return interpolate_with_corners(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
 

@@ -14,8 +14,10 @@ import numpy as np
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.self_intersection import TOUCHING_DISTANCE, control_points, find_self_crossing, measure_diagonal
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.splines.bernstein import Array
+from cqblend.splines.self_intersection import control_points, find_self_crossing, measure_diagonal
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
+from cqblend.surfaces.vectors import cross_product
 
 DOMAIN_SLACK = 1e-9
 """How far a rail may run outside the domain, relative to its width."""
@@ -122,7 +124,7 @@ def _check_speed(surface: Surface, curve: Curve, t: Array) -> None:
 
     low, high = surface.bounds()
     fastest = float(evaluate_speed(t).max())
-    if fastest * (t[-1] - t[0]) <= TOUCHING_DISTANCE * np.linalg.norm(high - low):
+    if fastest * (t[-1] - t[0]) <= SPLINE_TOLERANCES.touching * np.linalg.norm(high - low):
         raise GeometryError(
             f"the rail has no length: from t = {t[0]:.9g} to t = {t[-1]:.9g} it stays at {_format_uv(curve(t[0]))}"
         )
@@ -161,7 +163,7 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
     before, after = position.jet(t, 1, side="left"), position.jet(t, 1, side="right")
     gap = np.linalg.norm(after[0] - before[0], axis=-1)
     i = int(gap.argmax())
-    if gap[i] > TOUCHING_DISTANCE * measure_diagonal(position):
+    if gap[i] > SPLINE_TOLERANCES.touching * measure_diagonal(position):
         raise GeometryError(f"the rail is broken at t = {t[i]:.9g}: its pieces are {gap[i]:.3g} apart there; join them")
     beside = DOMAIN_SLACK * (position.domain[1] - position.domain[0])
     crease = _measure_angles(

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.surfaces.primary import Primary
 
 LEAST_MEASURABLE_SHARE = (
     1e-4  # of the longest cross derivative along a rail: shorter ones make no tangent plane that can be measured

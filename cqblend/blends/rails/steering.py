@@ -20,7 +20,9 @@ import numpy as np
 
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Array, KnotCrossing, cross_product, normalise_vectors
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import KnotCrossing
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 SLIVER_SHARE = 2e-5  # of the rail: breaks nearer to each other than that are one
 FADE_FIT_SHARE = 0.02  # share of a turn by which the fit of its fading may err

@@ -26,9 +26,10 @@ from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array, cross_product, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 Form = Literal["exact", "compact"]
 SectionBuilder = Callable[[tuple[Jets, Jets]], Surface]

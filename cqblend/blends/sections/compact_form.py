@@ -27,10 +27,11 @@ import numpy as np
 from cqblend.blends.rails.ribbon import evaluate_space_jets
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, bernstein
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 from cqblend.splines.evaluation import BreakSide
 from cqblend.splines.knots import extract_pieces
-from cqblend.surfaces.primaries import Array, cross_product
+from cqblend.surfaces.vectors import cross_product
 
 DEGREE = 5  # single knots of a higher one do not survive re-assembly, which keeps amplification of rounding below 50
 MOST_SHARED_DERIVATIVES = 3  # values and derivatives taken over at a joint, at most: half the coefficients of a quintic

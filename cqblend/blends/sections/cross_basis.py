@@ -19,7 +19,7 @@ import numpy as np
 
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.fit import tabulate_hermite_basis
+from cqblend.splines.interpolation import tabulate_hermite_basis
 
 
 def evaluate_jacobi(count: int, alpha: int, x: Array) -> Array:

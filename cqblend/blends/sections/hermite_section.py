@@ -15,8 +15,8 @@ import numpy as np
 
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.surfaces.primaries import Array
 
 UNIT_WEIGHT_TOLERANCE = 1e-12  # of a weight that is one
 

@@ -19,17 +19,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from cqblend.blends.checks import TooManySpansError
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE
 from cqblend.blends.pde.solution import Solution
+from cqblend.blends.rails.fit_errors import TooManySpansError
 from cqblend.blends.sections.cross_basis import evaluate_bubbles
 from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.fit import approximate_curve
 from cqblend.splines.knots import extract_pieces
-from cqblend.surfaces.primaries import Array
 
 MOST_DEGREE_ACROSS = 7  # across, at most: OCCT's rounding grows with it, by a factor of 2.4 for each
 LEAST_POINTS_ACROSS = 72  # points across, at least, at which solutions are read
@@ -95,8 +95,8 @@ class FilledSection(ABC):
         else:
             raise TooManySpansError(
                 f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
-                f"{int(SPANS_PER_POINT * points)} spans "
-                f"across: ask for a larger tolerance, or {self.advice[0]}"
+                f"{int(SPANS_PER_POINT * points)} spans across",
+                f"ask for a larger tolerance, or {self.advice[0]}",
             )
 
         def sample_coefficients(t: Array) -> Array:
@@ -152,8 +152,8 @@ class FilledSection(ABC):
             except GeometryError as error:
                 last = error
         raise TooManySpansError(
-            f"the interior between the rails cannot be approximated along them: {last}; ask for a larger tolerance, or "
-            f"{self.advice[1]}"
+            "the interior between the rails cannot be approximated along them",
+            f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
     def _choose_across_basis(self, v: Array, found: Array) -> _AcrossBasis | None:

@@ -48,23 +48,13 @@ from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_ma
 from cqblend.brep.read.tolerances import TOLERANCES
 from cqblend.errors import GeometryError, UnsupportedError
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import (
-    Array,
-    Cone,
-    Cylinder,
-    KnotCrossing,
-    LocalFrame,
-    Plane,
-    Primary,
-    Quadric,
-    RevolvedEllipse,
-    RevolvedSpline,
-    Sphere,
-    TensorSurface,
-    shift_to_period,
-    to_tangent_coordinates,
-    unwrap_parameters,
-)
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
+from cqblend.surfaces.primary import KnotCrossing, Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Quadric, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cqblend.brep.read.tolerances import TOLERANCES
-from cqblend.splines import Curve, fit
+from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 
 CHECKED_SHARES = (np.arange(1, 4) / 4)[:, None]
@@ -28,4 +28,4 @@ def interpolate_jets(breaks: Array, starts: Array, stops: Array) -> Curve:
     allowed = TOLERANCES.equal_derivatives * (1 + np.abs(starts[:, 1:]))
     is_same = np.abs(stops[:, :-1] - starts[:, 1:]) <= allowed
     stops[:, :-1] = np.where(is_same, starts[:, 1:], stops[:, :-1])
-    return fit.hermite(breaks, np.stack([starts, stops], axis=2))
+    return interpolation.hermite(breaks, np.stack([starts, stops], axis=2))

@@ -25,9 +25,9 @@ from cqblend.brep.read.tolerances import TOLERANCES
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primaries import Array
 
 
 def read_edge_pcurve(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:

@@ -151,7 +151,7 @@ def read_patches(
         try:
             patches.append(reader.read_patch(number, face))
         except CqblendError as error:
-            refused[number] = type(error)(f"face {number}: {error}")
+            refused[number] = error.with_details(shape=f"face {number}")
     shell = reader.assemble_patches(patches, refused)
     return coplanar_patches.merge_coplanar_patches(shell) if merge_coplanar else shell
 

@@ -1,1 +1,1 @@
-"""Topology surgery: blend faces put into a solid by rewriting the boundaries of the faces that they touch."""
+"""Blend faces put into a solid by rewriting the boundaries of the faces that they touch."""

@@ -1,9 +1,9 @@
-"""How far the curves of an edge lie apart, and the tolerance that says so.
+"""How far an edge's curve and the images of its pcurves lie apart, and the edge tolerance that covers it.
 
-A STEP reader gives an edge the deviation of its curve and parameter curves at 23 parameters, and ordinary ``BRepCheck``
-looks at the same 23; between them they may part by a thousand times as much. Cut such an edge, and it is looked at
-elsewhere: a body that was valid no longer is, through no fault of the cut. So every edge that surgery makes or cuts is
-measured along its whole length, by OCCT's own search for the largest deviation, and gets the tolerance that it needs.
+A STEP reader sets an edge's tolerance to the deviation at 23 parameters, and ordinary ``BRepCheck`` looks at the same
+23; between them, the deviation may be a thousand times as large. A trimmed copy of such an edge is checked at other
+parameters: a body that was valid no longer is. So every edge that is made or trimmed here is measured along its whole
+length, by OCCT's own search for the largest deviation, and gets the tolerance that it needs.
 """
 
 from __future__ import annotations
@@ -21,14 +21,11 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.face_surface import read_support_face
+from cqblend.brep.rewrite.tolerances import REWRITE_TOLERANCES
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
-from cqblend.splines import fit
-from cqblend.surfaces.primaries import to_tangent_coordinates
-
-TOLERANCE_MARGIN = 1.05  # of a measured deviation: the least tolerance that surely covers it
-REFIT_DEVIATION = 1e-6  # mm: a parameter curve that strays further than this is worth being fitted again
-FOOT_COUNT, FOOT_ITERATIONS = 257, 4  # points of an edge whose feet on a face are looked for, and steps that this takes
+from cqblend.splines import interpolation
+from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
 def measure_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
@@ -60,53 +57,53 @@ def measure_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
     return float(search.GetMaxDistance())
 
 
-def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, strays: float) -> float:
-    """Replace an edge's parameter curve on a face by one through the feet of the edge's points, if that is much nearer.
+def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float:
+    """Replace an edge's pcurve on a face by one through the projections of the edge's points, if that is much nearer.
 
-    It helps where the face holds the edge's curve and the parameter curve alone is coarse. ``strays`` is how far the
-    curves lie apart, and what is returned is how far they do then (mm).
+    It helps where the edge's curve lies on the face and the pcurve alone is coarse. ``deviation`` is the distance (mm)
+    between the edge's curve and the image of its pcurve; returns that distance afterwards.
     """
     old = BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
     span: tuple[float, float] = BRep_Tool.Range_s(use)
     if span != BRep_Tool.Range_s(use, face) or BRep_Tool.IsClosed_s(use, face):
-        return strays
-    t = np.linspace(span[0], span[1], FOOT_COUNT)
+        return deviation
+    t = np.linspace(span[0], span[1], REWRITE_TOLERANCES.foot_count)
     curve = BRep_Tool.Curve_s(use, 0.0, 0.0)
     points = np.array([curve.Value(x).Coord() for x in t.tolist()])
     start = uv = np.array([old.Value(x).Coord() for x in t.tolist()])
     surface = read_support_face(face, points[:1]).face_primary
-    for _ in range(FOOT_ITERATIONS):
+    for _ in range(REWRITE_TOLERANCES.foot_iterations):
         jet = surface.jet(uv)
         uv = uv + to_tangent_coordinates(jet, points - jet[0])
     found, before = surface.jet(uv)[0], surface.jet(start)[0]
     off, moved = (np.linalg.norm(found - other, axis=1).max() for other in (points, before))
-    if not off < strays / 2 or not moved < 4 * strays:  # the face itself is far from the curve, or a foot has jumped
-        return strays
-    degree, knots, poles, _ = fit.interpolate(t, uv).to_bspline()
+    if not off < deviation / 2 or not moved < 4 * deviation:  # the face is far from the curve, or a foot has jumped
+        return deviation
+    degree, knots, poles, _ = interpolation.interpolate(t, uv).to_bspline()
     BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
-    strays_now = measure_deviation(use, face)
-    if strays_now < strays / 2:
-        return strays_now
+    deviation_now = measure_deviation(use, face)
+    if deviation_now < deviation / 2:
+        return deviation_now
     BUILDER.UpdateEdge(use, old, face, BRep_Tool.Tolerance_s(use))
-    return strays
+    return deviation
 
 
 def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, vertices: ShapeIndex) -> float:
-    """Raise the tolerance of every edge of faces that is not among the input's ``edges`` to what its curves need.
+    """Raise the tolerance of every new edge of some faces to what its curves need, and that of its new vertices.
 
-    Its parameter curves are fitted again first where that brings them much nearer. New vertices follow. Edges and
-    vertices of the input are shared with it, and stay as they are. Returns the largest tolerance of an edge that is not
-    the input's (mm).
+    New is what the input does not number in ``edges`` and ``vertices``; what it does is shared with it and stays as it
+    is. Pcurves are fitted again first where that brings them much nearer. Returns the largest tolerance of a new edge
+    (mm).
     """
     largest = 0.0
     for face in faces:
         for use in explore_subshapes(face, TopAbs_EDGE):
             if edges.find_number(use):
                 continue
-            strays = measure_deviation(use, face)
-            if strays > REFIT_DEVIATION:
-                strays = refit_pcurve(use, face, strays)
-            needed = TOLERANCE_MARGIN * strays
+            deviation = measure_deviation(use, face)
+            if deviation > REWRITE_TOLERANCES.refit_deviation:
+                deviation = refit_pcurve(use, face, deviation)
+            needed = REWRITE_TOLERANCES.deviation_margin * deviation
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
             largest = max(largest, BRep_Tool.Tolerance_s(use))

@@ -22,7 +22,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.read.face_surface import SupportFace, read_support_face
-from cqblend.brep.rewrite.neighbour_edges import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.select.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
 from cqblend.brep.select.spine import EdgeSpine, chain_edges
 from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
@@ -39,15 +39,14 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
-from cqblend.surfaces.primaries import Array, Primary
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary import Primary
 
 
 class NothingToBlendError(SelectionError):
     """There is nothing to blend at an edge; ``kind`` tells why: it is smooth already, a seam, or degenerate."""
 
-    def __init__(self, kind: SkippedKind, message: str) -> None:
-        super().__init__(message)
-        self.kind: SkippedKind = kind
+    kind: SkippedKind
 
 
 @dataclass(frozen=True)
@@ -66,6 +65,11 @@ class Joint:
     face_numbers: tuple[int, int]
     lookup_number: Callable[[TopoDS_Shape], int] | None = None
     is_backward: bool = False
+
+    @property
+    def name(self) -> str:
+        """What messages call the edge: by its number in the input."""
+        return f"edge {self.edge_number}"
 
     @property
     def primaries(self) -> tuple[Primary, Primary]:
@@ -160,12 +164,12 @@ class Joint:
         TopologyError
             If the cap is not possible.
         """
-        vertex, direction = self.spine.vertices[end], stations.direction[0]
+        vertex, direction = self.spine.vertices[end], stations.tangents[0]
         at_end = contacts.t[0] == end
         legs = np.zeros(3)
         for side, number, uv, foot in zip(self.sides, self.face_numbers, contacts.uv, stations.uv, strict=True):
             corner = side.primary.jet(uv)[0, 0]
-            legs += corner - stations.point[0]
+            legs += corner - stations.points[0]
             if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
                 continue
             classifier = BRepTopAdaptor_FClass2d(side.face, TOLERANCES.face_boundary)
@@ -179,7 +183,7 @@ class Joint:
                     if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
                         raise TopologyError(f"a wall across the edge leaves face {number}")
         behind = (
-            stations.point[0]
+            stations.points[0]
             + TOLERANCES.cap_probe_share * legs
             + TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
         )
@@ -222,9 +226,9 @@ def find_joint(
     faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
     pair = faces_at(edge)
     if BRep_Tool.Degenerated_s(edge):
-        raise NothingToBlendError("degenerate", f"{name} is degenerate (a pole): it has no length to blend along")
+        raise NothingToBlendError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
     if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
-        raise NothingToBlendError("seam", f"{name} is a seam of one closed face, not a joint of two")
+        raise NothingToBlendError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     if len(pair) != 2:
         raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
     pair.sort(key=ShapeIndex(solid, TopAbs_FACE).find_number, reverse=swap)
@@ -285,7 +289,11 @@ def _check_sharp(joint: Joint, name: str) -> None:
     )
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
     if angle.max() < TOLERANCES.smooth_angle:
-        raise NothingToBlendError("smooth", f"{name} is smooth already: its faces meet at {angle.max():.2g} rad")
+        raise NothingToBlendError(
+            f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
+            kind="smooth",
+            value=float(angle.max()),
+        )
     if angle.min() < TOLERANCES.smooth_angle:
         raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
     if angle.max() > np.pi - TOLERANCES.smooth_angle:

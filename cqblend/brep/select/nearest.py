@@ -12,9 +12,10 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
+from cqblend.brep.measure.edge_sides import find_edge_sides
 from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.edge_continuity import find_edge_sides, measure_continuity_between
 from cqblend.errors import CqblendError, SelectionError
 
 Point = tuple[float, float, float]

@@ -16,7 +16,8 @@ from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes, is_among
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
+from cqblend.splines.bracketing import bisect_interval
 
 
 def find_leaving_contact(joint: Joint, contacts: Contacts) -> tuple[int, int] | None:
@@ -44,7 +45,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
     support = joint.sides[side]
     stations = joint.locate_stations(contacts.t[[index]])
     share, point = _find_last_point_inside(joint, contacts, side, index)
-    width = float(np.linalg.norm(point - stations.point[0]))
+    width = float(np.linalg.norm(point - stations.points[0]))
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
     borders = [
         use
@@ -79,15 +80,15 @@ def _find_last_point_inside(joint: Joint, contacts: Contacts, side: int, index: 
     start = support.unwrap_near(support.to_face_parameters(foot), on_edge)[0]
     stop = support.unwrap_near(support.to_face_parameters(contacts.uv[side][[index]]), on_edge)[0]
     classifier = BRepTopAdaptor_FClass2d(support.face, TOLERANCES.face_boundary)
-    low, high = 0.0, 1.0
-    for _ in range(TOLERANCES.width_bisections):
-        middle = (low + high) / 2
-        (uv,) = support.wrap_to_window((start + middle * (stop - start))[None])
+
+    def is_inside_face(share: float) -> bool:
+        (uv,) = support.wrap_to_window((start + share * (stop - start))[None])
         state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
-        inside = state == TopAbs_IN or (state == TopAbs_ON and support.is_at_seam(uv))
-        low, high = (middle, high) if inside else (low, middle)
-    point: Array = support.face_primary.jet((start + low * (stop - start))[None])[0, 0]
-    return low, point
+        return bool(state == TopAbs_IN or (state == TopAbs_ON and support.is_at_seam(uv)))
+
+    share, _ = bisect_interval(is_inside_face, 0.0, 1.0, TOLERANCES.width_bisections)
+    point: Array = support.face_primary.jet((start + share * (stop - start))[None])[0, 0]
+    return share, point
 
 
 def _evaluate_border_normal(face: TopoDS_Face, border: TopoDS_Edge, point: Array) -> Array:

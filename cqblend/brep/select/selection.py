@@ -17,7 +17,7 @@ from cqblend.brep.select.united_faces import UnifiedSolid
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices, is_among
 from cqblend.certificate import SkippedEdge
 from cqblend.errors import InputError, SelectionError, UnsupportedError
-from cqblend.surfaces.primaries import Array
+from cqblend.splines.bernstein import Array
 
 
 class PendingEdges:
@@ -84,12 +84,7 @@ class PendingEdges:
         SelectionError
             It is not a joint of two faces; see :func:`cqblend.brep.select.edge_joint.find_joint`.
         """
-        try:
-            return self._find_oriented_joint(
-                shape, [self._find_current_edge(n) for n in self._waiting], self._waiting[0]
-            )
-        except NothingToBlendError as error:
-            raise SelectionError(str(error)) from error
+        return self._find_oriented_joint(shape, [self._find_current_edge(n) for n in self._waiting], self._waiting[0])
 
     def find_joints(self, shape: TopoDS_Shape) -> list[Joint]:
         """Return the joint of each of the edges that are left."""

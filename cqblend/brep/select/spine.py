@@ -22,7 +22,8 @@ from cqblend.brep.read.face_surface import SupportFace
 from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
-from cqblend.surfaces.primaries import Array, normalise_vectors, to_tangent_coordinates
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -173,12 +174,12 @@ class EdgeSpine:
         if self.circle is None or not past.any():
             return stations
         centre, radius = self.circle
-        angle, direction = (past / radius)[:, None], stations.direction
-        arm = stations.point - direction * past[:, None] - centre
+        angle, direction = (past / radius)[:, None], stations.tangents
+        arm = stations.points - direction * past[:, None] - centre
         cos, sin = np.cos(angle), np.sin(angle)
-        point = np.where(angle == 0, stations.point, centre + cos * arm + radius * sin * direction)
+        point = np.where(angle == 0, stations.points, centre + cos * arm + radius * sin * direction)
         uv = [
-            found + to_tangent_coordinates(side.primary.jet(found), point - stations.point)
+            found + to_tangent_coordinates(side.primary.jet(found), point - stations.points)
             for side, found in zip(sides, stations.uv, strict=True)
         ]
         return Stations(stations.t, point, cos * direction - sin * arm / radius, (uv[0], uv[1]))

@@ -26,6 +26,7 @@ from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
+from cqblend.brep.measure.edge_continuity import measure_continuity_between
 from cqblend.brep.select.edge_joint import Joint
 from cqblend.brep.select.tolerances import TOLERANCES
 from cqblend.brep.shape_kinds import downcast_shape
@@ -41,7 +42,6 @@ from cqblend.brep.topology import (
     make_trimmed_copy,
     orient_forward,
 )
-from cqblend.brep.verification.edge_continuity import measure_continuity_between
 
 
 class ShapeReplacement(NamedTuple):

@@ -1,1 +1,1 @@
-"""Is a finished solid sound, how smooth are its edges: measured by OCCT, told by the certificate."""
+"""Verification of finished solids by OCCT, and the certificates of blends."""

@@ -1,10 +1,11 @@
-"""Strips of a face laid flat, with their rulings as they are or paired anew.
+"""The strips of a face laid flat, with their rulings as they are or paired anew, and mapped to from the face.
 
-Exists because a strip that is paired anew is another ruled surface between the same rails, over another parameter: who
-carries trimming curves to the plane asks here where a point of the face has got to. Must not know trimming.
+A strip whose rulings are paired anew is another ruled surface between the same rails, over another parameter. So the
+mapping of trimming curves to the plane (:mod:`cqblend.patterns.flatten.flat_loops`) asks here where a point of the face
+is on its strip.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isfinite
@@ -14,89 +15,104 @@ import numpy as np
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flatten.development import strain_from_turn
-from cqblend.patterns.flatten.flat_strip import FlatStrip, Layout, flatten_rails
-from cqblend.patterns.strips.developability import bound_normal_turn
-from cqblend.patterns.strips.division import Direction, Method, divide_surface
+from cqblend.patterns.flatten.flat_strip import FlatStrip, flatten_rails
+from cqblend.patterns.flatten.tolerances import FLATTENING_TOLERANCES
+from cqblend.patterns.strips.developability import RailPair, bound_normal_turn
+from cqblend.patterns.strips.division import divide_surface
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.trimmed_patch import Patch
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-
-_MAX_DEPTH = 4
-"""A strip is divided again so often at most because of its strain."""
-
-_MAX_DEPTH_RIGHT_ANGLE = 8
-"""The same where its normal turns by a right angle."""
-
-_SAMPLING_SAFETY = 1.05
-"""What a sampled deviation is multiplied by before it counts."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnrollOptions:
-    """What is asked of a pattern; see :func:`cqblend.unroll`."""
-
-    tolerance: float
-    flat: float
-    method: Method
-    direction: Direction
-    even: bool
-    least_width: float | None
-    strain: float
-    developable: bool
-    layout: Layout
+from cqblend.splines.bracketing import bisect_intervals
+from cqblend.unroll_options import Layout, UnrollOptions
 
 
 @dataclass(frozen=True, slots=True)
 class UnrollStrategy:
-    """How a patch may be divided and laid flat: by narrower strips than its tolerance needs, if that helps."""
+    """A way to divide a patch and to lay it flat.
+
+    Attributes
+    ----------
+    direction
+        The parameter that runs along the rulings.
+    split_right_angles
+        Whether strips whose normal turns by a right angle or more along a ruling are divided, too, until they can be
+        laid flat.
+    layout
+        How strips are laid flat.
+    """
 
     direction: Literal["u", "v"]
-    narrower: bool = False
+    split_right_angles: bool = False
     layout: Layout = "smooth"
 
     def __str__(self) -> str:
-        what = ", narrower strips" if self.narrower else ", as triangles" if self.layout == "triangles" else ""
+        what = (
+            ", narrower strips" if self.split_right_angles else ", as triangles" if self.layout == "triangles" else ""
+        )
         return f"rulings along {self.direction}{what}"
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class DividedPatch:
-    """A patch with its strips, none on a plane, and what keeps its pieces from covering themselves.
+    """A patch divided into strips, and how that came about.
 
-    That is cuts across strips, by how much all tolerances are finer than asked, the way in which it is divided, those
-    that are left, those that failed and why, and why its strips are narrower than asked.
+    Attributes
+    ----------
+    patch
+        The patch.
+    strips
+        None on a plane.
+    transposed
+        Whether the rulings run along u.
+    elber_count, ideal_count
+        Numbers of strips by Elber's Algorithm 1 and in the limit of narrow strips, see
+        :class:`cqblend.patterns.strips.division.SurfaceDivision`.
+    cross_cuts
+        By index of the strip: parameters t along the rails, increasing, at which it is cut across so that its pieces
+        do not overlap themselves.
+    refinement
+        Factor by which all tolerances are divided.
+    strategy
+        How it was divided; None on a plane.
+    untried
+        Strategies that have not been tried yet, in order.
+    failures
+        Strategies that have failed, and why.
+    width_error
+        Why the strips are not as wide as asked, if they are not.
     """
 
     patch: Patch
     strips: tuple[RuledStrip, ...] = ()
     transposed: bool = False
-    elber: int = 1
-    ideal: float = 1.0
-    cuts: dict[int, list[float]] = field(default_factory=dict)
-    finer: float = 1.0
-    way: UnrollStrategy | None = None
-    ways: tuple[UnrollStrategy, ...] = ()
-    failed: tuple[tuple[UnrollStrategy, CqblendError], ...] = ()
-    refusal: CqblendError | None = None
+    elber_count: int = 1
+    ideal_count: float = 1.0
+    cross_cuts: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
+    refinement: float = 1.0
+    strategy: UnrollStrategy | None = None
+    untried: tuple[UnrollStrategy, ...] = ()
+    failures: tuple[tuple[UnrollStrategy, CqblendError], ...] = ()
+    width_error: CqblendError | None = None
 
-    def choose_layout(self, wishes: UnrollOptions) -> Layout:
+    def choose_layout(self, options: UnrollOptions) -> Layout:
         """Return how its strips are laid flat."""
-        return self.way.layout if self.way else wishes.layout
+        return self.strategy.layout if self.strategy else options.layout
 
     def make_cut_lines(self) -> CutLines:
         """Return the parameter lines that the patch's loops are cut at."""
-        return CutLines(self.across_axis, np.array([strip.span[1] for strip in self.strips[:-1]]), self.cuts)
+        return CutLines(self.across_axis, np.array([strip.span[1] for strip in self.strips[:-1]]), self.cross_cuts)
 
-    def add_cut(self, row: int, value: float) -> None:
-        """Cut a strip across."""
-        self.cuts[row] = sorted([*self.cuts.get(row, ()), value])
+    def cut_across(self, strip_index: int, t: float) -> "DividedPatch":
+        """Return the patch with one more cut across a strip, at a parameter along its rails."""
+        cuts = tuple(sorted([*self.cross_cuts.get(strip_index, ()), t]))
+        return replace(self, cross_cuts={**self.cross_cuts, strip_index: cuts})
 
     @property
     def extent(self) -> tuple[float, float]:
-        """How far both parameters reach."""
+        """Lengths of the ranges of u and v."""
         (u0, u1), (v0, v1) = self.patch.surface.domain
         return u1 - u0, v1 - v0
 
@@ -106,7 +122,7 @@ class DividedPatch:
 
     @property
     def across_axis(self) -> int:
-        """The axis of the parameter plane that runs across the strips."""
+        """The axis of the parameter plane that runs across the strips: 0 for u, 1 for v."""
         return 0 if self.transposed else 1
 
     @property
@@ -122,22 +138,22 @@ class UnrolledStrip:
     Attributes
     ----------
     strip
-        As it was divided.
+        As it was divided, over the parameter t along its rails.
     rails
         Between which it is ruled now, over a parameter r.
-    parameters
-        The strip's own parameter t on both rails as functions of r; None where r is t.
+    original_parameters
+        t on both rails as functions of r; None where r is t.
     bound
         Distance from the surface, both ways, mm.
     proven
-        Whether the bound is certified. That of a new pairing is the largest of a grid of samples.
+        Whether the bound is certified. That of a new pairing is the largest of a grid of samples, with a margin.
     flat
         The strip in the plane.
     """
 
     strip: RuledStrip
-    rails: tuple[Curve, Curve]
-    parameters: tuple[Curve, Curve] | None
+    rails: RailPair
+    original_parameters: tuple[Curve, Curve] | None
     bound: float
     proven: bool
     flat: FlatStrip
@@ -148,40 +164,39 @@ class UnrolledStrip:
 
     def map_to_surface(self, points: Array) -> Array:
         """Return the points of the surface, (n, 3), for which points (n, 2) of the plane stand."""
-        return _map_to_surface(self.strip, self.parameters, *self.flat.to_parameters(points))
+        return _map_to_surface(self.strip, self.original_parameters, *self.flat.to_parameters(points))
 
     def locate_on_ruling(self, t: Array, across: Array) -> tuple[Array, Array]:
-        """Return r and the fraction of the ruling of points given by the strip's own parameters.
+        """Return r and the fraction w of the ruling of points given by the strip's own parameters.
 
         Of a strip that is paired anew only points on its rails and at its ends can be located.
         """
         start, stop = self.strip.rails[0].domain
         t = np.clip(t, start, stop)
         w = self.strip.find_fractions(t, np.clip(across, *self.strip.span))
-        if self.parameters is None:
+        if self.original_parameters is None:
             return t, w
-        return np.where(w < 1, _invert_monotone(self.parameters[0], t), _invert_monotone(self.parameters[1], t)), w
+        first, second = self.original_parameters
+        return np.where(w < 1, _invert_monotone(first, t), _invert_monotone(second, t)), w
 
 
 def _invert_monotone(function: Curve, values: Array) -> Array:
-    """Return where a function that never decreases takes values; the first and the last at its ends."""
+    """Return where a function that never decreases takes values, by bisection; the first and the last at its ends."""
     start, stop = function.domain
-    low, high = np.full(values.shape, start), np.full(values.shape, stop)
-    for _ in range(60):
-        middle = (low + high) / 2
-        below = function(middle)[..., 0] < values
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    _, high = bisect_intervals(
+        lambda r: function(r)[..., 0] < values, np.full(values.shape, start), np.full(values.shape, stop)
+    )
     ends = function(np.array([start, stop]))[:, 0]
     return np.where(values <= ends[0], start, np.where(values >= ends[1], stop, high))
 
 
-def bound_strain(strips: Sequence[RuledStrip]) -> float:
-    """Bound by how much lengths inside strips change when they are laid flat; infinite where that cannot be done."""
+def bound_strain(strips: Iterable[RuledStrip]) -> float:
+    """Bound the relative change of lengths inside strips that are laid flat; infinite where that cannot be done."""
     return max(strain_from_turn(bound_normal_turn(strip.rails)) for strip in strips)
 
 
 def narrow_strips(
-    strips: Sequence[RuledStrip], wishes: UnrollOptions, finer: float, *, at_any_price: bool = False
+    strips: Sequence[RuledStrip], options: UnrollOptions, refinement: float, *, split_right_angles: bool = False
 ) -> tuple[RuledStrip, ...]:
     """Divide strips along their rails until lengths inside them change little enough when they are laid flat.
 
@@ -189,92 +204,106 @@ def narrow_strips(
 
     Parameters
     ----------
-    at_any_price
-        Whether strips are divided, too, whose normal turns by a right angle along a ruling.
+    strips
+        In order.
+    options
+        With the largest strain.
+    refinement
+        Factor by which the tolerance is divided.
+    split_right_angles
+        Whether strips whose normal turns by a right angle or more along a ruling are divided, too.
 
     Raises
     ------
     GeometryError
-        Some strip cannot be made narrow enough.
+        If some strip cannot be made narrow enough.
     """
-    found: list[RuledStrip] = []
-    todo = [(strip, 0) for strip in reversed(strips)]
-    while todo:
-        strip, depth = todo.pop()
-        excess = bound_strain([strip]) / wishes.strain
+    done: list[RuledStrip] = []
+    pending = [(strip, 0) for strip in reversed(strips)]
+    while pending:
+        strip, depth = pending.pop()
+        excess = bound_strain([strip]) / options.strain
         if excess <= 1:
-            found.append(strip)
+            done.append(strip)
             continue
-        if not isfinite(excess) and not at_any_price:
+        if not isfinite(excess) and not split_right_angles:
             raise GeometryError(
                 f"the strip from {strip.ruling_parameter} = {strip.span[0]:.6g} to {strip.span[1]:.6g} cannot be "
                 "laid flat: its "
                 "rulings meet between the rails, or its normal turns by more than a right angle along a ruling; divide "
                 "it into narrower strips"
             )
-        if depth == (_MAX_DEPTH if isfinite(excess) else _MAX_DEPTH_RIGHT_ANGLE):
-            change = f"change by {wishes.strain * excess:.2g}" if isfinite(excess) else "cannot be kept"
+        limits = FLATTENING_TOLERANCES
+        if depth == (limits.max_depth if isfinite(excess) else limits.max_depth_right_angle):
+            change = f"change by {options.strain * excess:.2g}" if isfinite(excess) else "cannot be kept"
             raise GeometryError(
-                f"lengths inside a strip {change} when it is laid flat, more than {wishes.strain:g}, however narrow it "
-                "is; allow more strain, or choose another direction"
+                f"lengths inside a strip {change} when it is laid flat, more than {options.strain:g}, however "
+                "narrow it is; allow more strain, or choose another direction"
             )
-        count = int(np.clip(np.ceil(np.sqrt(1.1 * excess)), 2, 16)) if isfinite(excess) else 2
-        ends = np.linspace(*strip.span, count + 1)
+        count = int(np.clip(np.ceil(np.sqrt(limits.strain_margin * excess)), 2, 16)) if isfinite(excess) else 2
+        borders = np.linspace(*strip.span, count + 1)
         parts = [
             replace(part, transposed=strip.transposed)
-            for span in pairwise(ends.tolist())
-            for part in divide_surface(strip.surface.clip(v=span), wishes.tolerance / finer, direction="v").strips
+            for span in pairwise(borders.tolist())
+            for part in divide_surface(strip.surface.clip(v=span), options.tolerance / refinement, direction="v").strips
         ]
-        todo += [(part, depth + 1) for part in reversed(parts)]
-    return tuple(found)
+        pending += [(part, depth + 1) for part in reversed(parts)]
+    return tuple(done)
 
 
-def unroll_strips(face: DividedPatch, vertices: Mapping[int, Array], wishes: UnrollOptions) -> dict[int, UnrolledStrip]:
-    """Lay strips flat, by row, with nodes at given vertices (t, across) on each and on its borders.
+def unroll_strips(
+    face: DividedPatch, vertices: Mapping[int, Array], options: UnrollOptions
+) -> dict[int, UnrolledStrip]:
+    """Lay strips flat, by their index, with nodes at given vertices (t, across), (n, 2), on each and on its borders.
 
-    Triangles have the nodes of all strips of the face: the chords of a rail are the same on both sides.
+    Triangles have the nodes of all strips of the face, so that the chords of a rail are the same on both sides.
     """
-    nodes = np.empty(0)
-    if face.choose_layout(wishes) == "triangles":
-        nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
-    found = {row: _unroll_strip(face, row, corners, nodes, wishes) for row, corners in vertices.items()}
-    if face.choose_layout(wishes) == "triangles":
-        finest = max((laying.flat.nodes for laying in found.values()), key=len)
-        found = {row: _unroll_strip(face, row, corners, finest, wishes) for row, corners in vertices.items()}
-    return found
+    if face.choose_layout(options) != "triangles":
+        return {i: _unroll_strip(face, i, corners, np.empty(0), options) for i, corners in vertices.items()}
+    nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
+    unrolled = [_unroll_strip(face, i, corners, nodes, options) for i, corners in vertices.items()]
+    finest = max((strip.flat.nodes for strip in unrolled), key=len)
+    return {i: _unroll_strip(face, i, corners, finest, options) for i, corners in vertices.items()}
 
 
-def _unroll_strip(face: DividedPatch, row: int, vertices: Array, nodes: Array, wishes: UnrollOptions) -> UnrolledStrip:
+def _unroll_strip(
+    face: DividedPatch, strip_index: int, vertices: Array, nodes: Array, options: UnrollOptions
+) -> UnrolledStrip:
     """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
-    strip = face.strips[row]
+    strip = face.strips[strip_index]
     t, across = vertices.T
-    layout = face.choose_layout(wishes)
-    if wishes.developable and (np.isin(across, strip.span) | np.isin(t, strip.rails[0].domain)).all():
-        paired = _unroll_paired_anew(face, strip, t, wishes)
+    if options.developable and (np.isin(across, strip.span) | np.isin(t, strip.rails[0].domain)).all():
+        paired = _unroll_paired_anew(face, strip, t, options)
         if paired is not None:
             return paired
-    nodes = np.unique(np.append(t, nodes))
-    flat = flatten_rails(strip.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=layout)
+    flat = _flatten_outward(face, strip.rails, np.unique(np.append(t, nodes)), options)
     return UnrolledStrip(strip, strip.rails, None, strip.bound, True, flat)
 
 
-def _unroll_paired_anew(face: DividedPatch, strip: RuledStrip, t: Array, wishes: UnrollOptions) -> UnrolledStrip | None:
+def _unroll_paired_anew(
+    face: DividedPatch, strip: RuledStrip, t: Array, options: UnrollOptions
+) -> UnrolledStrip | None:
     """Pair the rulings of a strip anew, so that it is developable; None if that cannot be done within the tolerance."""
     pairing = pair_rulings(strip.rails)
     if pairing.rails is None or pairing.parameters is None or pairing.rails is strip.rails:
         return None
-    bound = _SAMPLING_SAFETY * _sample_deviation(strip, pairing.rails, pairing.parameters)
-    if bound > wishes.tolerance:
+    bound = FLATTENING_TOLERANCES.sampling_margin * _sample_deviation(strip, pairing.rails, pairing.parameters)
+    if bound > options.tolerance:
         return None
     nodes = np.unique([_invert_monotone(one, np.unique(t)) for one in pairing.parameters])
-    layout = face.choose_layout(wishes)
-    flat = flatten_rails(pairing.rails, wishes.flat / face.finer, nodes=nodes, flip=not face.upward, layout=layout)
+    flat = _flatten_outward(face, pairing.rails, nodes, options)
     if flat.kind == "twisted":
         return None
     return UnrolledStrip(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
-def _sample_deviation(strip: RuledStrip, rails: tuple[Curve, Curve], parameters: tuple[Curve, Curve]) -> float:
+def _flatten_outward(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
+    """Lay a strip of a face flat so that its outer side is up."""
+    tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
+    return flatten_rails(rails, tolerance, nodes=nodes, flip=not face.upward, layout=layout)
+
+
+def _sample_deviation(strip: RuledStrip, rails: RailPair, parameters: tuple[Curve, Curve]) -> float:
     """Return the largest distance found between a strip paired anew and points of the surface at like places."""
     r, w = np.linspace(*rails[0].domain, 97)[:, None], np.linspace(0.0, 1.0, 17)[1:-1]
     points = rails[0](r) * (1 - w[:, None]) + rails[1](r) * w[:, None]
@@ -282,12 +311,16 @@ def _sample_deviation(strip: RuledStrip, rails: tuple[Curve, Curve], parameters:
 
 
 def _map_to_surface(strip: RuledStrip, parameters: tuple[Curve, Curve] | None, r: Array, w: Array) -> Array:
-    """Return the points of the surface that a strip has in the places (r, w), of the shape that these broadcast to."""
+    """Return the points of the surface for which points (r, w) of the strip stand, of the shape r and w broadcast to.
+
+    That is S(u, v), where u is linear in w along the ruling, and v is found by bisection of the fraction at u.
+    """
     r, w = np.broadcast_arrays(r, w)
     u = r if parameters is None else parameters[0](r)[..., 0] * (1 - w) + parameters[1](r)[..., 0] * w
-    low, high = np.full(u.shape, strip.span[0]), np.full(u.shape, strip.span[1])
-    for _ in range(52):
-        middle = (low + high) / 2
-        below = strip.find_fractions(u, middle) < w
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    low, high = bisect_intervals(
+        lambda v: strip.find_fractions(u, v) < w,
+        np.full(u.shape, strip.span[0]),
+        np.full(u.shape, strip.span[1]),
+        steps=52,
+    )
     return np.asarray(strip.surface(u, np.where(w > 0, high, low)))

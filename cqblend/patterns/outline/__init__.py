@@ -1,1 +1,1 @@
-"""Outlines: plane curves of segments and arcs, and the pieces that they bound."""
+"""Outlines: plane paths of straight segments and circular arcs, and the flat pieces that they bound."""

@@ -1,21 +1,21 @@
-"""Few arcs for many: a path of hundreds of short segments becomes the longest arcs that stay within a tolerance.
+"""Fits few long arcs to a path of many short segments, within a tolerance.
 
-Exists because flattened rails come with as many points as they were computed at, and a cutter that is fed short
-segments stutters. Must not know what the paths bound.
+Flattened rails have as many vertices as they were computed at, and a cutter that is fed short segments stutters.
+Depends on paths only.
 """
 
 from itertools import pairwise
 
 import numpy as np
 
-from cqblend.patterns.checks import check_millimetres
+from cqblend.checks import check_millimetres
 from cqblend.patterns.outline.parallel_path import PathByLength, signed_angles
 from cqblend.patterns.outline.plane_path import Path, solve_bulges
+from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.splines.bernstein import Array
 
-CORNER_ANGLE = 0.2
-"""Vertices at which a path turns by more than this (rad) are kept."""
-SAMPLES_PER_SEGMENT = 4  # samples per segment, see `_longest`
+SAMPLES_PER_SEGMENT = 4
+"""Samples per segment of the path, at equal steps; :func:`_extend_longest_arc` says why four are enough."""
 
 
 def fit_arcs(path: Path, tolerance: float) -> Path:
@@ -27,7 +27,7 @@ def fit_arcs(path: Path, tolerance: float) -> Path:
     .. math:: |\sin(\psi - a)| \le 2 c e / h, \qquad h e^{i\psi} = c^2 + e^2 - x^2 - y^2 - 2 i c y
 
     which bounds a from both sides for each point of the path. Within these bounds, a is chosen such that the arc is as
-    long as what it replaces, so that the two sides of a seam stay as long as they were as far as possible.
+    long as the segments that it replaces: both sides of a seam keep their length as far as the tolerance allows.
 
     Parameters
     ----------
@@ -49,47 +49,50 @@ def fit_arcs(path: Path, tolerance: float) -> Path:
     Examples
     --------
     >>> angle = np.linspace(0, np.pi, 201)
-    >>> few = fitted(Path.straight(10 * np.column_stack([np.cos(angle), np.sin(angle)])), 0.01)
+    >>> few = fit_arcs(Path.from_points(10 * np.column_stack([np.cos(angle), np.sin(angle)])), 0.01)
     >>> len(few.bulges), few.bulges.round(2)
     (1, array([1.]))
     """
     tolerance = check_millimetres("the tolerance of fitted arcs", tolerance, zero=True)
     if tolerance == 0 or len(path.bulges) == 1:
         return path
-    track = PathByLength.from_path(path)
-    path, count = track.path, len(track.path.bulges)
-    which, part = np.divmod(np.arange(SAMPLES_PER_SEGMENT * count), SAMPLES_PER_SEGMENT)
-    samples = np.concatenate([path.at(which, part / SAMPLES_PER_SEGMENT), path.points[-1:]])
-    vertices, found = [0], []
-    for begin, end in pairwise([0, *_find_corners(track), count]):
+    measured = PathByLength.from_path(path)
+    path, count = measured.path, len(measured.path.bulges)
+    segments, steps = np.divmod(np.arange(SAMPLES_PER_SEGMENT * count), SAMPLES_PER_SEGMENT)
+    samples = np.concatenate([path.at(segments, steps / SAMPLES_PER_SEGMENT), path.points[-1:]])
+    vertices, bulges = [0], []
+    for begin, end in pairwise([0, *_find_corners(measured), count]):
         start = begin
         while start < end:
-            stop, bulge = _extend_longest_arc(track, samples, start, end, tolerance)
+            stop, bulge = _extend_longest_arc(measured, samples, start, end, tolerance)
             vertices.append(stop)
-            found.append(bulge)
+            bulges.append(bulge)
             start = stop
-    return Path(path.points[vertices], np.array(found))
+    return Path(path.points[vertices], np.array(bulges))
 
 
-def _find_corners(track: PathByLength) -> Array:
-    """Return the inner vertices at which the direction changes by more than `CORNER`."""
-    ahead, behind = track.directions
-    return 1 + np.flatnonzero(np.abs(signed_angles(behind[:-1], ahead[1:])) > CORNER_ANGLE)
+def _find_corners(path: PathByLength) -> Array:
+    """Return the indices of the inner vertices at which the direction changes by more than the angle of a corner."""
+    at_start, at_end = path.directions
+    return 1 + np.flatnonzero(np.abs(signed_angles(at_end[:-1], at_start[1:])) > OUTLINE_TOLERANCES.corner_angle)
 
 
 def _extend_longest_arc(
-    track: PathByLength, samples: Array, start: int, end: int, tolerance: float
+    path: PathByLength, samples: Array, start: int, end: int, tolerance: float
 ) -> tuple[int, float]:
-    """Return where the longest arc from a vertex ends, by doubling and bisection, and its bulge.
+    """Return the vertex at which the longest arc from vertex `start` ends, found by doubling and bisection; its bulge.
 
-    Samples are held to 8/9 of the tolerance. Between two of them, a quarter of a segment apart, the distance changes as
-    that of two arcs does, by 1/16 of what their sagittae differ by over the whole segment, which is at most twice 8/9.
+    Samples keep 8/9 of the tolerance. Between two of them, a quarter of a segment apart, the distance from the arc
+    grows by at most 1/16 of the difference of the sagittae that arc and segment have over the whole segment. That is at
+    most 2 * 8/9 of the tolerance, so that the distance stays within 8/9 + 1/9.
     """
+    kept = 8 / 9 * tolerance
+
+    def samples_between(first: int, last: int) -> Array:
+        return samples[SAMPLES_PER_SEGMENT * first : SAMPLES_PER_SEGMENT * last + 1]
 
     def has_arc_to(stop: int) -> bool:
-        least, greatest = _bound_half_angles(
-            samples[SAMPLES_PER_SEGMENT * start : SAMPLES_PER_SEGMENT * stop + 1], 8 / 9 * tolerance
-        )
+        least, greatest = _bound_half_angles(samples_between(start, stop), kept)
         return least <= greatest
 
     best = start + 1
@@ -103,17 +106,16 @@ def _extend_longest_arc(
         else:
             failed, step = stop, 0
     if best == start + 1:
-        return best, float(track.path.bulges[start])
-    length = float(track.stations[best] - track.stations[start])
-    return best, _choose_bulge(
-        samples[SAMPLES_PER_SEGMENT * start : SAMPLES_PER_SEGMENT * best + 1], length, 8 / 9 * tolerance
-    )
+        return best, float(path.path.bulges[start])
+    length = float(path.stations[best] - path.stations[start])
+    return best, _choose_bulge(samples_between(start, best), length, kept)
 
 
 def _bound_half_angles(points: Array, tolerance: float) -> tuple[float, float]:
-    """Return least and greatest half angle of the arcs from the first to the last point that pass all others.
+    """Return the least and the greatest half angle of arcs from the first to the last point that pass near all others.
 
-    The least exceeds the greatest if there are none.
+    Points are (m, 2), angles rad, positive where the arc turns to the left. The least exceeds the greatest if no arc
+    is within the tolerance of all points.
     """
     along = points[-1] - points[0]
     chord = float(np.hypot(*along))
@@ -129,7 +131,7 @@ def _bound_half_angles(points: Array, tolerance: float) -> tuple[float, float]:
 
 
 def _choose_bulge(points: Array, length: float, tolerance: float) -> float:
-    """Return the bulge of the arc that passes all points, as nearly as it may be of a length."""
+    """Return the bulge of the arc within the tolerance of all points whose length is nearest to a given one."""
     least, greatest = _bound_half_angles(points, tolerance)
     along = points[-1] - points[0]
     chord = float(np.hypot(*along))

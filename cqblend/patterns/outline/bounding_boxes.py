@@ -1,6 +1,6 @@
-"""The boxes around a piece, turned any way: which is least, and whether one fits a sheet.
+"""Bounding boxes of turned point sets: finds the angle at which a piece lies flattest, or fits a sheet.
 
-Exists because both placing pieces and cutting them to size ask for it. Must not know pieces.
+Both placing pieces and cutting them to size need it. Depends on paths only.
 """
 
 from collections.abc import Sequence
@@ -9,10 +9,11 @@ import numpy as np
 import shapely
 
 from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.splines.bernstein import Array
 
 TRIED_DIRECTIONS = 180
-"""Directions that are tried besides those of the hull's edges."""
+"""How many angles, evenly spread over half a turn, are tried besides those of the edges of the convex hull."""
 
 
 def find_convex_hull(paths: Sequence[Path], tolerance: float) -> Array:
@@ -22,18 +23,18 @@ def find_convex_hull(paths: Sequence[Path], tolerance: float) -> Array:
 
 
 def measure_rotated_extents(points: Array, turns: Array) -> Array:
-    """Return width and height (k, 2) of points (m, 2) that are turned by angles (k,)."""
+    """Return width and height (k, 2) of points (m, 2) that are turned by angles (k,), rad."""
     cos, sin = np.cos(turns)[:, None], np.sin(turns)[:, None]
     x, y = points.T
     return np.stack([np.ptp(cos * x - sin * y, axis=1), np.ptp(sin * x + cos * y, axis=1)], axis=1)
 
 
 def find_flattest_angle(points: Array) -> float:
-    """Return the angle by which points are turned so that their box is least high: an edge of the hull lies flat.
+    """Return the angle (rad) by which points are turned so that their box is least high: an edge of the hull lies flat.
 
     Examples
     --------
-    >>> round(least_turn(np.array([[0.0, 0.0], [0.0, 3.0], [1.0, 3.0], [1.0, 0.0]])) / np.pi, 6)
+    >>> round(find_flattest_angle(np.array([[0.0, 0.0], [0.0, 3.0], [1.0, 3.0], [1.0, 0.0]])) / np.pi, 6)
     -0.5
     """
     turns = _list_edge_angles(points)
@@ -41,12 +42,12 @@ def find_flattest_angle(points: Array) -> float:
 
 
 def find_fitting_angle(points: Array, size: tuple[float, float]) -> float | None:
-    """Return an angle by which points are turned to fit a size, the least high box first; None if none is found."""
-    least = find_flattest_angle(points)
-    turns = np.concatenate(
-        [[least, least + np.pi / 2], _list_edge_angles(points), np.arange(TRIED_DIRECTIONS) * np.pi / TRIED_DIRECTIONS]
-    )
-    fits = (measure_rotated_extents(points, turns) <= np.asarray(size) * (1 + 1e-12)).all(axis=1)
+    """Return an angle (rad) by which points are turned to fit a size, the flattest box first; None if none is found."""
+    flattest = find_flattest_angle(points)
+    evenly_spread = np.arange(TRIED_DIRECTIONS) * np.pi / TRIED_DIRECTIONS
+    turns = np.concatenate([[flattest, flattest + np.pi / 2], _list_edge_angles(points), evenly_spread])
+    allowed = np.asarray(size) * (1 + OUTLINE_TOLERANCES.rounding_of_boxes)
+    fits = (measure_rotated_extents(points, turns) <= allowed).all(axis=1)
     return float(turns[fits.argmax()]) if fits.any() else None
 
 

@@ -1,9 +1,8 @@
-"""Pieces of flat stock and the seams between them: what a shape is unrolled to, before tabs, sheets and files.
+"""Pieces of flat stock and the seams between them: the result of unrolling, to which tabs, sheets and files are added.
 
-A piece lies in the plane with the outer side of the shape towards the viewer. Its boundary is made of runs; a run that
-is joined to another one shares a seam with it, and both have the same length to rounding. Every vertex of a run knows
-its place in space, so that a piece can be checked, and rolled back. Must not know how pieces come about, nor how they
-are drawn.
+A piece lies in the plane with the outer side of the shape towards the viewer. Its boundary is made of runs; two runs
+that are joined share a seam, and have the same length to rounding. Every vertex of a run has its point in space, so
+that a piece can be checked, and rolled up. Depends on plane paths only.
 """
 
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.splines.bernstein import Array
 
 RunKind = Literal["rail", "end", "trim", "cut"]
@@ -20,9 +20,6 @@ RunKind = Literal["rail", "end", "trim", "cut"]
 
 Fold = Literal["mountain", "valley"]
 """Seen from the outer side: a mountain is convex."""
-
-SMOOTH_ANGLE = np.radians(1.0)
-"""A seam across which the surface turns by less is no fold: what lies flat beneath both pieces stays flat."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +33,7 @@ class Run:
     space
         (n + 1, 3): where the vertices of the path are in space.
     kind
-        What it runs along.
+        What it runs along, see :data:`RunKind`.
     seam
         Index of its seam among those of the pattern; None where nothing is joined.
     """
@@ -83,7 +80,7 @@ class Piece:
 
     @property
     def cuts(self) -> tuple[Path, ...]:
-        """What is cut: the loops, or the outlines with tabs."""
+        """Closed outlines along which the piece is cut: the loops, or those with tabs."""
         return self.outlines if self.tabs is None else self.tabs
 
     @property
@@ -92,7 +89,7 @@ class Piece:
         return sum(path.area for path in self.outlines)
 
     def runs(self) -> Iterator[tuple[int, int, Run]]:
-        """Yield (loop, place in the loop, run)."""
+        """Yield (index of the loop, index in the loop, run)."""
         for i, loop in enumerate(self.loops):
             for j, run in enumerate(loop):
                 yield i, j, run
@@ -108,7 +105,7 @@ class Piece:
 
 
 def close_loop(loop: tuple[Run, ...]) -> Path:
-    """Return the closed path of a loop of runs; its end is made its beginning exactly."""
+    """Return the closed path of a loop of runs, its last point replaced by the first, which it equals to rounding."""
     path = Path.from_paths([run.path for run in loop])
     points = path.points.copy()
     points[-1] = points[0]
@@ -117,7 +114,7 @@ def close_loop(loop: tuple[Run, ...]) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a run is: piece, loop, place in the loop."""
+    """Address of a run: indices of the piece, of the loop in it, and of the run in the loop."""
 
     piece: int
     loop: int
@@ -133,12 +130,12 @@ class Seam:
     label
         Short and unique, to be engraved on both sides.
     sides
-        The two runs; they may belong to one piece.
+        Addresses of the two runs; they may belong to one piece.
     opposed
-        Whether the runs go against each other in space, as they do where both pieces show their outer side.
+        Whether the runs have opposite directions in space, as they do where both pieces show their outer side.
     angle
-        By how much the surface turns across the seam in the middle of it (rad), positive if it is convex seen from the
-        outer side; nan where it is not known.
+        Angle (rad) between the outer normals on both sides, in the middle of the seam: positive if the shape is convex
+        seen from outside; nan where it is not known.
     """
 
     label: str
@@ -148,8 +145,8 @@ class Seam:
 
     @property
     def fold(self) -> Fold | None:
-        """How what connects both pieces is folded: None across a smooth seam; a mountain where that is not known."""
-        if abs(self.angle) < SMOOTH_ANGLE:
+        """Fold of a tab across the seam: None if the surface is smooth there; a mountain if the angle is not known."""
+        if abs(self.angle) < OUTLINE_TOLERANCES.fold_angle:
             return None
         return "valley" if self.angle < 0 else "mountain"
 
@@ -162,7 +159,7 @@ class Pieces:
     seams: tuple[Seam, ...]
 
     def run(self, place: Place) -> Run:
-        """Return the run at a place."""
+        """Return the run at an address."""
         return self.pieces[place.piece].loops[place.loop][place.run]
 
     def mismatch(self) -> float:

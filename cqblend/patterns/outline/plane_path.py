@@ -1,8 +1,8 @@
-"""Plane curves of straight segments and circular arcs: what pieces are bounded by, and what a cutter runs along.
+"""Plane curves of straight segments and circular arcs, which bound pieces and which a cutter runs along.
 
-Exists because arcs of given length are what seams are made of (two sides of a seam have the same length to rounding),
-and because a cut file knows lines and arcs only. An arc is told by its bulge, as in DXF: the tangent of a quarter of
-its angle, positive if it turns counterclockwise. Must not know what the curves bound.
+Arcs of given length give both sides of a seam the same length to rounding, and a cut file has nothing but lines and
+arcs. An arc is given by its bulge, as in DXF: the tangent of a quarter of its angle, positive if it turns
+counterclockwise. Depends on nothing else in patterns but tolerances.
 """
 
 from collections.abc import Sequence
@@ -12,10 +12,11 @@ from typing import Self
 import numpy as np
 
 from cqblend.errors import InputError
+from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.splines.bernstein import Array
 
 ARC_SAMPLES = 12
-"""Into how many parts of its parameter a curve is divided to see how far it is from its arc; an even number."""
+"""Even number of equal parts of its parameter at whose ends a curve is compared with the arc that stands for it."""
 
 
 def sinc(x: Array) -> Array:
@@ -26,17 +27,17 @@ def sinc(x: Array) -> Array:
 def solve_bulges(chords: Array, lengths: Array) -> Array:
     """Return the bulges, none negative, of arcs with given chords and lengths.
 
-    Half the angle of the arc, h, solves chord / length = sin(h) / h. A length that is not above its chord gives a
-    straight segment; the arc is at most a full turn.
+    Half the angle of the arc, h, solves 1 - sin(h) / h = (length - chord) / length by Newton's method. A length that is
+    not above its chord gives a straight segment; the arc is at most a full turn.
 
     Examples
     --------
-    >>> bulges([2.0, 1.0], [np.pi, 1.0]).round(12)  # a half circle, a straight segment
+    >>> solve_bulges([2.0, 1.0], [np.pi, 1.0]).round(12)  # a half circle, a straight segment
     array([1., 0.])
     """
     chords, lengths = np.broadcast_arrays(np.asarray(chords, dtype=np.float64), np.asarray(lengths, dtype=np.float64))
-    lack = np.clip(np.divide(lengths - chords, lengths, out=np.zeros(lengths.shape), where=lengths > 0), 0.0, 1.0)
-    half = np.minimum(np.sqrt(6 * lack) * (1 + 0.15 * lack), np.pi)  # 1 - sin(h) / h = h^2 / 6 - h^4 / 120 + ..
+    excess = np.clip(np.divide(lengths - chords, lengths, out=np.zeros(lengths.shape), where=lengths > 0), 0.0, 1.0)
+    half = np.minimum(np.sqrt(6 * excess) * (1 + 0.15 * excess), np.pi)  # 1 - sin(h) / h = h^2 / 6 - h^4 / 120 + ..
     for _ in range(6):
         small = half < 0.05
         h = np.where(small, 1.0, half)
@@ -49,35 +50,36 @@ def solve_bulges(chords: Array, lengths: Array) -> Array:
             half / 3 * (1 - square / 10 * (1 - square / 28 * (1 - square / 54))),
             np.sin(h) / h**2 - np.cos(h) / h,
         )
-        step = np.divide(value - lack, slope, out=np.zeros(half.shape), where=slope > 0)
+        step = np.divide(value - excess, slope, out=np.zeros(half.shape), where=slope > 0)
         half = np.clip(half - step, 0.0, np.pi)
     return np.tan(half / 2)
 
 
 def measure_arc_deviations(path: "Path", points: Array) -> Array:
-    """Return how far curves that arcs stand for are from them, (n,): a quarter more than what is found at a few points.
+    """Return the distances (n,), mm, of curves from the arcs that replace them, with a margin on the sampled maxima.
 
-    That covers what is between these points, and that a strip, rolled, may stretch what is beside it.
+    The distance is to first order (Sampson): that of a point (x, y) to the zeros of
+    f = s (x^2 + y^2 - c^2) + (s^2 - c^2) y, abs(f) / norm(grad f), with the circle through (-c, 0), (c, 0), (0, -s).
 
     Parameters
     ----------
     path
         With n segments and arcs.
     points
-        (n, k, 2): k points of each curve between the ends of its arc; `PARTS` - 1 of them, evenly spread, are enough.
+        (n, k, 2): k points of each curve between the ends of its arc; :data:`ARC_SAMPLES` - 1 of them, evenly spread,
+        are enough.
     """
     start, chord = path.points[:-1, None], np.diff(path.points, axis=0)[:, None]
     length = np.linalg.norm(chord, axis=-1)
-    ahead = np.divide(chord, length[..., None], out=np.zeros_like(chord), where=length[..., None] > 0)
-    to = points - start - chord / 2
+    along = np.divide(chord, length[..., None], out=np.zeros_like(chord), where=length[..., None] > 0)
+    offset = points - start - chord / 2
     half = length / 2
-    x, y = (to * ahead).sum(axis=-1), ahead[..., 0] * to[..., 1] - ahead[..., 1] * to[..., 0]
-    # the circle through (-half, 0), (half, 0) and (0, -rise), to first order; a line as its rise becomes zero
-    rise = path.bulges[:, None] * half
-    miss = rise * (x * x + y * y - half**2) + (rise**2 - half**2) * y
-    slope = np.hypot(2 * rise * x, 2 * rise * y + rise**2 - half**2)
-    off = np.divide(np.abs(miss), slope, out=np.hypot(x, y), where=slope > 0)
-    return np.asarray(1.25 * off.max(axis=1, initial=0.0))
+    x, y = (offset * along).sum(axis=-1), along[..., 0] * offset[..., 1] - along[..., 1] * offset[..., 0]
+    sagitta = path.bulges[:, None] * half
+    residual = sagitta * (x * x + y * y - half**2) + (sagitta**2 - half**2) * y
+    slope = np.hypot(2 * sagitta * x, 2 * sagitta * y + sagitta**2 - half**2)
+    distance = np.divide(np.abs(residual), slope, out=np.hypot(x, y), where=slope > 0)
+    return np.asarray(OUTLINE_TOLERANCES.arc_error_margin * distance.max(axis=1, initial=0.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +135,7 @@ class Path:
 
     @property
     def length(self) -> float:
-        """Length of the whole."""
+        """Length of the path."""
         return float(self.lengths.sum())
 
     @property
@@ -169,15 +171,15 @@ class Path:
         radius = np.divide(self.chords, 2 * np.abs(np.sin(angle / 2)), out=np.zeros(len(angle)), where=angle != 0)
         step = 2 * np.arccos(np.clip(1 - tolerance / np.maximum(radius, tolerance), 0.0, 1.0))
         counts = np.maximum(np.ceil(np.abs(angle) / np.maximum(step, 1e-9)), 1).astype(int)
-        which = np.repeat(np.arange(len(counts)), counts)
-        part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
-        return np.concatenate([self.at(which, part), self.points[-1:]])
+        segment = np.repeat(np.arange(len(counts)), counts)
+        part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[segment]
+        return np.concatenate([self.at(segment, part), self.points[-1:]])
 
     def at(self, segment: Array, part: Array) -> Array:
         """Return the points at given parts (0 to 1, by length) of given segments, (m, 2)."""
         chord = np.diff(self.points, axis=0)[segment]
         half = 2 * np.arctan(self.bulges[segment])
-        # from the start, the chord to the part is turned by -half (1 - part), and shrunk by sin(part half) / sin(half)
+        # the chord from the start to the point is turned by -half (1 - part), and shorter by sin(part half) / sin(half)
         turn = -half * (1 - part)
         shrink = part * sinc(part * half) / sinc(half)
         cos, sin = np.cos(turn) * shrink, np.sin(turn) * shrink

@@ -1,1 +1,1 @@
-"""From pieces to flat stock: split, tabs, flaps, labels, kerf, nesting on sheets."""
+"""Stock: pieces are split to fit sheets, get tabs and labels, are packed on sheets, and corrected for the kerf."""

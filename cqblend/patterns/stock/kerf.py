@@ -1,7 +1,7 @@
-"""Kerf: what a beam takes away is given back, by cutting half its width outside the outline.
+"""Compensates the kerf: cuts are moved outwards by half the width that the beam takes away.
 
-Exists beside tabs because the offset here goes all round, and must not change the shape that is left: convex corners
-are gone round at the distance, so that they stay sharp. Must not know pieces.
+Offset curves have round convex corners, so that the corners of the part that is left stay sharp. Depends on plane paths
+only.
 """
 
 from collections.abc import Sequence
@@ -10,27 +10,16 @@ from typing import Any
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import SizeError
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.arc_fit import fit_arcs
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.plane_path import Path
-
-DEFAULT_ARC_TOLERANCE = 1e-4
-"""Tolerance of offset arcs if none is given, mm."""
-
-UNCUT_PER_KERF = 0.25
-"""How far a beam may stay away from the outline, in kerfs.
-
-A beam of width k stays (1 / sin(a / 2) - 1) k / 2 away from the tip of a notch with the angle a: 0.21 k if it is right.
-"""
-
-UNCUT_LIMITS = 0.5, 1.5
-"""How far it may stay away in any case, and at most, mm."""
+from cqblend.patterns.stock.limits import CUTTING_LIMITS
 
 
 def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:
-    """Return the lines along which a beam as wide as the kerf cuts what lies within outlines.
+    """Return the paths along which a beam as wide as the kerf cuts a piece with given outlines.
 
     Parameters
     ----------
@@ -39,14 +28,14 @@ def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, 
     kerf
         Width of the beam, mm.
     tolerance
-        Of the arcs of the result, mm; 0 takes :data:`DEFAULT_ARC_TOLERANCE`.
+        Of the arcs of the result, mm; 0 takes :attr:`CuttingLimits.least_arc_tolerance`.
     name
         Of the piece, for messages.
 
     Returns
     -------
     tuple of Path
-        In the same order and with the same directions: outer lines are further out, holes smaller, by kerf / 2.
+        In the same order and orientation: the outer outline is further out, holes are smaller, by kerf / 2.
 
     Raises
     ------
@@ -54,24 +43,27 @@ def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, 
         If the kerf or the tolerance is negative or not a number.
     SizeError
         If a hole, a slit or a notch is narrower than the kerf, so that the beam cannot go round it: it would vanish, or
-        too much of its depth would not be cut (:data:`UNCUT_PER_KERF`, :data:`UNCUT_LIMITS`).
+        too much of its depth would not be cut (:attr:`CuttingLimits.uncut_per_kerf`).
 
     Examples
     --------
-    >>> square = Path.straight([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
-    >>> (line,) = compensated([square], 0.2, 1e-3, name="1")
+    >>> square = Path.from_points([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]])
+    >>> (line,) = compensate_kerf([square], 0.2, 1e-3, name="1")
     >>> round(line.area, 2), round(100 + 4 * 10 * 0.1 + np.pi * 0.1**2, 2)
     (104.03, 104.03)
     """
     kerf = check_millimetres("the kerf", kerf, zero=True)
-    tolerance = check_millimetres("the tolerance of fitted arcs", tolerance, zero=True) or DEFAULT_ARC_TOLERANCE
+    tolerance = check_millimetres("the tolerance of fitted arcs", tolerance, zero=True)
+    tolerance = tolerance or CUTTING_LIMITS.least_arc_tolerance
     if kerf == 0:
         return tuple(fit_arcs(path, tolerance) for path in outlines)
     polygon = to_polygon(outlines, tolerance / 4)
-    # a quarter of a circle of radius kerf / 2 in so many parts that their sagitta is a quarter of the tolerance
+    # a quarter of a circle of radius kerf / 2 is divided until the sagitta of the parts is a quarter of the tolerance
     parts = int(np.ceil(np.pi / 4 / np.arccos(max(1 - tolerance / (2 * kerf), 0.0))))
     outside = shapely.buffer(polygon, kerf / 2, quad_segs=parts)
-    allowed = float(np.clip(UNCUT_PER_KERF * kerf, *UNCUT_LIMITS))
+    allowed = float(
+        np.clip(CUTTING_LIMITS.uncut_per_kerf * kerf, CUTTING_LIMITS.least_uncut, CUTTING_LIMITS.most_uncut)
+    )
     if (
         outside.geom_type != "Polygon"
         or len(outside.interiors) != len(outlines) - 1
@@ -92,7 +84,7 @@ def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, 
 
 
 def _measure_uncut(outlines: Sequence[Path], left: Any, tolerance: float) -> float:
-    """Return how far outlines are from the border of what is left when they have been cut, at most."""
+    """Return the largest distance, mm, from outlines to the border of the polygon that is left when they are cut."""
     points = np.concatenate([path.sampled(tolerance / 4) for path in outlines])
     border = shapely.boundary(left)
     shapely.prepare(border)

@@ -1,6 +1,7 @@
-"""Closer packing by spyrrow, an optional library, in a process of its own that ends when its time is up.
+"""Packs polygons on sheets by spyrrow, an optional library that packs closer than the grid.
 
-Exists apart because its solver runs in native threads that nothing in this process can stop. Must not know pieces.
+It runs in a process of its own, which ends when its time is up: its solver has native threads that nothing in this
+process can stop. Depends on nothing else in patterns but limits.
 """
 
 import json
@@ -16,23 +17,20 @@ import numpy as np
 import shapely
 
 from cqblend.errors import GeometryError, InputError, InstallationError, shown
-from cqblend.splines.bernstein import Array
-
-GRACE_SECONDS = 30.0
-"""How much longer than asked for the process may take to start and to end, s."""
-
-OUTLINE_TOLERANCE = 0.02
-"""Outlines are simplified to this tolerance and blown up by as much, mm."""
+from cqblend.patterns.stock.limits import PACKING_LIMITS
+from cqblend.patterns.stock.placement import Placement, SheetSize
 
 WORKER = File(__file__).with_name("nesting_worker.py")
+"""The script that runs in the other process."""
 
 
 def pack_with_spyrrow(
-    polygons: Sequence[Any], turns: Sequence[float], inner: tuple[float, float] | None, gap: float, seconds: float
-) -> list[tuple[int, float, Array]]:
-    """Return sheet, turn and shift of polygons, packed as closely as spyrrow can in the time for each sheet.
+    polygons: Sequence[Any], turns: Sequence[float], usable: SheetSize | None, gap: float, seconds: float
+) -> list[Placement]:
+    """Return the placements of polygons, packed as closely as spyrrow can in the time for each sheet.
 
-    It packs strips of a given height and any width: what lies on the sheet stays, the rest goes on to the next one.
+    Spyrrow packs strips of a given height and any width: polygons within the width of a sheet stay on it, the others
+    are packed again for the next one.
 
     Parameters
     ----------
@@ -40,7 +38,7 @@ def pack_with_spyrrow(
         Of shapely.
     turns
         Angle (rad) by which each is turned to fit the sheet; quarters of a turn more are tried.
-    inner
+    usable
         Width and height of the sheets within their margins, mm; None is one sheet, about as wide as high.
     gap
         Between polygons, mm.
@@ -49,8 +47,8 @@ def pack_with_spyrrow(
 
     Returns
     -------
-    list of (int, float, Array)
-        Sheet, angle (rad) about the origin, and shift (2,) after it, from the lower left corner within the margins.
+    list of Placement
+        In the order of the polygons.
 
     Raises
     ------
@@ -65,37 +63,39 @@ def pack_with_spyrrow(
         raise InputError(f"the time for packing is a positive number of seconds, not {shown(seconds)}")
     if find_spec("spyrrow") is None:
         raise InstallationError('packing by spyrrow needs it: pip install "cqblend[nesting]", or packer="grid"')
-    around = gap / 2 + OUTLINE_TOLERANCE
-    blown = [
-        _inflate_polygon(_rotate_polygon(polygon, turn), around) for polygon, turn in zip(polygons, turns, strict=True)
+    growth = gap / 2 + PACKING_LIMITS.outline_tolerance
+    grown = [
+        _grow_polygon(_rotate_polygon(polygon, turn), growth) for polygon, turn in zip(polygons, turns, strict=True)
     ]
-    low, high = np.reshape([shape.bounds for shape in blown], (-1, 2, 2)).swapaxes(0, 1)
+    low, high = np.reshape([shape.bounds for shape in grown], (-1, 2, 2)).swapaxes(0, 1)
     extents = high - low
-    if inner is None:
-        size = np.array([np.inf, max(extents.max(), np.sqrt(1.2 * sum(shape.area for shape in blown)))])
+    if usable is None:
+        size = np.array([np.inf, max(extents.max(), np.sqrt(1.2 * sum(shape.area for shape in grown)))])
     else:
-        size = np.array(inner) + 2 * around
+        size = np.array(usable) + 2 * growth
     items = [
         {
             "shape": shapely.get_coordinates(shape.exterior)[:-1].tolist(),
             "angles": [0, 90, 180, 270] if (extent[::-1] <= size).all() else [0, 180],
         }
-        for shape, extent in zip(blown, extents, strict=True)
+        for shape, extent in zip(grown, extents, strict=True)
     ]
-    placed: list[tuple[int, float, Array]] = [(0, 0.0, np.zeros(2))] * len(blown)
-    number, left = 0, list(range(len(blown)))
-    while left:
-        found = _run_worker([items[k] for k in left], float(size[1]), seconds)
-        staying = set()
-        for k, (degrees, *shift) in zip(left, found, strict=True):
+    placed: dict[int, Placement] = {}
+    sheet = 0
+    while remaining := [k for k in range(len(grown)) if k not in placed]:
+        found = _run_worker([items[k] for k in remaining], float(size[1]), seconds)
+        count = len(placed)
+        for k, (degrees, *shift) in zip(remaining, found, strict=True):
             turn = np.deg2rad(degrees)
-            if _rotate_polygon(blown[k], turn).bounds[2] + shift[0] <= size[0] + OUTLINE_TOLERANCE / 2:
-                placed[k] = number, turns[k] + turn, np.array(shift) - around
-                staying.add(k)
-        if not staying:
-            raise GeometryError(f"spyrrow puts none of {len(left)} pieces on a sheet within {seconds:g} s: allow more")
-        number, left = number + 1, [k for k in left if k not in staying]
-    return placed
+            right = _rotate_polygon(grown[k], turn).bounds[2] + shift[0]
+            if right <= size[0] + PACKING_LIMITS.outline_tolerance / 2:
+                placed[k] = Placement(sheet, turns[k] + turn, np.array(shift) - growth)
+        if len(placed) == count:
+            raise GeometryError(
+                f"spyrrow puts none of {len(remaining)} pieces on a sheet within {seconds:g} s: allow more"
+            )
+        sheet += 1
+    return [placed[k] for k in range(len(grown))]
 
 
 def _rotate_polygon(polygon: Any, turn: float) -> Any:
@@ -103,14 +103,15 @@ def _rotate_polygon(polygon: Any, turn: float) -> Any:
     return shapely.transform(polygon, lambda points: points @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _inflate_polygon(polygon: Any, around: float) -> Any:
-    """Return what a polygon keeps free, without its holes, as one polygon."""
-    wide = shapely.buffer(shapely.simplify(polygon, OUTLINE_TOLERANCE), around, join_style="mitre", mitre_limit=2.0)
+def _grow_polygon(polygon: Any, distance: float) -> Any:
+    """Return one polygon without holes that holds all points within a distance of a polygon."""
+    simple = shapely.simplify(polygon, PACKING_LIMITS.outline_tolerance)
+    wide = shapely.buffer(simple, distance, join_style="mitre", mitre_limit=2.0)
     return shapely.Polygon(wide.exterior) if wide.geom_type == "Polygon" else shapely.convex_hull(wide)
 
 
 def _run_worker(items: list[dict[str, Any]], height: float, seconds: float) -> list[list[float]]:
-    """Return degrees and shift of each item, from the other process."""
+    """Return [degrees, x, y] of each item from the worker process: angle about the origin, then shift."""
     task = json.dumps({"height": height, "seconds": max(round(seconds), 1), "items": items})
     try:
         done = subprocess.run(  # noqa: S603  (our own file)
@@ -118,12 +119,12 @@ def _run_worker(items: list[dict[str, Any]], height: float, seconds: float) -> l
             input=task,
             capture_output=True,
             text=True,
-            timeout=seconds + GRACE_SECONDS,
+            timeout=seconds + PACKING_LIMITS.grace_seconds,
             check=True,
         )
     except subprocess.TimeoutExpired:
         raise GeometryError(
-            f'spyrrow did not end {GRACE_SECONDS:g} s after its time was up: take packer="grid"'
+            f'spyrrow did not end {PACKING_LIMITS.grace_seconds:g} s after its time was up: take packer="grid"'
         ) from None
     except subprocess.CalledProcessError as error:
         last = (error.stderr.strip().splitlines() or ["no message"])[-1]

@@ -1,7 +1,7 @@
-"""The other process of `nesting`: reads polygons from its input as JSON, has spyrrow pack them, writes places.
+"""The worker process of :mod:`cqblend.patterns.stock.nesting`: packs polygons, read as JSON, by spyrrow.
 
-In: ``{"height": mm, "seconds": s, "items": [{"shape": [[x, y], ..], "angles": [degrees, ..]}, ..]}``. Out:
-``[[degrees, x, y], ..]``, turned about the origin, then shifted. Must not import cqblend, which it may not find.
+Input: ``{"height": mm, "seconds": s, "items": [{"shape": [[x, y], ..], "angles": [degrees, ..]}, ..]}``. Output:
+``[[degrees, x, y], ..]``, turned about the origin, then shifted. Does not import cqblend, which it may not find.
 """
 
 import json
@@ -9,7 +9,7 @@ import sys
 
 
 def main() -> None:
-    """Read, pack, write."""
+    """Read the task from the input, pack its items, and write their placements."""
     import spyrrow
 
     task = json.load(sys.stdin)

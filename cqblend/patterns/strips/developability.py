@@ -1,8 +1,7 @@
-r"""Developability of ruled surfaces: the paper's sigma, a bound of it that has no scale, and what kind a strip is.
+r"""Developability of ruled surfaces: Elber's sigma, bounds that do not depend on scale, and the kind of a strip.
 
 Between rails C1, C2, with rulings D = C2 - C1, the tangent plane turns along a ruling unless C1', C2' and D are
-linearly dependent. Everything here follows from that determinant and its coefficients. Must not know how strips are
-laid flat.
+linearly dependent. Everything here follows from that determinant and its coefficients. Depends on splines only.
 
 References
 ----------
@@ -15,18 +14,14 @@ from typing import Literal
 import numpy as np
 
 from cqblend.errors import GeometryError, InputError, shown
+from cqblend.patterns.strips.tolerances import RULING_TOLERANCES
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, elevate_degree, multiply_polynomials, restrict_pieces
+from cqblend.splines.bernstein import EPSILON, Array, elevate_degree, multiply_polynomials, restrict_pieces
 
 StripKind = Literal["plane", "cylinder", "cone", "tangent", "twisted"]
-"""Plane; rulings parallel; rulings through one point; any other developable; not developable."""
+"""Plane; rulings parallel; rulings through one point; any other developable (tangent surface); not developable."""
 
 RailPair = tuple[Curve, Curve]
-
-DEVELOPABLE_TOLERANCE = 1e-9
-"""Relative tolerance at which a strip counts as developable, planar, cylindrical or conical."""
-
-_EPS = float(np.finfo(float).eps)
 
 
 def compute_sigma(ruled: Surface) -> Surface:
@@ -59,9 +54,9 @@ def compute_sigma(ruled: Surface) -> Surface:
     Examples
     --------
     >>> saddle = Surface.from_rows([Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 2]])])
-    >>> sigma(saddle)(0.3, 0.7)
+    >>> compute_sigma(saddle)(0.3, 0.7)
     array([2.])
-    >>> sigma(saddle).degree
+    >>> compute_sigma(saddle).degree
     (0, 0)
     """
     _check_ruled(ruled)
@@ -72,8 +67,8 @@ def compute_sigma(ruled: Surface) -> Surface:
         value = first.derivative().cross(second - first).dot(second.derivative()) / (v1 - v0) ** 2
         return Surface.from_rows([value.reduce()], (v0, v1))
     p, q = (_tangent_plucker_coordinates(row) for row in (first, second))
-    meeting = p[0] * q[5] - p[1] * q[4] + p[2] * q[3] + p[3] * q[2] - p[4] * q[1] + p[5] * q[0]
-    numerator = Surface.from_rows([(meeting / -((v1 - v0) ** 2)).reduce()], (v0, v1))
+    determinant = p[0] * q[5] - p[1] * q[4] + p[2] * q[3] + p[3] * q[2] - p[4] * q[1] + p[5] * q[0]
+    numerator = Surface.from_rows([(determinant / -((v1 - v0) ** 2)).reduce()], (v0, v1))
     weight = Surface(ruled.breaks, ruled.coefs[:, :, 3:], continuity=ruled.continuity)
     square = weight * weight
     denominator = (square * square).reduce()
@@ -94,19 +89,19 @@ def _tangent_plucker_coordinates(point: Curve) -> list[Curve]:
     return [point[i] * rate[j] - point[j] * rate[i] for i, j in pairs]
 
 
-def bound_twist(ruled: Surface) -> float:
+def bound_twist(rails: RailPair) -> float:
     r"""Bound how fast the normal turns along a ruling, times the ruling's length (rad).
 
     .. math:: \frac{\|D\|\, |\sigma|}{\|N\|^2} = \|D\| \sqrt{-K}, \qquad N = R_t \times D
 
     in the middle of the ruling, where K is the Gaussian curvature there. As long as it is small, it is the angle
     between the normals at the two ends of the ruling. It does not depend on size or parametrisation, and is zero for
-    developables. Rails that are a point, or stop at an end, and rulings that shrink to a point at an end, do no harm.
+    developables. Rails may be points, or stop at an end, and rulings may shrink to a point at an end.
 
     Parameters
     ----------
-    ruled
-        As for :func:`compute_sigma`.
+    rails
+        C1 and C2 of dim 3 over one domain, polynomial or rational; one may be a point.
 
     Returns
     -------
@@ -117,21 +112,14 @@ def bound_twist(ruled: Surface) -> float:
     Raises
     ------
     InputError
-        If the surface is not of that form.
+        If the rails are not two curves of dim 3 with positive weights.
 
     Examples
     --------
-    >>> saddle = Surface.from_rows([Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 0.2]])])
-    >>> 0.198 < twist(saddle) < 0.22  # in the middle of the ruling t = 0, tan(0.198 / 2) = 0.1
+    >>> saddle = Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 0.2]])
+    >>> 0.198 < bound_twist(saddle) < 0.22  # in the middle of the ruling t = 0, tan(0.198 / 2) = 0.1
     True
     """
-    _check_ruled(ruled)
-    v0, v1 = ruled.domain[1]
-    return bound_rail_twist((ruled.isoparametric(v=v0), ruled.isoparametric(v=v1)))
-
-
-def bound_rail_twist(rails: RailPair) -> float:
-    """Bound the twist of the ruled surface between two rails, as :func:`bound_twist`; InputError for no such rails."""
     size, points, rulings, _ = _extract_numerators(check_rails(rails))
     # velocities times the square of the common weight, which then cancels
     first, second = points, points + rulings
@@ -140,16 +128,16 @@ def bound_rail_twist(rails: RailPair) -> float:
     normal = _cross_product(h1 + h2, line) / 2
     turning = (multiply_polynomials(_cross_product(h1, line), h2)).sum(axis=1, keepdims=True)
     square = _dot_product(normal, normal)
-    above, below = (
+    numerator, denominator = (
         multiply_polynomials(_dot_product(line, line), multiply_polynomials(turning, turning)),
         multiply_polynomials(square, square),
     )
-    degree = max(len(above), len(below))
-    above, below = (elevate_degree(f, degree - len(f))[:, 0] for f in (above, below))
+    degree = max(len(numerator), len(denominator))
+    numerator, denominator = (elevate_degree(f, degree - len(f))[:, 0] for f in (numerator, denominator))
     # products of derivatives that are zero but for rounding
-    reach = [float(np.abs(f).max()) for f in (h1, line, h2)]
-    noise = float(64 * _EPS * size * reach[0] * reach[1] * reach[2]) ** 2
-    return float(np.sqrt(_bound_ratio(above, below, noise)))
+    magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
+    noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
+    return float(np.sqrt(_bound_ratio(numerator, denominator, noise)))
 
 
 def bound_normal_turn(rails: RailPair) -> float:
@@ -157,8 +145,8 @@ def bound_normal_turn(rails: RailPair) -> float:
 
     .. math:: \tan \varphi = \frac{|D| \, \det(C_1', C_2', D)}{\langle C_1' \times D,\; C_2' \times D \rangle}
 
-    Unlike :func:`bound_twist`, it is the angle itself however large that is, and where the rails differ in speed. A
-    rail that stands still has no normal, and counts as developable there.
+    Unlike :func:`bound_twist`, it is the angle itself, also if that is large or the rails differ in speed. Where a rail
+    does not move it has no normal, and the strip counts as developable.
 
     Returns
     -------
@@ -170,92 +158,100 @@ def bound_normal_turn(rails: RailPair) -> float:
     Raises
     ------
     InputError
-        If these are no rails.
+        If the rails are not two curves of dim 3 with positive weights.
 
     Examples
     --------
     >>> rails = Curve.bezier([[0.0, 0, 0], [1, 0, 0]]), Curve.bezier([[0.0, 1, 0], [1, 1, 0.2]])
-    >>> 0.19739 < turn_between(rails) < 0.1994  # atan(0.2) = 0.197396
+    >>> 0.19739 < bound_normal_turn(rails) < 0.1994  # atan(0.2) = 0.197396
     True
     """
     size, points, rulings, _ = _extract_numerators(check_rails(rails))
     h1, h2 = (_velocity_numerator(row[:, :3], row[:, 3:]) for row in (points, points + rulings))
     line = rulings[:, :3]
     speeds = np.array([np.abs(h).max(axis=(0, 1)) for h in (h1, h2)])
-    moves = speeds.min(axis=0) > 1e-9 * speeds.max()
+    moves = speeds.min(axis=0) > RULING_TOLERANCES.stationary_rail * speeds.max()
     if not moves.any():
         return 0.0
     h1, h2, line = h1[..., moves], h2[..., moves], line[..., moves]
-    meeting = multiply_polynomials(_cross_product(h1, line), h2).sum(axis=1, keepdims=True)
-    above = _dot_product(line, line)
-    above, below = (
-        multiply_polynomials(above, multiply_polynomials(meeting, meeting))[:, 0],
+    determinant = multiply_polynomials(_cross_product(h1, line), h2).sum(axis=1, keepdims=True)
+    numerator = _dot_product(line, line)
+    numerator, denominator = (
+        multiply_polynomials(numerator, multiply_polynomials(determinant, determinant))[:, 0],
         _dot_product(_cross_product(h1, line), _cross_product(h2, line))[:, 0],
     )
-    reach = [float(np.abs(f).max()) for f in (h1, line, h2)]
-    noise = float(64 * _EPS * size * reach[0] * reach[1] * reach[2]) ** 2
-    square = _bound_squared_ratio(above, below, noise)
+    magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
+    noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
+    square = _bound_squared_ratio(numerator, denominator, noise)
     return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
 
 
-def _bound_squared_ratio(above: Array, below: Array, noise: float) -> float:
-    """Bound above / below^2, (p+1, n) and (q+1, n), above not negative; infinite where below is not positive."""
-    small = 64 * _EPS * np.abs(below).max(axis=0)
-    for _ in range(len(below) - 1):
+def _bound_squared_ratio(numerator: Array, denominator: Array, noise: float) -> float:
+    """Bound f / g^2 for polynomials f (p+1, n), not negative, and g (q+1, n); infinite where g is not positive.
+
+    Zeros of g at the ends of pieces are divided out if f has them, too, up to the rounding error `noise` of f.
+    """
+    small = 64 * EPSILON * np.abs(denominator).max(axis=0)
+    for _ in range(len(denominator) - 1):
         for end in (0, -1):
-            zero = (np.abs(below[end]) <= small) & (small > 0)
+            zero = (np.abs(denominator[end]) <= small) & (small > 0)
             if not zero.any():
                 continue
-            if (above[end, zero] > noise).any():
+            if (numerator[end, zero] > noise).any():
                 return np.inf
-            below[:, zero] = _divide_out_zero(below[:, zero], end)
-            above[:, zero] = _divide_out_zero(_divide_out_zero(above[:, zero], end), end)
-    above, below = above[:, small > 0], below[:, small > 0]
-    bound, taken = 0.0, 1e-24
+            denominator[:, zero] = _divide_out_zero(denominator[:, zero], end)
+            numerator[:, zero] = _divide_out_zero(_divide_out_zero(numerator[:, zero], end), end)
+    numerator, denominator = numerator[:, small > 0], denominator[:, small > 0]
+    bound, attained = 0.0, RULING_TOLERANCES.least_squared_turn
     for _ in range(30):
-        low, high = below.min(axis=0), np.maximum(above.max(axis=0), 0.0)
-        if (below.max(axis=0) <= 0).any():
+        low, high = denominator.min(axis=0), np.maximum(numerator.max(axis=0), 0.0)
+        if (denominator.max(axis=0) <= 0).any():
             return np.inf
         upper = np.divide(high, low**2, out=np.full(len(high), np.inf), where=low > 0)
         for end in (0, -1):
-            here = np.divide(above[end], below[end] ** 2, out=np.zeros(len(high)), where=below[end] > 0)
-            taken = max(taken, float(here.max(initial=0.0)))
-        open_ = upper > 1.02 * taken
-        bound = max(bound, float(upper[~open_].max(initial=0.0)))
-        if not open_.any():
+            here = np.divide(numerator[end], denominator[end] ** 2, out=np.zeros(len(high)), where=denominator[end] > 0)
+            attained = max(attained, float(here.max(initial=0.0)))
+        is_open = upper > RULING_TOLERANCES.turn_bound_ratio * attained
+        bound = max(bound, float(upper[~is_open].max(initial=0.0)))
+        if not is_open.any():
             return bound
-        count = int(open_.sum())
+        count = int(is_open.sum())
         ends = np.repeat([0.0, 0.5], count), np.repeat([0.5, 1.0], count)
-        above, below = (restrict_pieces(np.tile(f[:, open_], 2), *ends) for f in (above, below))
-    return max(bound, 1.02 * taken)
+        numerator, denominator = (restrict_pieces(np.tile(f[:, is_open], 2), *ends) for f in (numerator, denominator))
+    return max(bound, RULING_TOLERANCES.turn_bound_ratio * attained)
 
 
-def _bound_ratio(above: Array, below: Array, noise: float) -> float:
-    """Bound the ratio of polynomials that are not negative, (p+1, n) each; common zeros at the ends are divided out."""
-    for _ in range(len(below) - 1):
+def _bound_ratio(numerator: Array, denominator: Array, noise: float) -> float:
+    """Bound f / g for polynomials that are not negative, (p+1, n) each.
+
+    Zeros of g at the ends of pieces are divided out if f has them, too, up to the rounding error `noise` of f.
+    """
+    for _ in range(len(denominator) - 1):
         for end in (0, -1):
-            zero = (np.abs(below[end]) <= 64 * _EPS * np.abs(below).max(axis=0)) & (below.max(axis=0) > 0)
+            small = 64 * EPSILON * np.abs(denominator).max(axis=0)
+            zero = (np.abs(denominator[end]) <= small) & (denominator.max(axis=0) > 0)
             if not zero.any():
                 continue
-            if (above[end, zero] > noise).any():
+            if (numerator[end, zero] > noise).any():
                 return np.inf
-            above[:, zero], below[:, zero] = (_divide_out_zero(f[:, zero], end) for f in (above, below))
-    above = above[:, below.max(axis=0) > 0]
-    below = below[:, below.max(axis=0) > 0]
-    bound, taken = 0.0, (DEVELOPABLE_TOLERANCE / 1e3) ** 2
+            numerator[:, zero] = _divide_out_zero(numerator[:, zero], end)
+            denominator[:, zero] = _divide_out_zero(denominator[:, zero], end)
+    numerator = numerator[:, denominator.max(axis=0) > 0]
+    denominator = denominator[:, denominator.max(axis=0) > 0]
+    bound, attained = 0.0, RULING_TOLERANCES.least_twist**2
     for _ in range(40):
-        if not above.size:
+        if not numerator.size:
             return bound
-        high, low = above.max(axis=0), below.min(axis=0)
+        high, low = numerator.max(axis=0), denominator.min(axis=0)
         upper = np.divide(high, low, out=np.full(len(high), np.inf), where=low > 0)
         for end in (0, -1):
-            here = np.divide(above[end], below[end], out=np.zeros(len(high)), where=below[end] > 0)
-            taken = max(taken, float(here.max()))
-        open_ = upper > 1.2 * taken
-        bound = max(bound, float(upper[~open_].max(initial=0.0)))
-        count = int(open_.sum())
+            here = np.divide(numerator[end], denominator[end], out=np.zeros(len(high)), where=denominator[end] > 0)
+            attained = max(attained, float(here.max()))
+        is_open = upper > RULING_TOLERANCES.twist_bound_ratio * attained
+        bound = max(bound, float(upper[~is_open].max(initial=0.0)))
+        count = int(is_open.sum())
         ends = np.repeat([0.0, 0.5], count), np.repeat([0.5, 1.0], count)
-        above, below = (restrict_pieces(np.tile(f[:, open_], 2), *ends) for f in (above, below))
+        numerator, denominator = (restrict_pieces(np.tile(f[:, is_open], 2), *ends) for f in (numerator, denominator))
     return np.inf
 
 
@@ -268,7 +264,7 @@ def _divide_out_zero(f: Array, end: int) -> Array:
 
 
 def classify_strip(rails: RailPair) -> StripKind:
-    """Say what kind of ruled surface two rails span, to a relative tolerance of 1e-9.
+    """Tell what kind of ruled surface two rails span, to a relative tolerance of 1e-9.
 
     Parameters
     ----------
@@ -278,15 +274,15 @@ def classify_strip(rails: RailPair) -> StripKind:
     Raises
     ------
     InputError
-        If these are no rails.
+        If the rails are not of that form.
     GeometryError
         If there is no surface between them: they are the same curve, or both points.
 
     Examples
     --------
     >>> arc = Curve.bezier([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]], [1.0, np.sqrt(0.5), 1.0])
-    >>> classify((arc, arc + [0, 0, 1])), classify((arc, arc * 2 + [0, 0, 1])), classify((arc, arc * 2))
-    ('cylinder', 'cone', 'plane')
+    >>> [classify_strip((arc, other)) for other in (arc + [0, 0, 1], arc * 2 + [0, 0, 1], arc * 2)]
+    ['cylinder', 'cone', 'plane']
     """
     if _is_clearly_twisted(rails):
         return "twisted"
@@ -296,19 +292,19 @@ def classify_strip(rails: RailPair) -> StripKind:
         return "cylinder"
     if find_apex(rails) is not None:
         return "cone"
-    return "tangent" if bound_rail_twist(rails) <= DEVELOPABLE_TOLERANCE else "twisted"
+    return "tangent" if bound_twist(rails) <= RULING_TOLERANCES.developable else "twisted"
 
 
 def _is_clearly_twisted(rails: RailPair) -> bool:
     """Tell most twisted strips by samples, which is cheaper than to prove that a strip is developable."""
     _extract_numerators(check_rails(rails))
-    both = stack_rail_and_ruling(rails)
-    t = (both.breaks[:-1] + np.array([0.2, 0.5, 0.8])[:, None] * np.diff(both.breaks)).ravel()
-    value, rate = both.jet(t, 1)
+    rail_and_ruling = stack_rail_and_ruling(rails)
+    t = (rail_and_ruling.breaks[:-1] + np.array([0.2, 0.5, 0.8])[:, None] * np.diff(rail_and_ruling.breaks)).ravel()
+    value, rate = rail_and_ruling.jet(t, 1)
     ruling = value[:, 3:]
     normal = np.cross(rate[:, :3] + rate[:, 3:] / 2, ruling)
     turning = np.abs((np.cross(rate[:, :3], ruling) * rate[:, 3:]).sum(axis=1)) * np.linalg.norm(ruling, axis=1)
-    return bool((turning > 1e-4 * (normal * normal).sum(axis=1)).any())
+    return bool((turning > RULING_TOLERANCES.clearly_twisted * (normal * normal).sum(axis=1)).any())
 
 
 def find_plane_normal(rails: RailPair) -> Array | None:
@@ -316,7 +312,7 @@ def find_plane_normal(rails: RailPair) -> Array | None:
     size, points, rulings, _ = _extract_numerators(check_rails(rails))
     poles = _to_poles(np.concatenate([points, points + rulings], axis=2))
     normal = np.linalg.svd(poles - poles.mean(axis=0), full_matrices=False)[2][2]
-    return normal if np.ptp(poles @ normal) <= DEVELOPABLE_TOLERANCE * size else None
+    return normal if np.ptp(poles @ normal) <= RULING_TOLERANCES.developable * size else None
 
 
 def find_ruling_direction(rails: RailPair) -> Array | None:
@@ -328,35 +324,35 @@ def find_ruling_direction(rails: RailPair) -> Array | None:
     mean = vectors.sum(axis=0) if vectors.sum(axis=0) @ longest > length**2 / 2 else longest
     direction = mean / np.linalg.norm(mean)
     miss = np.abs(np.cross(vectors, direction)).max()
-    return np.asarray(direction) if miss <= DEVELOPABLE_TOLERANCE * length + 16 * _EPS * size else None
+    return np.asarray(direction) if miss <= RULING_TOLERANCES.developable * length + 16 * EPSILON * size else None
 
 
 def find_apex(rails: RailPair) -> Array | None:
-    """Return the point that all rulings pass through, (3,), or None; a far one (1e4 sizes) is none."""
+    """Return the point that all rulings pass through, (3,), or None; None also if it is farther away than 1e4 sizes."""
     size, points, rulings, centre = _extract_numerators(check_rails(rails))
-    both = stack_rail_and_ruling(rails)
-    t = both.breaks[:-1] + np.linspace(0.05, 0.95, 2 * len(points))[:, None] * np.diff(both.breaks)
-    samples = both(t.ravel())
+    rail_and_ruling = stack_rail_and_ruling(rails)
+    steps = np.linspace(0.05, 0.95, 2 * len(points))[:, None] * np.diff(rail_and_ruling.breaks)
+    samples = rail_and_ruling((rail_and_ruling.breaks[:-1] + steps).ravel())
     p, d = samples[:, :3] - centre, samples[:, 3:] / np.abs(samples[:, 3:]).max()
-    # |D x (V - P)|^2 is least: sum of (D.D I - D D^T) (V - P) = 0
+    # the apex V minimises the sum of |D x (V - P)|^2: sum of (D.D I - D D^T) (V - P) = 0
     projectors = (d**2).sum(axis=1)[:, None, None] * np.eye(3) - d[:, :, None] * d[:, None, :]
     matrix, right = projectors.sum(axis=0), np.einsum("nij,nj->i", projectors, p)
-    if np.linalg.cond(matrix) > 1e12:
+    if np.linalg.cond(matrix) > RULING_TOLERANCES.worst_condition:
         return None
     point = np.linalg.solve(matrix, right)
-    if np.linalg.norm(point) > 1e4 * size:
+    if np.linalg.norm(point) > RULING_TOLERANCES.farthest_apex * size:
         return None
     to_first = points[:, :3] - points[:, 3:] * point[:, None]
     miss = np.abs(_cross_product(to_first, rulings[:, :3])).max()
     scale = size * np.abs(rulings[:, :3]).max()
     return (
         np.asarray(point + centre)
-        if miss <= DEVELOPABLE_TOLERANCE * scale + 64 * _EPS * size * np.abs(to_first).max()
+        if miss <= RULING_TOLERANCES.developable * scale + 64 * EPSILON * size * np.abs(to_first).max()
         else None
     )
 
 
-# -- rails as bare coefficients
+# -- coefficients of rails
 
 
 def _check_ruled(ruled: Surface) -> None:
@@ -365,7 +361,7 @@ def _check_ruled(ruled: Surface) -> None:
 
 
 def check_rails(rails: RailPair) -> RailPair:
-    """Return two rails, refusing what is none with an InputError."""
+    """Return two rails; an InputError unless they are curves of dim 3 with positive weights."""
     if len(rails) != 2 or not all(isinstance(rail, Curve) for rail in rails):
         raise InputError(f"rails are two Curves, not {shown(rails)}")
     for rail in rails:
@@ -380,43 +376,44 @@ def check_rails(rails: RailPair) -> RailPair:
 
 @lru_cache(maxsize=1)
 def stack_rail_and_ruling(rails: RailPair) -> Curve:
-    """Return (C1, C2 - C1) as one curve of dim 6, with the cancellation in the coefficients."""
-    both = Curve.stack(rails)
-    coefs = both.coefs.copy()
+    """Return (C1, C2 - C1) as one curve of dim 6; coefficients of C2 - C1 that are rounding only are zero."""
+    both_rails = Curve.stack(rails)
+    coefs = both_rails.coefs.copy()
     coefs[:, 3:6] -= coefs[:, :3]
-    small = np.abs(coefs[:, 3:6]) <= 4 * _EPS * float(np.abs(coefs[:, :3]).max())
+    small = np.abs(coefs[:, 3:6]) <= 4 * EPSILON * float(np.abs(coefs[:, :3]).max())
     coefs[:, 3:6][small] = 0.0
-    return Curve(both.breaks, coefs, rational=both.rational, continuity=both.continuity)
+    return Curve(both_rails.breaks, coefs, rational=both_rails.rational, continuity=both_rails.continuity)
 
 
 @lru_cache(maxsize=1)
 def _extract_numerators(rails: RailPair) -> tuple[float, Array, Array, Array]:
-    """Size; homogeneous C1 and C2 - C1, (p+1, 4, n) each, about the centre of all poles; that centre.
+    """Return the size; homogeneous C1 and C2 - C1, (p+1, 4, n) each, about the centre of all poles; and that centre.
 
-    The second has the weight zero, so that C1 + (C2 - C1) has that of both. Derivatives are by local parameters.
+    The rails have a common weight; the weight of C2 - C1 is set to zero, so that the sum is C2.
     """
-    both = stack_rail_and_ruling(rails)
-    coefs = both.coefs
-    weight = coefs[:, 6:] if both.rational else np.ones((len(coefs), 1, coefs.shape[2]))
+    rail_and_ruling = stack_rail_and_ruling(rails)
+    coefs = rail_and_ruling.coefs
+    weight = coefs[:, 6:] if rail_and_ruling.rational else np.ones((len(coefs), 1, coefs.shape[2]))
     ends = np.concatenate([coefs[:, :3] / weight, (coefs[:, :3] + coefs[:, 3:6]) / weight], axis=2)
     low, high = ends.min(axis=(0, 2)), ends.max(axis=(0, 2))
     centre = (low + high) / 2
     points = np.concatenate([coefs[:, :3] - weight * centre[:, None], weight], axis=1)
     rulings = np.concatenate([coefs[:, 3:6], np.zeros_like(weight)], axis=1)
     size = float(np.linalg.norm(high - low))
-    if np.abs(rulings).max() <= 16 * _EPS * np.abs(ends).max():
+    if np.abs(rulings).max() <= 16 * EPSILON * np.abs(ends).max():
         raise GeometryError("the rails are the same curve: there is no strip between them")
-    if max(float(np.ptp(rail, axis=(0, 2)).max()) for rail in np.split(ends, 2, axis=2)) <= 16 * _EPS * size:
+    if max(float(np.ptp(rail, axis=(0, 2)).max()) for rail in np.split(ends, 2, axis=2)) <= 16 * EPSILON * size:
         raise GeometryError("both rails are points: there is no strip between them")
     return size, points, rulings, centre
 
 
 def _to_poles(homogeneous: Array) -> Array:
+    """Return the control points (m, 3) of homogeneous coefficients (p+1, 4, n)."""
     return np.moveaxis(homogeneous[:, :3] / homogeneous[:, 3:], 1, -1).reshape(-1, 3)
 
 
 def _velocity_numerator(numerator: Array, weight: Array) -> Array:
-    """N' W - N W', of formal degree 2 p - 1: the velocity by the local parameter, times W^2."""
+    """Return N' W - N W', of formal degree 2 p - 1: the velocity of N / W by the local parameter, times W^2."""
     p = len(weight) - 1
     if (weight == 1).all():
         return p * np.diff(numerator, axis=0)
@@ -425,9 +422,11 @@ def _velocity_numerator(numerator: Array, weight: Array) -> Array:
 
 
 def _cross_product(a: Array, b: Array) -> Array:
+    """Return the cross product of polynomials (p+1, 3, n) and (q+1, 3, n)."""
     i, j = [1, 2, 0], [2, 0, 1]
     return multiply_polynomials(a[:, i], b[:, j]) - multiply_polynomials(a[:, j], b[:, i])
 
 
 def _dot_product(a: Array, b: Array) -> Array:
+    """Return the dot product (p+q+1, 1, n) of polynomials (p+1, k, n) and (q+1, k, n)."""
     return multiply_polynomials(a, b).sum(axis=1, keepdims=True)

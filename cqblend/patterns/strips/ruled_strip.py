@@ -1,9 +1,9 @@
-r"""Strips: ruled surfaces that stand for parts of a surface, with a proven bound on what that costs.
+r"""Strips: ruled surfaces that stand for parts of a surface, with a proven bound on their distance from it.
 
-A strip is bounded by two isoparametric curves of a surface, its rails, and spanned by the straight segments between
+A strip is bounded by two isoparametric curves of a surface, its rails, and consists of the straight segments between
 points of the same parameter, its rulings. Every point S(u, v) has its place on the ruling at u, at a fraction w(u, v)
-that grows from 0 at the first rail to 1 at the last; so curves on the surface have their places on the strip. Must not
-know how a surface is divided, nor how strips are laid flat.
+that grows from 0 at the first rail to 1 at the second; so curves on the surface are mapped to the strip. Depends on
+splines only.
 
 References
 ----------
@@ -17,9 +17,7 @@ from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.bernstein import Array, multiply_polynomials
-
-_EPS = float(np.finfo(float).eps)
+from cqblend.splines.bernstein import EPSILON, Array, multiply_polynomials
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,22 +36,22 @@ class RuledStrip:
     bound
         Proven: \|S(u, v) - R(u, w(u, v))\| <= bound, mm, for all u and v.
     transposed
-        Whether ``surface`` is the surface that was divided with its parameters exchanged.
+        Whether ``surface`` is the surface that was divided with its parameters u and v exchanged.
     fraction_surface
         w as a scalar surface over the span; None for the foot of the perpendicular from S(u, v) on the ruling.
 
     Raises
     ------
     InputError
-        If rails or span are not of this form.
+        If rails, surface or span are not of this form.
 
     Examples
     --------
     >>> parabola = np.array([[[0.0, 0, 0], [1, 0, 1], [2, 0, 0]], [[0, 3, 0], [1, 3, 1], [2, 3, 0]]])
     >>> surface = Surface.from_bspline((1, 2), ([0, 0, 1, 1], [0, 0, 0, 1, 1, 1]), parabola)
     >>> rails = surface.isoparametric(v=0.0), surface.isoparametric(v=1.0)
-    >>> strip = Strip(rails, surface, (0.0, 1.0), 0.5)
-    >>> strip.fraction(0.3, [0.0, 0.25, 1.0])
+    >>> strip = RuledStrip(rails, surface, (0.0, 1.0), 0.5)
+    >>> strip.find_fractions(0.3, [0.0, 0.25, 1.0])
     array([0.  , 0.25, 1.  ])
     """
 
@@ -65,12 +63,12 @@ class RuledStrip:
     fraction_surface: Surface | None = None
 
     def __post_init__(self) -> None:
-        first, last = self.rails
-        if (first.dim, last.dim, self.surface.dim) != (3, 3, 3):
+        first, second = self.rails
+        if (first.dim, second.dim, self.surface.dim) != (3, 3, 3):
             raise InputError(
-                f"the rails and the surface of a strip have dim 3, not {first.dim}, {last.dim} and {self.surface.dim}"
+                f"the rails and the surface of a strip have dim 3, not {first.dim}, {second.dim} and {self.surface.dim}"
             )
-        if not np.array_equal(first.breaks, last.breaks):
+        if not np.array_equal(first.breaks, second.breaks):
             raise InputError("the rails of a strip need the same breaks: cut each at those of the other")
         start, end = self.surface.domain[1]
         if not start <= self.span[0] < self.span[1] <= end:
@@ -82,25 +80,25 @@ class RuledStrip:
         return "u" if self.transposed else "v"
 
     def find_fractions(self, u: ArrayLike, v: ArrayLike) -> Array:
-        """Fractions w at scattered points; u and v broadcast.
+        """Return the fractions w of points S(u, v), of the shape that u and v broadcast to.
 
-        Parameters beyond the span are taken to its ends. Where a ruling is a single point (at a pole that both rails
-        run into) fractions are those of the parameter v.
+        v is clamped to the span. Where a ruling is a single point (at a pole that both rails run into), fractions are
+        those of v within the span.
         """
-        at, along = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        u_at, v_at = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
         start, end = self.span
-        along = np.clip(along, start, end)
+        v_at = np.clip(v_at, start, end)
         if self.fraction_surface is not None:
-            found = self.fraction_surface(at, along)[..., 0]
+            found = self.fraction_surface(u_at, v_at)[..., 0]
         else:
-            first, last = (rail(at) for rail in self.rails)
-            chord = last - first
+            first, second = (rail(u_at) for rail in self.rails)
+            chord = second - first
             square = (chord * chord).sum(axis=-1)
-            dots = ((self.surface(at, along) - first) * chord).sum(axis=-1)
-            least = 64 * _EPS * max(float(np.abs(rail).max(initial=0.0)) for rail in (first, last))
-            by_parameter = (along - start) / (end - start)
-            found = np.divide(dots, square, out=by_parameter, where=square > least**2)
-        found = np.where(along == start, 0.0, np.where(along == end, 1.0, found))
+            dots = ((self.surface(u_at, v_at) - first) * chord).sum(axis=-1)
+            shortest = 64 * EPSILON * max(float(np.abs(points).max(initial=0.0)) for points in (first, second))
+            by_parameter = (v_at - start) / (end - start)
+            found = np.divide(dots, square, out=by_parameter, where=square > shortest**2)
+        found = np.where(v_at == start, 0.0, np.where(v_at == end, 1.0, found))
         return np.asarray(np.clip(found, 0.0, 1.0))
 
     def to_ruled_surface(self) -> Surface:
@@ -109,19 +107,20 @@ class RuledStrip:
         The weights of rational rails are brought to a common one, so that w is the fraction along the ruling in space;
         that doubles the degree p unless they are proportional.
         """
-        first, last = (rail._to_rational() if any(r.rational for r in self.rails) else rail for rail in self.rails)
-        degree = max(first.degree, last.degree)
-        first, last = first.elevate(degree - first.degree), last.elevate(degree - last.degree)
-        if not first.rational:
-            return Surface.from_rows([first, last])
-        w1, w2 = first.coefs[:, -1:], last.coefs[:, -1:]
+        is_rational = any(rail.rational for rail in self.rails)
+        first, second = (rail._to_rational() if is_rational else rail for rail in self.rails)
+        degree = max(first.degree, second.degree)
+        first, second = first.elevate(degree - first.degree), second.elevate(degree - second.degree)
+        if not is_rational:
+            return Surface.from_rows([first, second])
+        w1, w2 = first.coefs[:, -1:], second.coefs[:, -1:]
         ratio = w2 / w1
-        upper, lower = first.coefs, last.coefs
-        if np.ptp(ratio) <= 32 * _EPS * ratio.max():
-            lower = lower / ratio
+        row1, row2 = first.coefs, second.coefs
+        if np.ptp(ratio) <= 32 * EPSILON * ratio.max():
+            row2 = row2 / ratio
         else:
-            upper, lower = multiply_polynomials(upper, w2), multiply_polynomials(lower, w1)
-        lower = np.concatenate([lower[:, :-1], upper[:, -1:]], axis=1)  # one and the same weight, to the last digit
-        order = np.minimum(first.continuity, last.continuity)
-        rows = [Curve(first.breaks, row, rational=True, continuity=order) for row in (upper, lower)]
+            row1, row2 = multiply_polynomials(row1, w2), multiply_polynomials(row2, w1)
+        row2 = np.concatenate([row2[:, :-1], row1[:, -1:]], axis=1)  # one and the same weight, to the last digit
+        order = np.minimum(first.continuity, second.continuity)
+        rows = [Curve(first.breaks, row, rational=True, continuity=order) for row in (row1, row2)]
         return Surface.from_rows(rows)

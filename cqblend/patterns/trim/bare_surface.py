@@ -1,18 +1,17 @@
-"""A bare surface as something to unroll: its four sides are edges, and it may meet itself or have poles.
+"""A bare surface made a shell of one patch, so that it is unrolled like the faces of a solid.
 
-Exists so that a surface without a kernel's face goes the same way as faces of solids. Must not know what is done next.
+Its four sides become edges; opposite sides that coincide become one edge, and sides may be points (poles). Depends on
+splines only.
 """
 
 import numpy as np
 
 from cqblend.errors import InputError
+from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, Patch, PatchEdge, PatchShell
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.integral import gauss_rule
-
-_CLOSED_SHARE = 1e-9
-"""Sides that are closer together than this, relative to the size, are one."""
 
 
 def make_surface_shell(surface: Surface) -> PatchShell:
@@ -21,30 +20,33 @@ def make_surface_shell(surface: Surface) -> PatchShell:
     Raises
     ------
     InputError
-        It is not in space.
+        If the surface is not of dim 3.
 
     Examples
     --------
     >>> knots = [0, 0, 1, 1]
     >>> sheet = Surface.from_bspline((1, 1), (knots, knots), [[[0, 0, 0], [0, 2, 0]], [[3, 0, 0], [3, 2, 1]]])
-    >>> len(natural(sheet).edges)
+    >>> len(make_surface_shell(sheet).edges)
     4
     """
     if surface.dim != 3:
         raise InputError(f"a surface to be unrolled is in space; this one has dimension {surface.dim}")
     (u0, u1), (v0, v1) = surface.domain
-    sides = [(1, v0, True), (0, u1, True), (1, v1, False), (0, u0, False)]  # counterclockwise: axis, value, rising
+    sides = [(1, v0, True), (0, u1, True), (1, v1, False), (0, u0, False)]  # counterclockwise: axis, value, forward
     curves = [surface.isoparametric(**{"uv"[axis]: value}) for axis, value, _ in sides]
     samples = [curve(np.linspace(*curve.domain, 65)) for curve in curves]
     size = float(np.ptp(np.concatenate(samples), axis=0).max())
-    points = [float(np.abs(sample - sample[0]).max()) <= _CLOSED_SHARE * size for sample in samples]
+    is_point = [float(np.abs(sample - sample[0]).max()) <= TRIM_TOLERANCES.closed_side_gap * size for sample in samples]
     numbers = [1, 2, 3, 4]
     for here, there in ((0, 2), (1, 3)):
-        if float(np.abs(samples[here] - samples[there]).max()) <= _CLOSED_SHARE * size and not points[here]:
+        if (
+            float(np.abs(samples[here] - samples[there]).max()) <= TRIM_TOLERANCES.closed_side_gap * size
+            and not is_point[here]
+        ):
             numbers[there] = numbers[here]
     uses = []
-    for number, (axis, value, rising), curve, point in zip(numbers, sides, curves, points, strict=True):
-        uses.append(EdgeUse(number, rising, _make_parameter_line(axis, value), curve.breaks, point))
+    for number, (axis, value, forward), curve, point in zip(numbers, sides, curves, is_point, strict=True):
+        uses.append(EdgeUse(number, forward, _make_parameter_line(axis, value), curve.breaks, point))
     edges = {
         number: PatchEdge(
             index=number,
@@ -58,7 +60,7 @@ def make_surface_shell(surface: Surface) -> PatchShell:
             gap=0.0,
             degenerate=point,
         )
-        for number, curve, point in reversed(list(zip(numbers, curves, points, strict=True)))
+        for number, curve, point in reversed(list(zip(numbers, curves, is_point, strict=True)))
     }
     patch = Patch((1,), "freeform", surface, True, (tuple(uses),), area=_measure_area(surface))
     return PatchShell((patch,), edges, {0: curves[0](curves[0].domain[0])})
@@ -74,13 +76,13 @@ def _measure_area(surface: Surface) -> float:
 
 
 def _seam_angle(surface: Surface, axis: int) -> float:
-    """Return by how much the normal turns in the middle of the seam at which a surface meets itself.
+    """Return the signed angle (rad) between the normals on both sides of a seam, in its middle; nan at a pole.
 
-    It is the side on which u (axis 0) or v (axis 1) begins.
+    The seam is the side on which u (axis 0) or v (axis 1) begins; the angle is positive if the surface is convex there.
     """
     middle = [sum(domain) / 2 for domain in surface.domain]
-    places = ((end, middle[1]) if axis == 0 else (middle[0], end) for end in surface.domain[axis])
-    after, before = (surface.jet(u, v, 1) for u, v in places)
+    seam_points = ((end, middle[1]) if axis == 0 else (middle[0], end) for end in surface.domain[axis])
+    after, before = (surface.jet(u, v, 1) for u, v in seam_points)
     normals = np.array([np.cross(jet[1, 0], jet[0, 1]) for jet in (before, after)])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if not lengths.all():

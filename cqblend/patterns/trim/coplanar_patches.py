@@ -1,8 +1,8 @@
-"""Neighbouring faces of one plane made one patch.
+"""Neighbouring faces of one plane merged into one patch, so that they are cut from the stock in one piece.
 
-Exists because what lies in one plane is cut in one piece, whatever faces booleans have left of it. Works on loops and
-vertices alone: nothing is intersected, and no distance decides which edge follows which. Must not know OCCT, nor
-surfaces that are not planes.
+Boolean operations often leave several faces in one plane. The edges between them are dropped, and the other edges are
+chained to loops by their vertices alone: nothing is intersected, and no distance decides which edge follows which.
+Depends on trimmed patches only.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,55 +10,47 @@ from dataclasses import replace
 
 import numpy as np
 
+from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import CurveFunction, EdgeUse, Loop, Patch, PatchEdge, PatchShell, PlaneFrame
 from cqblend.splines.bernstein import Array
 
-COPLANAR_ANGLE = 1e-9
-"""Largest angle between the normals of faces of one plane (rad)."""
-
-COPLANAR_DISTANCE = 1e-7
-"""Largest distance of one face's edges from the other's plane (mm)."""
-
-_SAMPLE_FRACTIONS = np.arange(8) / 8
-_WINDOW_MARGIN = 0.1
-"""By how much a plane's window is larger than the polygon of its outer loop, which may bulge."""
-
-_VERTEX_SHARE = 1e-4
-"""Part of an edge's first or last piece by which its direction at a vertex is told."""
+_LOOP_SAMPLE_FRACTIONS = np.arange(8) / 8
+"""Of each piece of a pcurve, at which a loop is sampled."""
 
 
-def merge_coplanar_patches(skin: PatchShell) -> PatchShell:
-    """Return a skin in which planar patches of one plane that share edges are one patch; those edges are dropped.
+def merge_coplanar_patches(shell: PatchShell) -> PatchShell:
+    """Return a shell in which planar patches of one plane that share edges are one patch; those edges are dropped.
 
-    The patch keeps the frame of its first face. Where its boundary touches itself at a vertex, loops touch there, but
-    none runs through a vertex twice if it can be helped.
+    The patch keeps the frame of its first face. Where its boundary touches itself at a vertex, it becomes several loops
+    that touch there rather than one that runs through the vertex twice, if possible.
     """
-    group = list(range(len(skin.patches)))
+    group = list(range(len(shell.patches)))
     inner = set()
-    for number, found in skin.locate_edge_uses().items():
-        if len(found) == 2 and _is_plane_continued(skin, found):
+    for number, uses in shell.locate_edge_uses().items():
+        if len(uses) == 2 and _is_plane_continued(shell, uses):
             inner.add(number)
-            low, high = sorted(_find_root(group, at[0]) for at in found)
+            low, high = sorted(_find_root(group, patch) for patch, _, _ in uses)
             group[high] = low
     members: dict[int, list[Patch]] = {}
-    for i, patch in enumerate(skin.patches):
+    for i, patch in enumerate(shell.patches):
         members.setdefault(_find_root(group, i), []).append(patch)
     return replace(
-        skin,
-        patches=tuple(_join_patches(patches, inner, skin.edges) for patches in members.values()),
-        edges={number: edge for number, edge in skin.edges.items() if number not in inner},
+        shell,
+        patches=tuple(_join_patches(patches, inner, shell.edges) for patches in members.values()),
+        edges={number: edge for number, edge in shell.edges.items() if number not in inner},
     )
 
 
 def make_planar_patch(
-    faces: tuple[int, ...], frame: PlaneFrame, loops: Sequence[Loop], area: float = 0.0, off: float = 0.0
+    faces: tuple[int, ...], frame: PlaneFrame, loops: Sequence[Loop], area: float = 0.0, plane_deviation: float = 0.0
 ) -> Patch:
     """Return a patch of a plane from loops, in any order, in the coordinates of its frame; see :class:`Patch`."""
     loops = sort_outer_first(loops)
     points = sample_loop_polygon(loops[0])
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = _WINDOW_MARGIN * (high - low).max()
-    return Patch(faces, "plane", frame.make_rectangle(low - margin, high + margin), True, loops, frame, area, off)
+    margin = TRIM_TOLERANCES.plane_window_margin * (high - low).max()
+    window = frame.make_rectangle(low - margin, high + margin)
+    return Patch(faces, "plane", window, True, loops, frame, area, plane_deviation)
 
 
 def sort_outer_first(loops: Iterable[Loop]) -> tuple[Loop, ...]:
@@ -70,7 +62,7 @@ def sample_loop_polygon(loop: Loop) -> Array:
     """Return points (n, 2) along a loop in the parameter plane, eight on every piece of a pcurve."""
     points = []
     for use in loop:
-        t = (use.breaks[:-1, None] + _SAMPLE_FRACTIONS * np.diff(use.breaks)[:, None]).ravel()
+        t = (use.breaks[:-1, None] + _LOOP_SAMPLE_FRACTIONS * np.diff(use.breaks)[:, None]).ravel()
         along = use.pcurve(np.append(t, use.breaks[-1]))
         points.append((along if use.forward else along[::-1])[:-1])
     return np.concatenate(points)
@@ -92,17 +84,17 @@ def _find_root(group: list[int], i: int) -> int:
     return i
 
 
-def _is_plane_continued(skin: PatchShell, found: tuple[tuple[int, int, int], ...]) -> bool:
-    """Whether the two patches at an edge, which may be one, are one plane that goes on across it."""
-    first, second = (skin.patches[i] for i, _, _ in found)
-    one, other = (skin.patches[i].loops[j][k] for i, j, k in found)
+def _is_plane_continued(shell: PatchShell, uses: tuple[tuple[int, int, int], ...]) -> bool:
+    """Whether the patches of both uses of an edge lie in one plane, on opposite sides of the edge."""
+    first, second = (shell.patches[i] for i, _, _ in uses)
+    one, other = (shell.patches[i].loops[j][k] for i, j, k in uses)
     if first.frame is None or second.frame is None or one.forward == other.forward:
         return False
-    normal, across = first.frame.normal, second.frame.normal
-    if normal @ across <= 0 or np.linalg.norm(np.cross(normal, across)) > COPLANAR_ANGLE:
+    normal, other_normal = first.frame.normal, second.frame.normal
+    if normal @ other_normal <= 0 or np.linalg.norm(np.cross(normal, other_normal)) > TRIM_TOLERANCES.coplanar_angle:
         return False
-    corners = np.concatenate([skin.edges[use.edge].points(use.breaks) for loop in second.loops for use in loop])
-    return bool(np.abs((corners - first.frame.origin) @ normal).max() <= COPLANAR_DISTANCE)
+    corners = np.concatenate([shell.edges[use.edge].points(use.breaks) for loop in second.loops for use in loop])
+    return bool(np.abs((corners - first.frame.origin) @ normal).max() <= TRIM_TOLERANCES.coplanar_distance)
 
 
 def _join_patches(patches: list[Patch], inner: set[int], edges: dict[int, PatchEdge]) -> Patch:
@@ -113,28 +105,28 @@ def _join_patches(patches: list[Patch], inner: set[int], edges: dict[int, PatchE
         return patches[0]
     kept = [replace(use, pcurve=project_to_plane(frame, edges[use.edge].points)) for use in kept]
     faces = tuple(sorted(face for patch in patches for face in patch.faces))
-    off = max(patch.plane_deviation + _measure_plane_distance(frame, patch) for patch in patches)
-    return make_planar_patch(faces, frame, _chain_loops(kept, edges), sum(patch.area for patch in patches), off)
+    deviation = max(patch.plane_deviation + _measure_plane_distance(frame, patch) for patch in patches)
+    return make_planar_patch(faces, frame, _chain_loops(kept, edges), sum(patch.area for patch in patches), deviation)
 
 
 def _measure_plane_distance(frame: PlaneFrame, patch: Patch) -> float:
-    """Return the largest distance of a patch of a plane from another plane: that of a corner of its window."""
+    """Return the largest distance of a planar patch from another plane, mm: that of a corner of its window."""
     u, v = (np.array(domain) for domain in patch.surface.domain)
     corners = patch.surface.grid(u, v)
     return float(np.abs((corners - frame.origin) @ frame.normal).max())
 
 
 def _chain_loops(uses: list[EdgeUse], edges: dict[int, PatchEdge]) -> list[Loop]:
-    """Return the loops of uses that have material on their left."""
-    coming: dict[int, list[int]] = {}
-    going: dict[int, list[int]] = {}
+    """Chain uses that have material on their left to loops."""
+    arriving: dict[int, list[int]] = {}
+    leaving: dict[int, list[int]] = {}
     for i, use in enumerate(uses):
         start, stop = edges[use.edge].vertices[:: 1 if use.forward else -1]
-        going.setdefault(start, []).append(i)
-        coming.setdefault(stop, []).append(i)
+        leaving.setdefault(start, []).append(i)
+        arriving.setdefault(stop, []).append(i)
     after = {}
-    for vertex, incoming in coming.items():
-        after.update(_pair_uses(uses, incoming, going[vertex]))
+    for vertex, incoming in arriving.items():
+        after.update(_pair_uses(uses, incoming, leaving[vertex]))
     loops = []
     while after:
         chain = [next(iter(after))]
@@ -145,7 +137,11 @@ def _chain_loops(uses: list[EdgeUse], edges: dict[int, PatchEdge]) -> list[Loop]
 
 
 def _pair_uses(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) -> dict[int, int]:
-    """Return which use goes on where which one comes in: the first one met by a turn through what is no material."""
+    """Pair the uses that arrive at a vertex with those that leave it, by their indices.
+
+    An arriving use is followed by the first leaving one that is met turning counterclockwise from it, through the
+    outside, so that loops do not cross. Of several pairs the smallest turn is made first.
+    """
     if len(incoming) == 1:
         return {incoming[0]: outgoing[0]}
     backward = np.array([_angle_at_vertex(uses[i], 1) for i in incoming])
@@ -160,8 +156,8 @@ def _pair_uses(uses: list[EdgeUse], incoming: list[int], outgoing: list[int]) ->
 
 
 def _angle_at_vertex(use: EdgeUse, end: int) -> float:
-    """Return the angle at which a use is seen from the vertex it starts (0) or stops at (1)."""
+    """Return the angle (rad) of the direction in which a use leaves the vertex that it starts (0) or stops at (1)."""
     breaks = use.breaks if use.forward == (end == 0) else use.breaks[::-1]
-    here, near = use.pcurve(np.array([breaks[0], breaks[0] + _VERTEX_SHARE * (breaks[1] - breaks[0])]))
+    here, near = use.pcurve(np.array([breaks[0], breaks[0] + TRIM_TOLERANCES.tangent_step * (breaks[1] - breaks[0])]))
     x, y = near - here
     return float(np.arctan2(y, x))

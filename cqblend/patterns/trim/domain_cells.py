@@ -1,9 +1,9 @@
-"""Trimmed parameter domains cut along parameter lines: the cells that strips keep of a trimmed face.
+"""A trimmed parameter domain cut along parameter lines into the cells that strips keep of a trimmed face.
 
-Exists because a trimming curve is carried onto strips in the parameter plane (Elber 1995, section 3), where the borders
-of strips are straight. Every crossing of a loop and a line is a vertex of the loop already, so cutting makes no new
-points: each side of a cell is known to be a stretch of a loop or of a line, and neighbours get the very same numbers.
-Must not know space, nor what edges mean.
+A trimming curve is mapped to the strips in the parameter plane (Elber 1995, section 3), where the borders of strips are
+straight. Every crossing of a loop and a line is a vertex of the loop already, so cutting makes no new points on loops:
+each side of a cell is a stretch of a loop or of a line, and neighbouring cells get the very same numbers. Depends on
+arrays only.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,19 +14,28 @@ import numpy as np
 import shapely
 
 from cqblend.errors import GeometryError
+from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.splines.bernstein import Array
 
 MIN_CORNERS = 3
-"""Vertices of a loop at least: fewer enclose nothing."""
+"""Least number of vertices of a loop: fewer enclose nothing."""
 
 ParameterPoint = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DomainSide:
-    """A side of a trimming loop: points (n + 1, 2) along one use of an edge, in the parameter plane."""
+    """A side of a trimming loop.
 
-    use: int
+    Attributes
+    ----------
+    use_index
+        Number of the use of an edge that the side is, counted over all loops of the patch.
+    points
+        (n + 1, 2) vertices (u, v) along it.
+    """
+
+    use_index: int
     points: Array
 
 
@@ -37,43 +46,65 @@ class CutLines:
     Attributes
     ----------
     axis
-        The parameter that is constant on the lines between rows.
-    rows
-        Its values, increasing.
-    cuts
-        By row: values of the other parameter, increasing, at which that row is cut across.
+        The parameter that is constant on the lines between strips: 0 for u, 1 for v.
+    strip_borders
+        Its values there, increasing.
+    cross_cuts
+        By index of the strip: values of the other parameter, increasing, at which that strip is cut across.
     """
 
     axis: int
-    rows: Array
-    cuts: Mapping[int, Sequence[float]] = field(default_factory=dict)
+    strip_borders: Array
+    cross_cuts: Mapping[int, Sequence[float]] = field(default_factory=dict)
 
     def list_values(self, axis: int) -> Array:
-        """Return all values at which one parameter is constant on a line, increasing."""
-        return self.rows if axis == self.axis else np.unique([x for row in self.cuts.values() for x in row])
+        """Return the values, increasing, of one parameter (0 for u, 1 for v) on the lines on which it is constant."""
+        if axis == self.axis:
+            return self.strip_borders
+        return np.unique([value for cuts in self.cross_cuts.values() for value in cuts])
 
 
 @dataclass(frozen=True, slots=True)
-class BoundaryStep:
-    """From one vertex of a cell to the next.
+class EdgeStep:
+    """From one vertex of a cell to the next along an edge.
 
     Attributes
     ----------
     start, stop
         The vertices (u, v).
-    use
-        Of the edge that is followed, None on a line.
-    places
-        On an edge, the indices of both vertices among the points of its side.
-    line
-        On a line, its axis (0 for u = const, 1 for v = const) and its index among the lines of that axis.
+    use_index
+        Number of the use of the edge, as of :class:`DomainSide`.
+    point_indices
+        Indices of both vertices among the points of that side.
     """
 
     start: ParameterPoint
     stop: ParameterPoint
-    use: int | None = None
-    places: tuple[int, int] = (0, 0)
-    line: tuple[int, int] = (0, 0)
+    use_index: int
+    point_indices: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class LineStep:
+    """From one vertex of a cell to the next along a cut line.
+
+    Attributes
+    ----------
+    start, stop
+        The vertices (u, v).
+    axis
+        The parameter that is constant on the line: 0 for u, 1 for v.
+    line_index
+        Index of the line among those of its axis.
+    """
+
+    start: ParameterPoint
+    stop: ParameterPoint
+    axis: int
+    line_index: int
+
+
+BoundaryStep = EdgeStep | LineStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,18 +113,18 @@ class DomainCell:
 
     Attributes
     ----------
-    row
-        Between which lines: the i-th row is between lines i - 1 and i.
+    strip_index
+        Of the strip that it is part of: the i-th one is between borders i - 1 and i.
     loops
         The outer boundary, counterclockwise, then holes, clockwise.
     """
 
-    row: int
+    strip_index: int
     loops: tuple[tuple[BoundaryStep, ...], ...]
 
 
 def cut_domain(loops: Sequence[Sequence[DomainSide]], lines: CutLines) -> list[DomainCell]:
-    """Cut a trimmed domain along lines of one parameter, and the rows between them along lines of the other.
+    """Cut a trimmed domain along the borders of strips, and strips across, into connected cells.
 
     Parameters
     ----------
@@ -106,18 +137,18 @@ def cut_domain(loops: Sequence[Sequence[DomainSide]], lines: CutLines) -> list[D
     Raises
     ------
     GeometryError
-        The loops cross each other or themselves.
+        If the loops cross each other or themselves, or one has fewer than three vertices.
 
     Examples
     --------
     >>> corners = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0], [0.0, 2.0], [0.0, 1.0], [0.0, 0.0]])
-    >>> cells = cut([[Side(0, corners)]], Lines(1, np.array([1.0])))
+    >>> cells = cut_domain([[DomainSide(0, corners)]], CutLines(1, np.array([1.0])))
     >>> [len(cell.loops[0]) for cell in cells]
     [4, 4]
     """
     rings = [np.concatenate([side.points[:-1] for side in loop]) for loop in loops]
     known = {
-        (start, stop): (side.use, k)
+        (start, stop): (side.use_index, k)
         for loop, ring in zip(loops, rings, strict=True)
         for (side, k), (start, stop) in zip(
             ((side, k) for side in loop for k in range(len(side.points) - 1)),
@@ -143,43 +174,47 @@ def cut_domain(loops: Sequence[Sequence[DomainSide]], lines: CutLines) -> list[D
 def _generate_cells(
     domain: shapely.Polygon, known: dict[tuple[ParameterPoint, ParameterPoint], tuple[int, int]], lines: CutLines
 ) -> Iterator[DomainCell]:
+    """Intersect the domain with the rectangle of each strip, or part of it between cross cuts.
+
+    `known` gives the side, by its use index, and the place of the segment in it for every segment of the loops.
+    """
     low, high = np.reshape(domain.bounds, (2, 2))
-    least = 1e-13 * float(np.prod(high - low))
-    reach = (low - (high - low), high + (high - low))
+    smallest = TRIM_TOLERANCES.smallest_cell * float(np.prod(high - low))
+    outside = (low - (high - low), high + (high - low))
     axis = lines.axis
     values = (lines.list_values(0).tolist(), lines.list_values(1).tolist())
-    rows = [reach[0][axis], *lines.rows, reach[1][axis]]
-    for row, (bottom, top) in enumerate(pairwise(rows)):
-        columns = [reach[0][1 - axis], *lines.cuts.get(row, ()), reach[1][1 - axis]]
-        for left, right in pairwise(columns):
+    borders = [outside[0][axis], *lines.strip_borders, outside[1][axis]]
+    for strip_index, (bottom, top) in enumerate(pairwise(borders)):
+        cuts = [outside[0][1 - axis], *lines.cross_cuts.get(strip_index, ()), outside[1][1 - axis]]
+        for left, right in pairwise(cuts):
             corners = ((left, bottom), (right, top)) if axis == 1 else ((bottom, left), (top, right))
-            whole = len(rows) == len(columns) == 2
-            part = domain if whole else domain.intersection(shapely.box(*corners[0], *corners[1]))
-            borders = [(i, values[i].index(end[i]), end[i]) for end in corners for i in (0, 1) if end[i] in values[i]]
+            is_whole = len(borders) == len(cuts) == 2
+            part = domain if is_whole else domain.intersection(shapely.box(*corners[0], *corners[1]))
+            sides = [(i, values[i].index(end[i]), end[i]) for end in corners for i in (0, 1) if end[i] in values[i]]
             for polygon in shapely.get_parts(part):
-                if isinstance(polygon, shapely.Polygon) and polygon.area > least:
-                    yield DomainCell(row, tuple(_label_loops(polygon, known, borders)))
+                if isinstance(polygon, shapely.Polygon) and polygon.area > smallest:
+                    yield DomainCell(strip_index, tuple(_label_loops(polygon, known, sides)))
 
 
 def _label_loops(
     polygon: shapely.Polygon,
     known: dict[tuple[ParameterPoint, ParameterPoint], tuple[int, int]],
-    borders: Sequence[tuple[int, int, float]],
+    lines: Sequence[tuple[int, int, float]],
 ) -> Iterator[tuple[BoundaryStep, ...]]:
-    """Tell what each side of a cell is; borders are lines: axis, index, value."""
+    """Identify each side of a cell as part of an edge or of one of the given lines: axis, index, value."""
     oriented = shapely.geometry.polygon.orient(polygon)
     for ring in (oriented.exterior, *oriented.interiors):
-        steps = []
+        steps: list[BoundaryStep] = []
         for start, stop in pairwise(map(tuple, shapely.get_coordinates(ring).tolist())):
             if (start, stop) in known:
-                use, k = known[start, stop]
-                steps.append(BoundaryStep(start, stop, use, (k, k + 1)))
+                use_index, k = known[start, stop]
+                steps.append(EdgeStep(start, stop, use_index, (k, k + 1)))
             elif (stop, start) in known:
-                use, k = known[stop, start]
-                steps.append(BoundaryStep(start, stop, use, (k + 1, k)))
+                use_index, k = known[stop, start]
+                steps.append(EdgeStep(start, stop, use_index, (k + 1, k)))
             else:
-                line = [(axis, i) for axis, i, value in borders if start[axis] == stop[axis] == value]
-                if not line:
+                met = [(axis, i) for axis, i, value in lines if start[axis] == stop[axis] == value]
+                if not met:
                     raise GeometryError(f"a trimming loop touches itself between (u, v) = {start} and {stop}")
-                steps.append(BoundaryStep(start, stop, line=line[0]))
+                steps.append(LineStep(start, stop, *met[0]))
         yield tuple(steps)

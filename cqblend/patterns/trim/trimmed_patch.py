@@ -1,8 +1,7 @@
-"""Trimmed faces as unrolling sees them: surfaces, loops in their parameter planes, and the edges that patches share.
+"""Kernel-neutral B-rep: trimmed patches, the uses of edges by their loops, and the edges that patches share.
 
-Exists so that nothing of unrolling has to know the kernel a shape came from: :mod:`cqblend.brep.read.trimmed_patches`
-fills these objects from OCCT, and everything after works on splines and arrays. Must not know OCCT, nor how patches are
-cut into strips.
+Everything in patterns works on these objects, on splines and arrays, so that nothing of it depends on OCCT:
+:mod:`cqblend.brep.read.trimmed_patches` makes them from its faces. Depends on splines only.
 """
 
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
 FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "freeform"]
-"""What a face is; of those before ``"sphere"``, and of extrusions, the surface is linear in v."""
+"""Type of a face's surface; that of planes, cylinders, cones and extrusions is linear in v."""
 
 CurveFunction = Callable[[Array], Array]
 """Vectorised: parameters (n,) to points (n, dim), or to other parameters (n,)."""
@@ -33,10 +32,10 @@ class PlaneFrame:
 
     Examples
     --------
-    >>> ground = Frame(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    >>> ground = PlaneFrame(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
     >>> ground.normal
     array([1., 0., 0.])
-    >>> ground.flat(np.array([[1.0, 2.0, 3.0]]))
+    >>> ground.to_local_coords(np.array([[1.0, 2.0, 3.0]]))
     array([[2., 3.]])
     """
 
@@ -76,7 +75,7 @@ class EdgeUse:
     Attributes
     ----------
     edge
-        Number of the edge, a key of :attr:`Skin.edges`.
+        Number of the edge, a key of :attr:`PatchShell.edges`.
     forward
         Whether the loop runs along increasing t of the edge.
     pcurve
@@ -109,6 +108,23 @@ Loop = tuple[EdgeUse, ...]
 """Uses in order; each starts where the one before ends, the first where the last ends."""
 
 
+@dataclass(frozen=True, slots=True)
+class UseKey:
+    """Which use of an edge this is.
+
+    Attributes
+    ----------
+    face
+        Number of the patch, :attr:`Patch.index`.
+    loop, position
+        Index of the loop within the patch, and of the use within the loop.
+    """
+
+    face: int
+    loop: int
+    position: int
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
     """A trimmed face, or several faces of one plane that are joined by edges.
@@ -118,9 +134,9 @@ class Patch:
     faces
         Numbers of the faces, from 1, in the face map of the shape; several only if they lie in one plane.
     kind
-        What it is.
+        Type of its surface.
     surface
-        In space, over the face's own window of parameters. Rulings run in v where the face is ruled by nature.
+        In space, over the face's own window of parameters. Cylinders, cones and extrusions have their rulings in v.
     outward
         Whether Su x Sv points to the outer side. Always so on planes.
     loops
@@ -131,7 +147,7 @@ class Patch:
     area
         Of the face, or faces, mm^2.
     plane_deviation
-        Largest distance of the face, or faces, from the plane, mm; 0 if it is none.
+        Largest distance of the face, or faces, from the plane, mm; 0 unless the patch is a plane.
     """
 
     faces: tuple[int, ...]
@@ -145,8 +161,12 @@ class Patch:
 
     @property
     def index(self) -> int:
-        """The number of its first face, which names it."""
+        """Number of the first of its faces, which identifies the patch within its shell."""
         return self.faces[0]
+
+    def list_uses(self) -> list[tuple[UseKey, EdgeUse]]:
+        """Return all uses of edges by its loops, in order, with their keys."""
+        return [(UseKey(self.index, j, k), use) for j, loop in enumerate(self.loops) for k, use in enumerate(loop)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,12 +189,12 @@ class PatchEdge:
     vertices
         Numbers of the vertices at the first and the last t; the same one if the edge is closed.
     faces
-        Number of the face of every use; one face twice if its surface meets itself there.
+        Number of the face of every use; one face twice if it meets itself at the edge, which then is its seam.
     angle
         By how much the outer normal turns across the middle of the edge (rad), positive if it is convex; nan unless two
         faces, oriented alike, have normals there.
     gap
-        Largest distance found between the curve and the pcurves of its uses, laid on their surfaces (mm).
+        Largest sampled distance between the curve in space and the curves S(pcurve(t)) of its uses (mm).
     degenerate
         Whether it is a point in space.
     """
@@ -193,7 +213,7 @@ class PatchEdge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchShell:
-    """All that is to be unrolled of a shape: patches, and the edges that join them.
+    """What is to be unrolled of a shape: patches, and the edges that join them.
 
     Attributes
     ----------
@@ -213,7 +233,7 @@ class PatchShell:
     refused: dict[int, CqblendError] = field(default_factory=dict)
 
     def locate_edge_uses(self) -> dict[int, tuple[tuple[int, int, int], ...]]:
-        """Return, for every edge, where it is used: (patch, loop, place in the loop), counted from 0; twice at most."""
+        """Return the uses of every edge, two at most: (patch, loop, position in the loop), indices from 0."""
         found: dict[int, tuple[tuple[int, int, int], ...]] = dict.fromkeys(self.edges, ())
         for i, patch in enumerate(self.patches):
             for j, loop in enumerate(patch.loops):
@@ -224,7 +244,7 @@ class PatchShell:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrimmedSurface:
-    """A surface and what is kept of it.
+    """A surface and the loops that bound the part of it that is kept.
 
     Attributes
     ----------

@@ -1,1 +1,1 @@
-"""Patterns to files: drawings, and their writers."""
+"""Writes patterns to files: drawings of sheets, and a writer for each file format."""

@@ -1,43 +1,36 @@
-"""Drawings: what is cut, scored, engraved and only looked at, as paths on layers, one drawing per sheet.
+"""Drawings of sheets: paths on layers for cutting, scoring, engraving and guidance, the same for all file formats.
 
-Exists so that all files say the same: writers turn entities into their format and decide nothing. Everything is in mm,
-the origin at the lower left corner of the sheet. Must not know how pieces were placed, nor any file format.
+Writers convert entities to their format and decide nothing. Lengths are in mm, the origin is the lower left corner of
+the sheet. Depends on sheets of placed pieces, not on file formats.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 import shapely
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import PatternWarning, VerificationError, warn
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.arc_fit import fit_arcs
 from cqblend.patterns.outline.overlap import find_winding_errors
 from cqblend.patterns.outline.pieces import Piece, Seam, close_loop
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.kerf import compensate_kerf
-from cqblend.patterns.stock.labels import make_text_strokes, measure_text_width, place_labels
+from cqblend.patterns.stock.labels import place_labels
+from cqblend.patterns.stock.limits import LABEL_LIMITS
 from cqblend.patterns.stock.sheets import Sheets
+from cqblend.patterns.stock.stroke_font import make_text_strokes, measure_text_width
+from cqblend.patterns.write.layout import DRAWING_LAYOUT
 from cqblend.splines.bernstein import Array
 
-ARC_FIT_TOLERANCE = 2e-3
-"""How far fitted arcs may be from the outline, mm: well below what cutters hold."""
-
-LABEL_HEIGHT = 4.0
-"""Height of the labels' capitals, mm."""
-
-
-_TRIED_NOTE_HEIGHTS = (LABEL_HEIGHT, 3.0, 2.0, 1.5, 1.0)
-"""Heights of letters that are tried for notes, mm."""
-
-_NOTE_CLEARANCE = 2.0
-"""Distance of notes from pieces and borders, mm."""
+TRIED_NOTE_HEIGHTS = (LABEL_LIMITS.height, 3.0, 2.0, 1.5, 1.0)
+"""Heights of capitals that are tried for notes, mm."""
 
 
 class Layer(StrEnum):
-    """What is done along a path."""
+    """The operation along a path."""
 
     CUT = "CUT"
     SCORE_MOUNTAIN = "SCORE_MOUNTAIN"
@@ -48,20 +41,20 @@ class Layer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LayerStyle:
-    """How a layer looks.
+    """How the lines of a layer are drawn.
 
     Attributes
     ----------
     colour
         Red, green, blue, 0 to 255.
     aci
-        The same in AutoCAD's index of colours.
+        The colour as an index of AutoCAD's palette (AutoCAD Color Index).
     dashes
         Lengths of strokes and gaps in turn, mm; none is continuous.
     width
         Of the line on paper, mm.
     meaning
-        For the legend.
+        Text for the legend.
     """
 
     colour: tuple[int, int, int]
@@ -78,7 +71,7 @@ STYLES = {
     Layer.ENGRAVE: LayerStyle((0, 0, 0), 7, (), 0.15, "engrave"),
     Layer.GUIDE: LayerStyle((128, 128, 128), 8, (0.5, 1.0), 0.1, "guide"),
 }
-"""Mountains are dashed and valleys dash-dotted, as in origami."""
+"""Style of each layer; mountains are dashed and valleys dash-dotted, as in origami."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,16 +84,16 @@ class Entity:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """What goes on one sheet.
+    """The drawing of one sheet.
 
     Attributes
     ----------
     size
         Width and height, mm.
     entities
-        In the order in which they are made: labels, scores, holes, and the outer outline last, piece by piece.
+        In the order in which they are cut: labels, scores, holes, and the outer outline last, piece by piece.
     notes
-        Lines of text: labels for which there was no room on their pieces.
+        Lines of text: labels for which there is no room on their pieces.
     stretch
         Largest relative change in length of a run by the fitting of arcs.
     """
@@ -116,7 +109,11 @@ class Drawing:
 
 
 def draw_sheets(
-    sheets: Sheets, *, kerf: float = 0.0, fit: float = ARC_FIT_TOLERANCE, height: float | None = LABEL_HEIGHT
+    sheets: Sheets,
+    *,
+    kerf: float = 0.0,
+    arc_tolerance: float = DRAWING_LAYOUT.arc_tolerance,
+    label_height: float | None = LABEL_LIMITS.height,
 ) -> tuple[Drawing, ...]:
     """Return the drawings of sheets.
 
@@ -127,11 +124,11 @@ def draw_sheets(
     kerf
         Width of what the cutter takes away, mm. Unless it is 0, outlines on CUT are moved outwards by half of it, holes
         inwards, and the outline of the piece itself is on GUIDE.
-    fit
+    arc_tolerance
         How far the arcs that replace chains of short segments may be from them, mm; 0 keeps all segments. Corners and
         the ends of seams stay.
-    height
-        Of labels, mm; None draws none.
+    label_height
+        Height of the capitals of labels, mm; None draws none.
 
     Returns
     -------
@@ -145,35 +142,38 @@ def draw_sheets(
     SizeError
         If a hole or a slit is narrower than the kerf.
     VerificationError
-        If what is to be cut crosses itself.
+        If a line along which is cut crosses itself.
     """
     kerf = check_millimetres("the kerf", kerf, zero=True)
-    fit = check_millimetres("the tolerance of fitted arcs", fit, zero=True)
-    sheaf = []
+    arc_tolerance = check_millimetres("the tolerance of fitted arcs", arc_tolerance, zero=True)
+    drawings = []
     for number in range(sheets.count):
         entities: list[Entity] = []
         notes: list[str] = []
         stretch = 0.0
         for piece in sheets.pieces_on(number):
-            entities.extend(_draw_labels(piece, sheets.pieces.seams, height, notes))
+            strokes, missing = _draw_labels(piece, sheets.pieces.seams, label_height)
+            entities.extend(strokes)
+            if missing:
+                notes.append(f"{piece.name}: {', '.join(missing)}")
             entities.extend(Entity(Layer(f"SCORE_{score.fold.upper()}"), score.path) for score in piece.scores)
-            outlines, change = _fit_outlines(piece, fit)
-            if fit and find_winding_errors(outlines):  # in narrow places
+            outlines, change = _fit_outlines(piece, arc_tolerance)
+            if arc_tolerance and find_winding_errors(outlines):  # arcs may cross in narrow places
                 outlines, change = _fit_outlines(piece, 0.0)
             stretch = max(stretch, change)
             if kerf:
                 entities.extend(Entity(Layer.GUIDE, path) for path in outlines)
-                outlines = compensate_kerf(piece.cuts, kerf, fit, name=piece.name)
+                outlines = compensate_kerf(piece.cuts, kerf, arc_tolerance, name=piece.name)
             _refuse_crossing(piece, outlines)
             entities.extend(Entity(Layer.CUT, path) for path in (*outlines[1:], outlines[0]))
-        sheaf.append(Drawing(sheets.size, tuple(entities), tuple(notes), stretch))
-    return tuple(sheaf)
+        drawings.append(Drawing(sheets.size, tuple(entities), tuple(notes), stretch))
+    return tuple(drawings)
 
 
-def join_drawings(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
-    """Return one drawing of several: in a row from left to right, framed on GUIDE, notes written above.
+def join_drawings(drawings: Sequence[Drawing], *, gap: float = DRAWING_LAYOUT.sheet_gap) -> Drawing:
+    """Return one drawing of several, for formats that have one page: in a row, framed on GUIDE, notes written above.
 
-    For formats that have one page. It is at least as wide as its notes. A single drawing without notes stays as it is.
+    It is at least as wide as its notes. A single drawing without notes stays as it is. The gap between sheets is in mm.
     """
     if len(drawings) == 1 and not drawings[0].notes:
         return drawings[0]
@@ -188,20 +188,17 @@ def join_drawings(drawings: Sequence[Drawing], *, gap: float = 10.0) -> Drawing:
         left += width + gap
     top = max(drawing.size[1] for drawing in drawings)
     lines = [note for drawing in drawings for note in drawing.notes]
+    text_height, spacing = LABEL_LIMITS.height, DRAWING_LAYOUT.note_line_spacing
     for k, line in enumerate(reversed(lines)):
-        foot = np.array([0.0, top + gap + k * 1.75 * LABEL_HEIGHT])
-        entities.extend(
-            Entity(Layer.GUIDE, stroke.moved(0.0, foot)) for stroke in make_text_strokes(line, LABEL_HEIGHT)
-        )
-    width = max(left - gap, *(measure_text_width(line, LABEL_HEIGHT) for line in lines), 0.0)
-    height = top + (gap + len(lines) * 1.75 * LABEL_HEIGHT if lines else 0.0)
+        foot = np.array([0.0, top + gap + k * spacing * text_height])
+        entities.extend(Entity(Layer.GUIDE, stroke.moved(0.0, foot)) for stroke in make_text_strokes(line, text_height))
+    width = max(left - gap, *(measure_text_width(line, text_height) for line in lines), 0.0)
+    height = top + (gap + len(lines) * spacing * text_height if lines else 0.0)
     return Drawing((width, height), tuple(entities), stretch=max(drawing.stretch for drawing in drawings))
 
 
 def write_notes(drawing: Drawing) -> Drawing:
-    """Return a drawing with its notes written on GUIDE, inside the sheet, where no piece is.
-
-    Letters are lower where there is little room.
+    """Return a drawing with its notes written on GUIDE, inside the sheet and clear of pieces, as high as there is room.
 
     Warns
     -----
@@ -210,12 +207,13 @@ def write_notes(drawing: Drawing) -> Drawing:
     """
     if not drawing.notes:
         return drawing
-    for height in _TRIED_NOTE_HEIGHTS:
+    for height in TRIED_NOTE_HEIGHTS:
         width = max(measure_text_width(line, height) for line in drawing.notes)
-        corner = find_free_corner(drawing, (width, 1.75 * height * len(drawing.notes)))
+        spacing = DRAWING_LAYOUT.note_line_spacing * height
+        corner = find_free_corner(drawing, (width, spacing * len(drawing.notes)))
         if corner is not None:
             strokes = [
-                Entity(Layer.GUIDE, stroke.moved(0.0, corner + np.array([0.0, 1.75 * height * k])))
+                Entity(Layer.GUIDE, stroke.moved(0.0, corner + np.array([0.0, spacing * k])))
                 for k, line in enumerate(reversed(drawing.notes))
                 for stroke in make_text_strokes(line, height)
             ]
@@ -225,38 +223,38 @@ def write_notes(drawing: Drawing) -> Drawing:
 
 
 def find_free_corner(drawing: Drawing, size: tuple[float, float]) -> Array | None:
-    """Return the lower left corner of the lowest, then leftmost free room of a size on a sheet; None if there is none.
+    """Return the lower left corner of the lowest, then leftmost free box of a size on a sheet; None if there is none.
 
-    It keeps a distance of 2 mm from what is drawn and from the border.
+    It keeps :attr:`DrawingLayout.note_clearance` from cuts and from the border of the sheet.
     """
-    room = np.array(drawing.size) - np.array(size) - 2 * _NOTE_CLEARANCE
-    if (room < 0).any():
+    clearance, count = DRAWING_LAYOUT.note_clearance, DRAWING_LAYOUT.tried_places
+    play = np.array(drawing.size) - np.array(size) - 2 * clearance
+    if (play < 0).any():
         return None
-    places = np.stack(np.meshgrid(*(np.linspace(0.0, side, 41) for side in room), indexing="ij"), axis=-1)
-    corners = places.transpose(1, 0, 2).reshape(-1, 2) + _NOTE_CLEARANCE
-    boxes = shapely.box(*(corners - _NOTE_CLEARANCE).T, *(corners + size + _NOTE_CLEARANCE).T)
-    outlines = [shapely.Polygon(path.sampled(0.1)) for path in drawing.paths_on(Layer.CUT)]
+    places = np.stack(np.meshgrid(*(np.linspace(0.0, side, count) for side in play), indexing="ij"), axis=-1)
+    corners = places.transpose(1, 0, 2).reshape(-1, 2) + clearance
+    boxes = shapely.box(*(corners - clearance).T, *(corners + size + clearance).T)
+    outlines = [shapely.Polygon(path.sampled(DRAWING_LAYOUT.box_tolerance)) for path in drawing.paths_on(Layer.CUT)]
     taken = np.zeros(len(boxes), dtype=bool)
     taken[shapely.STRtree(boxes).query(outlines, predicate="intersects")[1]] = True
     free = np.flatnonzero(~taken)
     return corners[free[0]] if len(free) else None
 
 
-def _draw_labels(piece: Piece, seams: Sequence[Seam], height: float | None, notes: list[str]) -> Iterator[Entity]:
-    """Yield the strokes of a piece's labels; note those that have no room."""
-    if height is None:
-        return
-    missing = []
-    for label in place_labels(piece, seams, height=height):
+def _draw_labels(piece: Piece, seams: Sequence[Seam], height: float | None) -> tuple[list[Entity], list[str]]:
+    """Return the strokes of a piece's labels, and the texts of those that have no room."""
+    strokes: list[Entity] = []
+    missing: list[str] = []
+    for label in () if height is None else place_labels(piece, seams, height=height):
         if label.is_engraved:
-            yield from (Entity(Layer.ENGRAVE, stroke) for stroke in label.strokes)
+            strokes.extend(Entity(Layer.ENGRAVE, stroke) for stroke in label.strokes)
         else:
             missing.append(f"{label.text} (name)" if label.seam is None else label.text)
-    if missing:
-        notes.append(f"{piece.name}: {', '.join(missing)}")
+    return strokes, missing
 
 
 def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
+    """Raise VerificationError if the lines along which a piece is cut cross each other or themselves."""
     crossing = find_winding_errors(outlines)
     if crossing.place is not None:
         x, y = crossing.place
@@ -266,20 +264,24 @@ def _refuse_crossing(piece: Piece, outlines: Sequence[Path]) -> None:
         )
 
 
-def _fit_outlines(piece: Piece, fit: float) -> tuple[tuple[Path, ...], float]:
-    """Return what is cut with few arcs, and by how much a run changes its length at most, relatively."""
+def _fit_outlines(piece: Piece, tolerance: float) -> tuple[tuple[Path, ...], float]:
+    """Return the outlines of a piece with few arcs, and the largest relative change in length of a run.
+
+    Outlines with tabs are not made of runs: their change counts as 0.
+    """
     if piece.tabs is not None:
-        return tuple(_fit_path(path, fit) for path in piece.tabs), 0.0
+        return tuple(_fit_path(path, tolerance) for path in piece.tabs), 0.0
     loops, change = [], 0.0
     for loop in piece.loops:
         runs = []
         for run in loop:
-            path = _fit_path(run.path, fit)
+            path = _fit_path(run.path, tolerance)
             change = max(change, abs(path.length / run.path.length - 1) if run.path.length else 0.0)
             runs.append(replace(run, path=path))
         loops.append(close_loop(tuple(runs)))
     return tuple(loops), change
 
 
-def _fit_path(path: Path, fit: float) -> Path:
-    return fit_arcs(path, fit) if path.length else path
+def _fit_path(path: Path, tolerance: float) -> Path:
+    """Return a path with few arcs; one of length 0 as it is."""
+    return fit_arcs(path, tolerance) if path.length else path

@@ -1,6 +1,6 @@
-"""Drawings as DXF R2010: closed polylines with bulges in millimetres, a layer for each operation.
+"""Writes drawings as DXF R2010, which cutters read: polylines with bulges in millimetres, a layer for each operation.
 
-Exists because this is what cutters read. No splines, no blocks, no text: strokes only. Must not know pieces.
+There are no splines, blocks or texts, only strokes. Depends on drawings only.
 """
 
 from pathlib import Path as File
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
 INSUNITS_MILLIMETRES = 4
-"""$INSUNITS."""
+"""Value of the header variable $INSUNITS."""
 
 LINETYPES = {Layer.SCORE_MOUNTAIN: "DASHED", Layer.SCORE_VALLEY: "DASHDOT", Layer.GUIDE: "DOT"}
 """Line types of the layers that are not continuous."""
@@ -37,7 +37,7 @@ def write_dxf(drawing: Drawing, path: File) -> None:
 
 
 def _build_document(drawing: Drawing) -> "Document":
-    """Return a drawing as ezdxf has it."""
+    """Return a drawing as a document of ezdxf."""
     from ezdxf.filemanagement import new
 
     document = new("R2010", setup=["linetypes"])

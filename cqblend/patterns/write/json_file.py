@@ -1,6 +1,6 @@
-"""Everything known of a pattern as JSON: for other programs, and for checking.
+"""Writes a pattern with all that is known of it as JSON, for other programs and for checking.
 
-Exists because drawings forget which run is joined to which, and where in space it is. Must not compute anything.
+Drawings do not tell which run is joined to which, and where in space it is. Depends on sheets of placed pieces.
 """
 
 import json
@@ -16,6 +16,7 @@ from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.sheets import Sheets
 
 SCHEMA = "cqblend.pattern/1"
+"""Name and version of the format, by which programs know it."""
 
 
 def build_record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -36,53 +37,56 @@ def build_record(sheets: Sheets, report: Mapping[str, Any] | None = None) -> dic
 
     where PATH is ``{"points": [[x, y], ..], "bulges": [..]}``, with one bulge less than points: the tangent of a
     quarter of each arc's angle, 0 for straight, positive to the left. The first loop is the outer one,
-    counterclockwise; runs have the material to their left. The places in space of vertices are on the strips, those of
-    vertices that are made by cutting to the sheet on the face. Numbers are exact: reading them gives the same doubles.
+    counterclockwise; runs have the material to their left. "space" has the points of the vertices in space: on the
+    strips, but those of vertices that come from cutting pieces to the size of sheets on the face. Numbers are exact:
+    reading them gives the same doubles.
     """
     return {
         "schema": SCHEMA,
         "units": "mm",
         "sheet": {"size": list(sheets.size), "count": sheets.count, "margin": sheets.margin, "gap": sheets.gap},
-        "pieces": [_encode_piece(p, number) for p, number in zip(sheets.pieces.pieces, sheets.numbers, strict=True)],
+        "pieces": [
+            _encode_piece(piece, sheet) for piece, sheet in zip(sheets.pieces.pieces, sheets.numbers, strict=True)
+        ],
         "seams": [_encode_seam(seam, sheets) for seam in sheets.pieces.seams],
         "report": None if report is None else _encode_value(report),
     }
 
 
-def select_sheet(whole: dict[str, Any], number: int) -> dict[str, Any]:
-    """Return what of the `record` of a pattern is on one sheet.
+def select_sheet(record: dict[str, Any], sheet: int) -> dict[str, Any]:
+    """Return the part of a record (see :func:`build_record`) that is on one sheet, given by its index.
 
-    Indices are those of the pieces and seams that are left. The side of a seam that is on another sheet has no piece,
-    but the name of it, and the index of that sheet.
+    Indices are those of the pieces and seams that are left. The side of a seam that is on another sheet has null as its
+    piece, and the piece's name and the index of that sheet besides.
     """
-    kept = [i for i, piece in enumerate(whole["pieces"]) if piece["sheet"] == number]
-    place = {i: k for k, i in enumerate(kept)}
-    seams = [i for i, seam in enumerate(whole["seams"]) if any(side["piece"] in place for side in seam["sides"])]
-    mark = {i: k for k, i in enumerate(seams)}
+    kept = [i for i, piece in enumerate(record["pieces"]) if piece["sheet"] == sheet]
+    new_pieces = {i: k for k, i in enumerate(kept)}  # new indices by old ones
+    seams = [i for i, seam in enumerate(record["seams"]) if any(side["piece"] in new_pieces for side in seam["sides"])]
+    new_seams = {i: k for k, i in enumerate(seams)}
 
     def describe_side(side: dict[str, Any]) -> dict[str, Any]:
-        piece = whole["pieces"][side["piece"]]
-        named = {} if side["piece"] in place else {"name": piece["name"], "sheet": piece["sheet"]}
-        return {**side, "piece": place.get(side["piece"]), **named}
+        piece = record["pieces"][side["piece"]]
+        elsewhere = {} if side["piece"] in new_pieces else {"name": piece["name"], "sheet": piece["sheet"]}
+        return {**side, "piece": new_pieces.get(side["piece"]), **elsewhere}
 
     pieces = [
-        {**piece, "loops": [[{**run, "seam": mark.get(run["seam"])} for run in loop] for loop in piece["loops"]]}
-        for piece in (whole["pieces"][i] for i in kept)
+        {**piece, "loops": [[{**run, "seam": new_seams.get(run["seam"])} for run in loop] for loop in piece["loops"]]}
+        for piece in (record["pieces"][i] for i in kept)
     ]
     sided = [
         {**seam, "sides": [describe_side(side) for side in seam["sides"]]}
-        for seam in (whole["seams"][i] for i in seams)
+        for seam in (record["seams"][i] for i in seams)
     ]
-    return {**whole, "pieces": pieces, "seams": sided}
+    return {**record, "pieces": pieces, "seams": sided}
 
 
-def write_json(whole: Mapping[str, Any], path: File) -> None:
-    """Write the `record` of a pattern, or what of it is on one sheet."""
-    text = json.dumps(whole, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+def write_json(record: Mapping[str, Any], path: File) -> None:
+    """Write the record of a pattern, or of one sheet of it."""
+    text = json.dumps(record, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
-def _encode_piece(piece: Piece, number: int) -> dict[str, Any]:
+def _encode_piece(piece: Piece, sheet: int) -> dict[str, Any]:
     loops = [
         [
             {
@@ -98,7 +102,7 @@ def _encode_piece(piece: Piece, number: int) -> dict[str, Any]:
     ]
     return {
         "name": piece.name,
-        "sheet": number,
+        "sheet": sheet,
         "area": piece.area,
         "loops": loops,
         "tabs": None if piece.tabs is None else [_encode_path(path) for path in piece.tabs],

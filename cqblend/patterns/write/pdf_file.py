@@ -1,7 +1,7 @@
-"""Drawings as PDF in true size, on paper: sheets larger than a page are tiled.
+"""Writes drawings as PDF in true size, on paper: sheets larger than a page are tiled, since most printers are small.
 
-Exists because most paper models come out of a desk printer. Tiles join at crosses in their corners, each page says
-where it belongs, and has a bar to measure and a legend of the lines. Must not know pieces.
+Tiles join at crosses in their corners; each page has a caption with its row and column, a bar to measure and a legend
+of the lines. Depends on drawings only.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,14 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from cqblend.checks import check_millimetres
 from cqblend.errors import InputError, PatternWarning, shown, warn
-from cqblend.patterns.checks import check_millimetres
 from cqblend.patterns.outline.parallel_path import rotate_vectors
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.write.drawing import STYLES, Drawing, Layer, find_free_corner, write_notes
+from cqblend.patterns.write.layout import DRAWING_LAYOUT, PAGE_LAYOUT
 from cqblend.splines.bernstein import Array
 
 PaperSize = tuple[float, float]
+"""Width and height, mm."""
 
 PaperFormat = str | PaperSize
 """A name of :data:`PAPERS`, upright or on its side as takes fewer pages, or width and height in mm as they are."""
@@ -34,23 +36,7 @@ PAPERS: dict[str, PaperSize] = {
     "legal": (215.9, 355.6),
     "tabloid": (279.4, 431.8),
 }
-
-PAGE_MARGIN = 10.0
-"""Of pages, unless told otherwise, mm."""
-
-SCALE_BAR_LENGTH = 100.0
-"""Length of the scale bar, mm."""
-
-_MM_PER_POINT = 25.4 / 72  # mm
-_FOOTER_HEIGHT = 16.0  # height of what is below the drawing, mm
-_LEAST_TILE = (118.0, 40.0)  # of a tile, mm: the bar and the legend need room
-_BLEED = 3.0  # how far the drawing goes on beyond the crosses, mm
-_CROSS_ARM = 4.0  # from the middle of a cross to its ends, mm
-_CUBIC_ANGLE = np.pi / 6  # of arcs that become cubics: their radius is right to 4e-7
-_TEXT_SIZE = 2.6  # size of letters, mm
-_LINE_HEIGHT = 1.5 * _TEXT_SIZE
-_FONT = "Vera"
-_LEGEND_WIDTH = 32.0  # width of the legend in one column, mm
+"""Width and height of papers, upright, mm."""
 
 
 def resolve_paper_size(page: PaperFormat | None) -> PaperSize | None:
@@ -72,33 +58,15 @@ def resolve_paper_size(page: PaperFormat | None) -> PaperSize | None:
     return check_millimetres("the width of the paper", page[0]), check_millimetres("the height of the paper", page[1])
 
 
-def find_printable_size(page: PaperFormat, *, margin: float = PAGE_MARGIN) -> PaperSize:
-    """Return the largest sheet, mm, that goes on one page.
-
-    Raises
-    ------
-    InputError
-        If the paper is unknown, or its margins leave too little.
-
-    Examples
-    --------
-    >>> printable("a4")
-    (190.0, 261.0)
-    """
-    size = resolve_paper_size(page)
-    assert size is not None
-    return _compute_tile_size(size, check_millimetres("the margin of a page", margin, zero=True))
-
-
 def write_pdf(
     drawings: Sequence[Drawing],
     path: File,
     *,
     page: PaperFormat | None = "a4",
-    margin: float = PAGE_MARGIN,
-    inside: bool = False,
+    margin: float = PAGE_LAYOUT.margin,
+    page_is_sheet: bool = False,
 ) -> None:
-    """Write drawings, in true size, each beginning on a new page. Pages on which nothing would be are left out.
+    """Write drawings in true size, each beginning on a new page. Pages on which nothing would be are left out.
 
     Parameters
     ----------
@@ -110,8 +78,9 @@ def write_pdf(
         Paper. None takes pages as large as the sheets are.
     margin
         Of the pages, mm.
-    inside
-        Whether pages as large as the sheets are have no margin, and the legend where the sheet is free.
+    page_is_sheet
+        Whether pages as large as the sheets are exactly the sheets, without margins, with the legend where the sheet is
+        free.
 
     Raises
     ------
@@ -128,26 +97,25 @@ def write_pdf(
     margin = check_millimetres("the margin of a page", margin, zero=True)
     size = resolve_paper_size(page)
     _embed_font()
-    canvas = Canvas(str(path), invariant=1, initialFontName=_FONT)
+    canvas = Canvas(str(path), invariant=1, initialFontName=PAGE_LAYOUT.font)
     canvas.setTitle("cqblend pattern")
-    if inside and size is None:
+    if page_is_sheet and size is None:
         drawings = [write_notes(drawing) for drawing in drawings]
         for drawing in drawings:
             _draw_whole_sheet(canvas, drawing)
-    for number, drawing in enumerate(() if inside and size is None else drawings):
+    for number, drawing in enumerate(() if page_is_sheet and size is None else drawings):
         if size is None:
-            width, height = (max(pair) + 2 * margin for pair in zip(drawing.size, _LEAST_TILE, strict=True))
-            tiling = _PageTiling.from_drawing(drawing, (width, height + _FOOTER_HEIGHT), margin)
+            width, height = (max(pair) + 2 * margin for pair in zip(drawing.size, PAGE_LAYOUT.least_tile, strict=True))
+            tiling = _PageTiling.from_drawing(drawing, (width, height + PAGE_LAYOUT.footer_height), margin)
         else:
-            ways = [size, size[::-1]] if isinstance(page, str) else [size]
-            tiling = min(
-                (_PageTiling.from_drawing(drawing, way, margin) for way in ways), key=lambda tiling: len(tiling.tiles)
-            )
+            formats = [size, size[::-1]] if isinstance(page, str) else [size]
+            tilings = [_PageTiling.from_drawing(drawing, one, margin) for one in formats]
+            tiling = min(tilings, key=lambda tiling: len(tiling.tiles))
         for tile in tiling.tiles:
-            where = f"sheet {number + 1} of {len(drawings)}"
+            caption = f"sheet {number + 1} of {len(drawings)}"
             if tiling.rows * tiling.columns > 1:
-                where += f", row {tile[0] + 1} of {tiling.rows}, column {tile[1] + 1} of {tiling.columns}"
-            _draw_tile_page(canvas, drawing, tiling, tile, where)
+                caption += f", row {tile[0] + 1} of {tiling.rows}, column {tile[1] + 1} of {tiling.columns}"
+            _draw_tile_page(canvas, drawing, tiling, tile, caption)
     notes = [note for drawing in drawings for note in drawing.notes]
     if notes:
         _draw_note_pages(canvas, notes, size or PAPERS["a4"], margin)
@@ -155,10 +123,17 @@ def write_pdf(
 
 
 def _compute_tile_size(size: PaperSize, margin: float) -> PaperSize:
-    """Return what margins and foot leave of a page."""
-    width, height = size[0] - 2 * margin, size[1] - 2 * margin - _FOOTER_HEIGHT
-    if width < _LEAST_TILE[0] or height < _LEAST_TILE[1]:
-        least = [side + 2 * margin + foot for side, foot in zip(_LEAST_TILE, (0.0, _FOOTER_HEIGHT), strict=True)]
+    """Return the width and height, mm, that margins and footer leave of a page.
+
+    Raises
+    ------
+    InputError
+        If that is less than the scale bar and the legend need.
+    """
+    footer, least_tile = PAGE_LAYOUT.footer_height, PAGE_LAYOUT.least_tile
+    width, height = size[0] - 2 * margin, size[1] - 2 * margin - footer
+    if width < least_tile[0] or height < least_tile[1]:
+        least = [side + 2 * margin + foot for side, foot in zip(least_tile, (0.0, footer), strict=True)]
         raise InputError(
             f"a page of {size[0]:g} x {size[1]:g} mm is too small for the scale bar and the legend "
             f"within margins of {margin:g} mm: take at least {least[0]:g} x {least[1]:g} mm"
@@ -168,7 +143,19 @@ def _compute_tile_size(size: PaperSize, margin: float) -> PaperSize:
 
 @dataclass(frozen=True, slots=True)
 class _PageTiling:
-    """How a drawing is cut into pages: sizes, and the tiles (row from above, column) that are used."""
+    """How a drawing is divided into tiles, one a page.
+
+    Attributes
+    ----------
+    page, tile
+        Width and height of a page, and of the tile on it, mm.
+    margin
+        Of the pages, mm.
+    rows, columns
+        Numbers of tiles in both directions.
+    tiles
+        (row from above, column) of those on which anything is drawn.
+    """
 
     page: PaperSize
     margin: float
@@ -198,53 +185,58 @@ class _PageTiling:
 
 
 def _bounding_box(path: Path) -> Array:
-    """Return the least and the greatest coordinates of a path, and a little more."""
-    points = path.sampled(0.1)
-    return np.concatenate([points.min(axis=0) - 0.1, points.max(axis=0) + 0.1])
+    """Return (x0, y0, x1, y1) of a box that holds a path, to a tolerance."""
+    tolerance = DRAWING_LAYOUT.box_tolerance
+    points = path.sampled(tolerance)
+    return np.concatenate([points.min(axis=0) - tolerance, points.max(axis=0) + tolerance])
 
 
 def _embed_font() -> None:
-    """Make known the font whose letters are embedded: print shops refuse files that lack theirs."""
+    """Register the font whose letters are embedded: print shops refuse files without their fonts."""
     from reportlab.pdfbase.pdfmetrics import getRegisteredFontNames, registerFont
     from reportlab.pdfbase.ttfonts import TTFont
 
-    if _FONT not in getRegisteredFontNames():
-        registerFont(TTFont(_FONT, "Vera.ttf"))  # comes with reportlab
+    if PAGE_LAYOUT.font not in getRegisteredFontNames():
+        registerFont(TTFont(PAGE_LAYOUT.font, f"{PAGE_LAYOUT.font}.ttf"))  # comes with reportlab
 
 
 def _draw_whole_sheet(canvas: Any, drawing: Drawing) -> None:
-    """Draw a sheet as one page without margins, the legend where it is free."""
+    """Draw a sheet as one page without margins, the scale bar and the legend where it is free."""
     _begin_page(canvas, drawing.size)
     for layer in Layer:
         _set_layer_pen(canvas, layer)
         for path in drawing.paths_on(layer):
             canvas.drawPath(_append_path(canvas.beginPath(), path), stroke=1, fill=0)
     _set_black_pen(canvas)
-    canvas.setFont(_FONT, _TEXT_SIZE)
-    if (corner := find_free_corner(drawing, (_LEAST_TILE[0], _FOOTER_HEIGHT))) is not None:
+    canvas.setFont(PAGE_LAYOUT.font, PAGE_LAYOUT.text_size)
+    footer = (PAGE_LAYOUT.least_tile[0], PAGE_LAYOUT.footer_height)
+    column = (PAGE_LAYOUT.legend_width, PAGE_LAYOUT.line_height * len(Layer))
+    if (corner := find_free_corner(drawing, footer)) is not None:
         _draw_footer(canvas, corner, "")
-    elif (corner := find_free_corner(drawing, (_LEGEND_WIDTH, _LINE_HEIGHT * len(Layer)))) is not None:
+    elif (corner := find_free_corner(drawing, column)) is not None:
         for row, layer in enumerate(Layer):
-            _draw_legend_entry(canvas, layer, *(corner + np.array([0.0, row * _LINE_HEIGHT])))
+            _draw_legend_entry(canvas, layer, *(corner + np.array([0.0, row * PAGE_LAYOUT.line_height])))
     else:
         warn(PatternWarning(f"a sheet of {drawing.size[0]:g} x {drawing.size[1]:g} mm has no room for the legend"))
     canvas.showPage()
 
 
 def _draw_legend_entry(canvas: Any, layer: Layer, x: float, y: float) -> float:
-    """Write what a layer means beside a line of its kind; return how far that reaches."""
+    """Draw a line of a layer and write its meaning beside it; return the x coordinate of the end of the text."""
     _set_layer_pen(canvas, layer)
-    canvas.line(x, y + _TEXT_SIZE / 3, x + 8.0, y + _TEXT_SIZE / 3)
-    canvas.drawString(x + 9.0, y, STYLES[layer].meaning)
-    return x + 9.0 + float(canvas.stringWidth(STYLES[layer].meaning, _FONT, _TEXT_SIZE))
+    level = y + PAGE_LAYOUT.text_size / 3
+    canvas.line(x, level, x + PAGE_LAYOUT.legend_line, level)
+    start = x + (PAGE_LAYOUT.legend_line + PAGE_LAYOUT.legend_gap)
+    canvas.drawString(start, y, STYLES[layer].meaning)
+    return start + float(canvas.stringWidth(STYLES[layer].meaning, PAGE_LAYOUT.font, PAGE_LAYOUT.text_size))
 
 
-def _draw_tile_page(canvas: Any, drawing: Drawing, tiling: _PageTiling, tile: tuple[int, int], where: str) -> None:
-    """Draw one page, and begin the next."""
+def _draw_tile_page(canvas: Any, drawing: Drawing, tiling: _PageTiling, tile: tuple[int, int], caption: str) -> None:
+    """Draw a page with one tile (row, column) of a drawing."""
     _begin_page(canvas, tiling.page)
-    origin = np.array([tiling.margin, tiling.margin + _FOOTER_HEIGHT])
+    origin = np.array([tiling.margin, tiling.margin + PAGE_LAYOUT.footer_height])
     tiled = tiling.rows * tiling.columns > 1
-    bleed = min(_BLEED, tiling.margin) if tiled else tiling.margin
+    bleed = min(PAGE_LAYOUT.bleed, tiling.margin) if tiled else tiling.margin
     canvas.saveState()
     clip = canvas.beginPath()
     clip.rect(*(origin - bleed), *(np.array(tiling.tile) + 2 * bleed))
@@ -261,16 +253,16 @@ def _draw_tile_page(canvas: Any, drawing: Drawing, tiling: _PageTiling, tile: tu
     if tiled:
         _set_black_pen(canvas)
         for x, y in (origin + np.array(tiling.tile) * corner for corner in ((0, 0), (1, 0), (0, 1), (1, 1))):
-            canvas.line(x - _CROSS_ARM, y, x + _CROSS_ARM, y)
-            canvas.line(x, y - _CROSS_ARM, x, y + _CROSS_ARM)
-    _draw_footer(canvas, np.full(2, tiling.margin), where)
+            canvas.line(x - PAGE_LAYOUT.cross_arm, y, x + PAGE_LAYOUT.cross_arm, y)
+            canvas.line(x, y - PAGE_LAYOUT.cross_arm, x, y + PAGE_LAYOUT.cross_arm)
+    _draw_footer(canvas, np.full(2, tiling.margin), caption)
     canvas.showPage()
 
 
 def _begin_page(canvas: Any, page: PaperSize) -> None:
-    """Begin a page; from now on lengths are in mm."""
-    canvas.setPageSize((page[0] / _MM_PER_POINT, page[1] / _MM_PER_POINT))
-    canvas.scale(1 / _MM_PER_POINT, 1 / _MM_PER_POINT)
+    """Begin a page of given size, and set the unit of lengths on it to mm."""
+    canvas.setPageSize((page[0] / PAGE_LAYOUT.mm_per_point, page[1] / PAGE_LAYOUT.mm_per_point))
+    canvas.scale(1 / PAGE_LAYOUT.mm_per_point, 1 / PAGE_LAYOUT.mm_per_point)
 
 
 def _set_layer_pen(canvas: Any, layer: Layer) -> None:
@@ -282,12 +274,12 @@ def _set_layer_pen(canvas: Any, layer: Layer) -> None:
 
 def _set_black_pen(canvas: Any) -> None:
     canvas.setStrokeColorRGB(0, 0, 0)
-    canvas.setLineWidth(0.1)
+    canvas.setLineWidth(PAGE_LAYOUT.line_width)
     canvas.setDash([])
 
 
 def _append_path(pen: Any, path: Path) -> Any:
-    """Return reportlab's path of a path: lines, and cubics for arcs."""
+    """Append a path to a path object of reportlab, arcs as cubics, and return that."""
     pen.moveTo(*path.points[0])
     for command in _convert_to_cubics(path):
         if len(command) == 1:
@@ -309,7 +301,7 @@ def _convert_to_cubics(path: Path) -> Iterator[Array]:
             yield path.points[k + 1 : k + 2]
             continue
         angle = 4 * np.arctan(bulge)
-        count = max(int(np.ceil(abs(angle) / _CUBIC_ANGLE)), 1)
+        count = max(int(np.ceil(abs(angle) / PAGE_LAYOUT.cubic_angle)), 1)
         points = path.at(np.full(count + 1, k), np.arange(count + 1) / count)
         points[-1] = path.points[k + 1]
         half = angle / count / 2
@@ -318,32 +310,29 @@ def _convert_to_cubics(path: Path) -> Iterator[Array]:
         yield from np.stack([first, second, points[1:]], axis=1)
 
 
-def _draw_footer(canvas: Any, corner: Array, where: str) -> None:
-    """Draw the scale bar, the legend, and where the page belongs, from a lower left corner on."""
+def _draw_footer(canvas: Any, corner: Array, caption: str) -> None:
+    """Draw the scale bar, the caption of the page and the legend, from a lower left corner (2,) on."""
     _set_black_pen(canvas)
-    canvas.setFont(_FONT, _TEXT_SIZE)
+    canvas.setFont(PAGE_LAYOUT.font, PAGE_LAYOUT.text_size)
     x, y = corner.tolist()
-    bar = y + _LINE_HEIGHT + 2.0
-    canvas.line(x, bar, x + SCALE_BAR_LENGTH, bar)
-    for tick in range(11):
-        canvas.line(
-            x + tick * SCALE_BAR_LENGTH / 10,
-            bar,
-            x + tick * SCALE_BAR_LENGTH / 10,
-            bar + (2.0 if tick % 5 == 0 else 1.0),
-        )
-    canvas.drawString(x, bar + 3.0, f"{SCALE_BAR_LENGTH:g} mm: print at 100 %, then measure    {where}")
+    length, parts = PAGE_LAYOUT.scale_bar_length, PAGE_LAYOUT.scale_bar_parts
+    bar = y + PAGE_LAYOUT.line_height + 2.0
+    canvas.line(x, bar, x + length, bar)
+    for k in range(parts + 1):
+        tick = PAGE_LAYOUT.long_tick if k % (parts // 2) == 0 else PAGE_LAYOUT.short_tick
+        canvas.line(x + k * length / parts, bar, x + k * length / parts, bar + tick)
+    canvas.drawString(x, bar + 3.0, f"{length:g} mm: print at 100 %, then measure    {caption}")
     for layer in Layer:
         x = _draw_legend_entry(canvas, layer, x, y) + 2.0
 
 
 def _draw_note_pages(canvas: Any, notes: Sequence[str], page: PaperSize, margin: float) -> None:
-    """Write the labels for which there was no room on their pieces."""
+    """Write the labels for which there is no room on their pieces, as pages of text."""
     heading = "Labels without room on their pieces (piece: seams)"
-    lines = max(int((page[1] - 2 * margin) / _LINE_HEIGHT) - 2, 1)
+    lines = max(int((page[1] - 2 * margin) / PAGE_LAYOUT.line_height) - 2, 1)
     for start in range(0, len(notes), lines):
         _begin_page(canvas, page)
-        canvas.setFont(_FONT, _TEXT_SIZE)
+        canvas.setFont(PAGE_LAYOUT.font, PAGE_LAYOUT.text_size)
         for k, note in enumerate([heading, "", *notes[start : start + lines]]):
-            canvas.drawString(margin, page[1] - margin - (k + 1) * _LINE_HEIGHT, note)
+            canvas.drawString(margin, page[1] - margin - (k + 1) * PAGE_LAYOUT.line_height, note)
         canvas.showPage()

@@ -1,6 +1,6 @@
-"""Drawings as SVG in true size: width, height and viewBox in millimetres, a group for each layer.
+"""Writes drawings as SVG in true size: width, height and viewBox in millimetres, a group for each layer.
 
-Exists because the writers of drawing libraries scale, and fill the background. Must not know pieces.
+Drawing libraries would scale them, and fill the background. Depends on drawings only.
 """
 
 from pathlib import Path as File
@@ -14,7 +14,7 @@ from cqblend.splines.bernstein import Array
 
 
 def write_svg(drawing: Drawing, path: File) -> None:
-    """Write a drawing. Arcs are arcs; the y axis, which points down in SVG, is turned over in the coordinates."""
+    """Write a drawing. Arcs stay arcs; coordinates are mirrored, since the y axis of SVG points down."""
     width, height = (_format_number(side) for side in drawing.size)
     size = f'width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}"'
     lines = [
@@ -32,7 +32,7 @@ def write_svg(drawing: Drawing, path: File) -> None:
 
 
 def _format_style(layer: Layer) -> str:
-    """Return the attributes of a layer's group."""
+    """Return the attributes of the group of a layer."""
     style = STYLES[layer]
     attributes = {
         "id": layer.value,
@@ -50,15 +50,15 @@ def _format_path(path: Path, height: float) -> str:
     points = path.points * [1.0, -1.0] + [0.0, height]
     sines = np.abs(np.sin(2 * np.arctan(path.bulges)))
     radii = np.divide(path.chords, 2 * sines, out=np.zeros(len(sines)), where=sines > 0)
-    found = [f"M{_format_point(points[0])}"]
+    commands = [f"M{_format_point(points[0])}"]
     last = len(path.bulges) - 1
     for k, (end, bulge, radius) in enumerate(zip(points[1:], path.bulges, radii, strict=True)):
         if bulge != 0:
             r = _format_number(radius)
-            found.append(f"A{r} {r} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {_format_point(end)}")
+            commands.append(f"A{r} {r} 0 {int(abs(bulge) > 1)} {int(bulge < 0)} {_format_point(end)}")
         elif k < last or not path.closed:  # Z draws the last straight segment
-            found.append(f"L{_format_point(end)}")
-    return "".join([*found, "Z"] if path.closed else found)
+            commands.append(f"L{_format_point(end)}")
+    return "".join([*commands, "Z"] if path.closed else commands)
 
 
 def _format_point(point: Array) -> str:
@@ -66,6 +66,6 @@ def _format_point(point: Array) -> str:
 
 
 def _format_number(value: float) -> str:
-    """Return a number of mm to a billionth, without trailing zeros."""
+    """Return a length in mm with nine decimals, without trailing zeros."""
     text = f"{value:.9f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text

@@ -30,16 +30,11 @@ from cqblend.blends.contacts.contact_solver import (
 )
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
-from cqblend.surfaces.primaries import (
-    Cone,
-    Cylinder,
-    LocalFrame,
-    Plane,
-    Primary,
-    RevolvedEllipse,
-    Sphere,
-    TensorSurface,
-)
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
+from cqblend.surfaces.tensor_surface import TensorSurface
+from cqblend.surfaces.vectors import LocalFrame
 
 UP = np.eye(3)
 
@@ -192,7 +187,7 @@ def outward_normals(joint: Corner, found: list[np.ndarray]) -> list[np.ndarray]:
 def swapped(joint: Corner) -> Corner:
     """Call the second face the first: the edge then runs the other way round."""
     stations = joint.stations
-    turned = Stations(stations.t, stations.point, -stations.direction, stations.uv[::-1])
+    turned = Stations(stations.t, stations.points, -stations.tangents, stations.uv[::-1])
     return Corner(joint.sides[::-1], joint.kernels[::-1], turned, joint.convex)
 
 
@@ -219,8 +214,8 @@ def test_ball_touches_both_faces_on_the_right_side(joint):
     sign = -1 if joint.convex else 1  # the ball is in the material at a convex edge
     centre = [jet[0] + sign * radius * n for jet, n in zip(found, outward_normals(joint, found), strict=True)]
     assert np.abs(centre[0] - centre[1]).max() < 1e-12
-    offset = centre[0] - joint.stations.point
-    assert np.abs((offset * joint.stations.direction).sum(1)).max() < 1e-12
+    offset = centre[0] - joint.stations.points
+    assert np.abs((offset * joint.stations.tangents).sum(1)).max() < 1e-12
     assert np.linalg.norm(offset, axis=1).min() > radius
 
 
@@ -230,7 +225,7 @@ def test_cross_derivatives_are_as_long_as_a_cubic_arc_asks(joint):
     contacts = solve_ball_contacts(joint.sides, joint.stations, radius)
     n1, n2 = outward_normals(joint, jets(joint, contacts))
     opening = np.arccos(np.clip((n1 * n2).sum(1), -1, 1))
-    assert np.abs(contacts.reach - 4 * radius * np.tan(opening / 4)).max() < 1e-7 * radius
+    assert np.abs(contacts.cross_lengths - 4 * radius * np.tan(opening / 4)).max() < 1e-7 * radius
 
 
 @every
@@ -247,12 +242,12 @@ def test_widths_are_distances_in_the_station_plane(joint):
     into = compute_inward_directions(joint.sides, joint.stations)[:2]
     found = jets(joint, contacts)
     for jet, width, direction in zip(found, widths, into, strict=True):
-        offset = jet[0] - joint.stations.point
+        offset = jet[0] - joint.stations.points
         assert np.abs(np.linalg.norm(offset, axis=1) - width).max() < 1e-12
-        assert np.abs((offset * joint.stations.direction).sum(1)).max() < 1e-12
+        assert np.abs((offset * joint.stations.tangents).sum(1)).max() < 1e-12
         assert ((offset * direction).sum(1) > 0).all()
     chord = np.linalg.norm(found[1][0] - found[0][0], axis=1)
-    for reach, width in zip(contacts.reach, widths, strict=True):
+    for reach, width in zip(contacts.cross_lengths, widths, strict=True):
         assert np.abs(reach - chord * 2 * width / sum(widths)).max() < 1e-13
         assert (reach / 3 < width).all()
 
@@ -265,19 +260,19 @@ def test_stations_off_by_a_tolerance_are_moved_onto_both_surfaces(joint):
     exact = project_to_intersection(joint.sides, stations, 10.0)
     one, two = jets(joint, Contacts(None, None, exact.uv, None))
     assert np.abs(one[0] - two[0]).max() < 1e-13
-    assert np.abs(exact.point - one[0]).max() < 1e-13
-    assert np.abs(((exact.point - joint.stations.point) * joint.stations.direction).sum(1)).max() < 1e-13
+    assert np.abs(exact.points - one[0]).max() < 1e-13
+    assert np.abs(((exact.points - joint.stations.points) * joint.stations.tangents).sum(1)).max() < 1e-13
     n1, n2 = outward_normals(joint, [one, two])
-    assert np.abs((exact.direction * n1).sum(1)).max() < 1e-13
-    assert np.abs((exact.direction * n2).sum(1)).max() < 1e-13
-    assert ((exact.direction * joint.stations.direction).sum(1) > 0.9).all()
+    assert np.abs((exact.tangents * n1).sum(1)).max() < 1e-13
+    assert np.abs((exact.tangents * n2).sum(1)).max() < 1e-13
+    assert ((exact.tangents * joint.stations.tangents).sum(1) > 0.9).all()
 
 
 @pytest.mark.parametrize("angle", [0.6, math.pi / 2, 2.4])
 def test_ball_between_planes_touches_at_the_tangent_length(angle):
     contacts = solve_ball_contacts((joint := wedge(angle, convex=True)).sides, joint.stations, 1.3)
     for jet in jets(joint, contacts):
-        length = np.linalg.norm(jet[0] - joint.stations.point, axis=1)
+        length = np.linalg.norm(jet[0] - joint.stations.points, axis=1)
         assert np.abs(length - 1.3 / math.tan(angle / 2)).max() < 1e-13
 
 
@@ -305,7 +300,7 @@ def test_width_beyond_a_sphere_is_refused_with_its_number():
 
 def test_edge_that_changes_between_convex_and_concave_is_refused():
     joint = wedge(math.pi / 2, convex=True)
-    direction = joint.stations.direction * np.array([1, 1, 1, -1, -1])[:, None]
+    direction = joint.stations.tangents * np.array([1, 1, 1, -1, -1])[:, None]
     with pytest.raises(GeometryError, match="between convex and concave"):
         solve_ball_contacts(joint.sides, replace(joint.stations, direction=direction), 1.0)
 

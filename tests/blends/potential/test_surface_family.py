@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cqblend import reshape, to_surface
-from cqblend.blends.potential.surface_family import find_closed_directions, interpolate_unit_normals
+from cqblend.blends.potential.offset_family import interpolate_unit_normals
+from cqblend.blends.potential.surface_family import find_closed_directions
 from cqblend.errors import GeometryError, InputError
 from cqblend.splines import Curve, Surface
 

@@ -7,10 +7,11 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
-from cqblend.brep.verification.measuring_places import find_knot_crossings, spread_samples
+from cqblend.brep.measure.measuring_places import find_knot_crossings, spread_samples
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.splines.breaks import NEAR_BREAKS, align_breaks, merge_breaks
+from cqblend.splines.breaks import align_breaks, merge_breaks
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 
 def sheet(middle, at, *, degree=3, repeats=1, bend=0.0):
@@ -49,7 +50,7 @@ def measured(blend):
 def test_near_crossings_make_no_slivers(form, apart, repeats, angle):
     """C2 sheets gave 1.1e-6 rad, proven to 5.5e-14; C1 ones miss a share of the distance between the crossings."""
     blend = hermite_blend(*pair(apart, 100.0, repeats), form=form)
-    assert np.diff(blend.surface.breaks[0]).min() > NEAR_BREAKS
+    assert np.diff(blend.surface.breaks[0]).min() > SPLINE_TOLERANCES.near_breaks
     certificate = blend.certificate
     for sides in measured(blend):
         for found in sides:

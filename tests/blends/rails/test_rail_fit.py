@@ -13,7 +13,9 @@ from cqblend.blends.rails import rail_fit
 from cqblend.blends.rails.rail_fit import RibbonTargets
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError
-from cqblend.surfaces.primaries import Cone, Cylinder, LocalFrame, Plane, Primary, Sphere
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
+from cqblend.surfaces.vectors import LocalFrame
 
 FRAME = LocalFrame(np.zeros(3), np.eye(3))
 WALL = LocalFrame(np.zeros(3), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
@@ -211,7 +213,7 @@ def deviations(rail: Ribbon, jet: np.ndarray, exact: Contacts, t: np.ndarray) ->
     wanted = np.cross(rate, n)
     found = fields(rail, t)
     angle = np.arctan2(np.linalg.norm(np.cross(found, wanted), axis=1), np.abs((found * wanted).sum(1)))
-    return np.maximum(angle - 1e-8, 0), np.abs(np.linalg.norm(found, axis=1) / exact.reach[0] - 1)
+    return np.maximum(angle - 1e-8, 0), np.abs(np.linalg.norm(found, axis=1) / exact.cross_lengths[0] - 1)
 
 
 def test_closed_rails_are_followed_through_the_seam_for_any_number_of_laps():

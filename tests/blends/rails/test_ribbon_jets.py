@@ -12,7 +12,7 @@ from kernel_surfaces import SIZE, pairs
 
 from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve, Surface, interpolate
-from cqblend.surfaces.primaries import TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 T = np.array([0.07, 0.31, 0.58, 0.83])
 STEP = 0.02

@@ -12,7 +12,7 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.steering import FADE_FIT_SHARE, FADE_LENGTH_SHARE, Steering, SteeringPin, find_pins
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primaries import TensorSurface
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 PINS = (
     SteeringPin(0.2, 0, 0.5, 0.3, second_order=False),

@@ -15,7 +15,8 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.errors import DegreeError, GeometryError
 from cqblend.splines.breaks import merge_breaks
-from cqblend.surfaces.primaries import LocalFrame, Plane
+from cqblend.surfaces.quadrics import Plane
+from cqblend.surfaces.vectors import LocalFrame
 
 FLOOR = Pair("floor", Plane(LocalFrame(np.array([0, 0, -4.0]), np.eye(3))), None, ((0, 1), (0, 1)))
 NAMES = [

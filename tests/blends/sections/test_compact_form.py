@@ -19,8 +19,9 @@ import cqblend
 from cqblend.blends.sections.blend_surface import build_section
 from cqblend.blends.sections.compact_form import CURVATURE_TOLERANCE, compact_jets
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, fit
-from cqblend.surfaces.primaries import Primary, TensorSurface
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.tensor_surface import TensorSurface
 
 sys.path.insert(0, str(BENCHMARKS))
 import irit_table
@@ -58,9 +59,11 @@ def on_primary(name: str, order: int = 1) -> Jets:
     t = np.linspace(0, 1, 65)
     square = np.stack([0.5 + 0.3 * np.cos(2 * t), 0.5 + 0.3 * np.sin(3 * t)], -1)
     uv = pair.uv(square)
-    c = fit.interpolate(t, pair.primary.lift_points(uv))
+    c = interpolation.interpolate(t, pair.primary.lift_points(uv))
     rs = 0.2 * np.ptp(uv, axis=0) * np.stack([-1.5 * np.cos(3 * t), -np.sin(2 * t)], -1)
-    return list(pair.primary.compose_jets(c, (fit.interpolate(t, pair.primary.lift_directions(uv, c(t), rs)),), order))
+    return list(
+        pair.primary.compose_jets(c, (interpolation.interpolate(t, pair.primary.lift_directions(uv, c(t), rs)),), order)
+    )
 
 
 def synthetic(seed: int, order: int, degree: int = 9) -> Jets:
@@ -258,10 +261,10 @@ def test_breaks_of_a_cubic_rail_do_not_become_joints(stations):
     """A cubic rail is a smooth curve with a tiny jump of the third derivative at every station."""
     t = np.linspace(0, 1, stations + 1)
     weight = 1 + 0.2 * t
-    plane = fit.interpolate(
+    plane = interpolation.interpolate(
         t, np.stack([np.cos(2 * t), np.sin(2 * t), 0.2 * t**2, np.ones_like(t)], -1) * weight[:, None]
     )
-    up = fit.interpolate(t, np.stack([0.1 * t, 0 * t, 1 + 0.1 * t, 0 * t], -1) * weight[:, None])
+    up = interpolation.interpolate(t, np.stack([0.1 * t, 0 * t, 1 + 0.1 * t, 0 * t], -1) * weight[:, None])
     fitted = compact_jets(([plane, up], [plane + np.array([0, 0, 1.0, 0]), up]), 1e-7, 1e-5)
     assert set(fitted[0][0].continuity.tolist()) <= {4}
     assert poles(fitted) <= 30

@@ -23,7 +23,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.brep.read.face_surface import build_rail_pcurve, read_support_face
 from cqblend.errors import CqblendError
-from cqblend.splines import fit
+from cqblend.splines import interpolation
 
 V = cq.Vector
 
@@ -179,7 +179,7 @@ def test_a_rail_comes_back_as_a_pcurve_on_the_same_points(name):
     if name == "sphere":
         side = read_support_face(face, side.face_primary.jet(uv)[0])
         working = side.to_working_parameters(uv)
-    c = fit.interpolate(a, side.primary.lift_points(working))
+    c = interpolation.interpolate(a, side.primary.lift_points(working))
     rail = Ribbon(side.primary, c, (c,), working)
     curve = build_rail_pcurve(side, rail)
     t = np.linspace(0, 3, 333)

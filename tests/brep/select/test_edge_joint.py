@@ -60,10 +60,10 @@ def test_stations_face_one_to_the_left_seen_from_outside():
         for swap in (False, True):
             found = joint(body, edge.wrapped, swap=swap)
             stations = found.locate_stations(np.array([0.5]))
-            normal = cq.Face(found.sides[0].face).normalAt(V(*stations.point[0].tolist())).toTuple()
+            normal = cq.Face(found.sides[0].face).normalAt(V(*stations.points[0].tolist())).toTuple()
             outward = np.array(normal) * found.sides[0].outward  # of the FORWARD face
-            left = np.cross(outward, stations.direction[0])
-            point = stations.point[0] + 1e-3 * left
+            left = np.cross(outward, stations.tangents[0])
+            point = stations.points[0] + 1e-3 * left
             face = next(f for f in body.Faces() if f.wrapped.IsSame(found.sides[0].face))
             assert face.distance(cq.Vertex.makeVertex(*point.tolist())) < 1e-9
 
@@ -96,10 +96,10 @@ def test_contacts_that_leave_their_face_are_told_with_its_side():
     found = joint(body, body.Edges()[0].wrapped)
     stations = found.locate_stations(np.array([0.5]))
     middle = [np.diff(side.bounds).T / 2 + side.bounds[:, 0] for side in found.sides]
-    inside = Contacts(stations.t, stations.point, (middle[0], middle[1]), np.ones(1))
+    inside = Contacts(stations.t, stations.points, (middle[0], middle[1]), np.ones(1))
     assert find_leaving_contact(found, inside) is None
     far = (middle[0] + 100, middle[1])
-    assert find_leaving_contact(found, Contacts(stations.t, stations.point, far, np.ones(1))) == (0, 0)
+    assert find_leaving_contact(found, Contacts(stations.t, stations.points, far, np.ones(1))) == (0, 0)
 
 
 def refused(body: cq.Shape, edge, text: str) -> None:

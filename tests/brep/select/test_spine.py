@@ -111,10 +111,10 @@ def test_stations_past_the_ends_lie_on_the_tangents():
     stations = spine.locate_stations(t, sides)
     past = np.array([-0.1, 0, 0, 0, 0.2]) * spine.length
     inside = spine.evaluate_points(np.clip(t, 0, 1))
-    assert np.abs(stations.point - inside - stations.direction * past[:, None]).max() < 1e-12
-    assert np.abs(np.linalg.norm(stations.direction, axis=1) - 1).max() < 1e-14
+    assert np.abs(stations.points - inside - stations.tangents * past[:, None]).max() < 1e-12
+    assert np.abs(np.linalg.norm(stations.tangents, axis=1) - 1).max() < 1e-14
     h = 1e-5
     ahead = spine.evaluate_points(np.array([0.3 + h])) - spine.evaluate_points(np.array([0.3 - h]))
-    assert np.abs(stations.direction[2] - ahead[0] / np.linalg.norm(ahead)).max() < 1e-6
+    assert np.abs(stations.tangents[2] - ahead[0] / np.linalg.norm(ahead)).max() < 1e-6
     for one, uv in zip(sides, stations.uv, strict=True):
-        assert np.abs(one.primary.jet(uv[1:4])[0] - stations.point[1:4]).max() < 1e-7
+        assert np.abs(one.primary.jet(uv[1:4])[0] - stations.points[1:4]).max() < 1e-7

@@ -5,23 +5,21 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
+from measured_shapes import bspline, prism, subshapes, wrapped
 from OCP.BRep import BRep_Builder, BRep_Tool
-from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_NurbsConvert
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepTools import BRepTools
 from OCP.GeomAbs import GeomAbs_G1
 from OCP.gp import gp_Ax1, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
-from test_edge_continuity import bspline
+from solid_problems import list_problems
 
 from cqblend.brep.shape_kinds import list_children
-from cqblend.brep.verification.soundness import check_solid, find_flaws, list_subshapes, measure_volume, verify_shape
+from cqblend.brep.verification.brep_check import find_flaws
+from cqblend.brep.verification.soundness import verify_shape
 from cqblend.errors import InputError, SelectionError
-
-
-def wrapped(workplane: cq.Workplane) -> TopoDS_Shape:
-    return workplane.val().wrapped
 
 
 def solid_of(faces: list[TopoDS_Face]) -> TopoDS_Solid:
@@ -37,14 +35,7 @@ def solid_of(faces: list[TopoDS_Face]) -> TopoDS_Solid:
 
 
 def new_faces(before: TopoDS_Shape, after: TopoDS_Shape, kind: str) -> list[TopoDS_Face]:
-    return [face for face in list_subshapes(after, TopAbs_FACE) if cq.Face(face).geomType() == kind]
-
-
-def prism(radius: float = 0.0) -> cq.Workplane:
-    """A spline through 16 points of an ellipse, extruded; its upper rim rounded."""
-    ellipse = [(20 * math.cos(a), 10 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 17)[:-1]]
-    part = cq.Workplane().spline(ellipse, periodic=True).close().extrude(10)
-    return part.faces(">Z").edges().fillet(radius) if radius else part
+    return [face for face in subshapes(after, TopAbs_FACE) if cq.Face(face).geomType() == kind]
 
 
 def wavy(radius: float = 0.0) -> cq.Workplane:
@@ -54,41 +45,6 @@ def wavy(radius: float = 0.0) -> cq.Workplane:
     top = cq.Workplane(cq.Face.makeSplineApprox(points, tol=1e-3))
     block = cq.Workplane().box(40, 40, 20).split(top).solids("<Z")
     return block.edges(cq.selectors.BoxSelector((15, -19, -9), (25, 19, 9))).fillet(radius) if radius else block
-
-
-class TestVolume:
-    """Closed forms, on which OCCT's other integrators fail."""
-
-    @pytest.mark.parametrize(
-        ("shape", "expected"),
-        [
-            (cq.Workplane().box(3, 4, 5), 60.0),
-            (cq.Workplane().sphere(5), 4 / 3 * math.pi * 125),
-            (cq.Workplane().circle(2).extrude(7).translate((300, -50, 80)), 28 * math.pi),
-            (cq.Workplane().box(10, 10, 10).edges("|Z").fillet(2), 10 * (100 - 4 * 4 * (1 - math.pi / 4))),
-        ],
-    )
-    def test_analytic(self, shape, expected):
-        for solid in (wrapped(shape), BRepBuilderAPI_NurbsConvert(wrapped(shape), True).Shape()):
-            volume, error = measure_volume(solid)
-            assert volume == pytest.approx(expected, rel=1e-6)
-            assert abs(volume - expected) <= error + 1e-12 * expected
-            assert error < 1e-4 * expected
-            assert measure_volume(solid.Reversed())[0] == pytest.approx(-expected, rel=1e-6)
-
-    def test_an_extruded_spline(self):
-        """The area inside the spline by Green's theorem on a dense polygon, with Richardson's step."""
-        part = prism()
-        curve = part.faces(">Z").edges().val()._geomAdaptor()
-        ts = np.linspace(curve.FirstParameter(), curve.LastParameter(), 20001)
-        points = np.array([curve.Value(t).Coord()[:2] for t in ts.tolist()])
-        fine, coarse = (0.5 * np.sum(np.cross(p[:-1], p[1:])) for p in (self.lift(points), self.lift(points[::2])))
-        area = fine + (fine - coarse) / 3
-        assert measure_volume(wrapped(part))[0] == pytest.approx(10 * area, rel=1e-6)
-
-    @staticmethod
-    def lift(points):
-        return np.column_stack((points, np.zeros(len(points))))
 
 
 class TestVerify:
@@ -111,7 +67,7 @@ class TestVerify:
         assert result.gap < 1e-13
         assert result.box.mismatch < 1e-12
         assert result.step.mismatch < 1e-12
-        assert result.step.faces == len(list_subshapes(wrapped(shape), TopAbs_FACE))
+        assert result.step.faces == len(subshapes(wrapped(shape), TopAbs_FACE))
 
     @pytest.mark.parametrize("part", [prism, wavy])
     def test_a_native_fillet_on_a_freeform_face_passes_with_its_known_angle(self, part):
@@ -130,7 +86,7 @@ class TestVerify:
         assert sorted(edge.smooth for edge in result.edges) == [False] * 8 + [True] * 8
         assert {round(edge.angle, 12) for edge in result.edges if not edge.smooth} == {round(math.pi / 2, 12)}
         lengths = {True: 10.0, False: math.pi}
-        edges = list_subshapes(wrapped(part), TopAbs_EDGE)
+        edges = subshapes(wrapped(part), TopAbs_EDGE)
         assert all(cq.Edge(edges[e.index - 1]).Length() == pytest.approx(lengths[e.smooth]) for e in result.edges)
 
     def test_a_located_compound(self):
@@ -156,13 +112,13 @@ class TestVerifyNotices:
         assert "solid 1 is inside out" in result.problems
 
     def test_a_missing_face(self):
-        faces = list_subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
+        faces = subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
         result = verify_shape(solid_of(faces[1:]))
         assert not result.closed
         assert "shell 1 is not closed" in result.problems
 
     def test_a_flipped_face(self):
-        faces = list_subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
+        faces = subshapes(wrapped(cq.Workplane().box(3, 4, 5)), TopAbs_FACE)
         result = verify_shape(solid_of([faces[0].Reversed(), *faces[1:]]))
         assert not result.closed
         assert "shell 1 is not consistently oriented" in result.problems
@@ -197,7 +153,7 @@ class TestVerifyNotices:
         """Two squares back to back, flagged smooth: to OCCT their angle is 0, as it ignores orientation."""
         wire = cq.Wire.makePolygon([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], close=True)
         front, back = (cq.Face.makeFromWires(wire).wrapped for _ in range(2))
-        for edge in list_subshapes(front, TopAbs_EDGE):
+        for edge in subshapes(front, TopAbs_EDGE):
             BRep_Builder().Continuity(edge, front, back, GeomAbs_G1)
         result = verify_shape(solid_of([front, TopoDS.Face_s(back.Reversed())]))
         assert result.angle == 0.0
@@ -223,15 +179,15 @@ class TestVerifyRefuses:
 
     def test_faces(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
-        face = list_subshapes(box, TopAbs_FACE)[0]
+        face = subshapes(box, TopAbs_FACE)[0]
         with pytest.raises(InputError, match="empty"):
             verify_shape(box, [])
         with pytest.raises(InputError, match="iterable"):
             verify_shape(box, face)
         with pytest.raises(InputError, match=r"faces\[1\] is of type edge"):
-            verify_shape(box, [face, list_subshapes(box, TopAbs_EDGE)[0]])
+            verify_shape(box, [face, subshapes(box, TopAbs_EDGE)[0]])
         with pytest.raises(SelectionError, match=r"faces\[0\] is not a face"):
-            verify_shape(box, list_subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE))
+            verify_shape(box, subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE))
 
 
 class TestCheckSolid:
@@ -245,54 +201,54 @@ class TestCheckSolid:
         after = wrapped(after.fillet(1.0))
         blends = [f for f in new_faces(wrapped(before), after, kind) if cq.Face(f).Area() < 200]
         assert blends
-        assert check_solid(wrapped(before), after, blends, grows=False, tolerance=tolerance) == []
+        assert list_problems(wrapped(before), after, blends, grows=False, tolerance=tolerance) == []
 
     def test_growing_the_wrong_way(self):
         before = cq.Workplane().box(10, 10, 10)
         after = wrapped(before.edges("|Z").fillet(2))
-        (line,) = check_solid(wrapped(before), after, [], grows=True)
+        (line,) = list_problems(wrapped(before), after, [], grows=True)
         removed = 10 * 4 * 4 * (1 - math.pi / 4)
         assert line == f"the volume fell by {removed:.3g} mm^3, but the blend was to add material"
-        (line,) = check_solid(after, wrapped(before), [], grows=False)
+        (line,) = list_problems(after, wrapped(before), [], grows=False)
         assert line == f"the volume rose by {removed:.3g} mm^3, but the blend was to remove material"
 
     def test_a_blend_that_bulges_outside(self):
         """The top of a box replaced by one that rises: fine where material is to be added, noticed where not."""
         before = wrapped(cq.Workplane().box(10, 10, 10))
         dome = wrapped(cq.Workplane().box(10, 10, 10).faces(">Z").workplane().circle(4).extrude(0.5))
-        assert check_solid(before, dome, [], grows=True) == []
-        assert check_solid(before, dome, [], grows=False) == [
+        assert list_problems(before, dome, [], grows=True) == []
+        assert list_problems(before, dome, [], grows=False) == [
             f"the volume rose by {16 * math.pi / 2:.3g} mm^3, but the blend was to remove material"
         ]
 
     def test_a_loose_new_edge(self):
         part = cq.Workplane().box(10, 10, 10)
         before, after = wrapped(part), wrapped(part.edges("|Z").fillet(2))
-        edge = next(e for e in list_subshapes(after, TopAbs_EDGE) if cq.Edge(e).geomType() == "CIRCLE")
-        assert check_solid(before, after, []) == []
+        edge = next(e for e in subshapes(after, TopAbs_EDGE) if cq.Edge(e).geomType() == "CIRCLE")
+        assert list_problems(before, after, []) == []
         BRep_Builder().UpdateEdge(edge, 3e-4)
-        number = 1 + next(i for i, e in enumerate(list_subshapes(after, TopAbs_EDGE)) if e.IsSame(edge))
-        assert check_solid(before, after, []) == [f"edge {number} has tolerance 0.0003 mm, above 1e-05"]
-        assert check_solid(before, after, [], tolerance=1e-3) == []
+        number = 1 + next(i for i, e in enumerate(subshapes(after, TopAbs_EDGE)) if e.IsSame(edge))
+        assert list_problems(before, after, []) == [f"edge {number} has tolerance 0.0003 mm, above 1e-05"]
+        assert list_problems(before, after, [], tolerance=1e-3) == []
 
     def test_a_new_face_that_is_not_there(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
-        other = list_subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE)[0]
-        assert check_solid(box, box, [other]) == ["new face 1 is not in the result"]
+        other = subshapes(wrapped(cq.Workplane().box(1, 1, 1)), TopAbs_FACE)[0]
+        assert list_problems(box, box, [other]) == ["new face 1 is not in the result"]
 
     def test_a_hole_and_a_flip_and_an_inversion(self):
         box = wrapped(cq.Workplane().box(3, 4, 5))
-        faces = list_subshapes(box, TopAbs_FACE)
-        assert check_solid(box, solid_of(faces), []) == []
-        assert check_solid(box, solid_of(faces[1:]), []) == ["shell 1 is not closed"]
-        assert check_solid(box, solid_of([faces[0].Reversed(), *faces[1:]]), []) == [
+        faces = subshapes(box, TopAbs_FACE)
+        assert list_problems(box, solid_of(faces), []) == []
+        assert list_problems(box, solid_of(faces[1:]), []) == ["shell 1 is not closed"]
+        assert list_problems(box, solid_of([faces[0].Reversed(), *faces[1:]]), []) == [
             "shell 1 is not consistently oriented"
         ]
-        assert check_solid(box, box.Reversed(), []) == ["solid 1 is inside out"]
+        assert list_problems(box, box.Reversed(), []) == ["solid 1 is inside out"]
 
     def test_a_fold(self):
         sheet = folded()
-        (line,) = [one for one in check_solid(sheet, sheet, [sheet]) if "folds" in one]
+        (line,) = [one for one in list_problems(sheet, sheet, [sheet]) if "folds" in one]
         assert line.startswith("a face folds over near (0.25, ")
         assert line.endswith("its normal flips")
 
@@ -300,7 +256,7 @@ class TestCheckSolid:
         """Nine turns of a thin helical strip: neighbours of a coarse grid look opposite ways, and yet it is smooth."""
         helix = cq.Wire.makeHelix(1, 9, 5)
         strip = cq.Workplane("XZ").center(5, 0).rect(0.2, 0.2).sweep(cq.Workplane(helix), isFrenet=True)
-        assert check_solid(wrapped(strip), wrapped(strip), list_subshapes(wrapped(strip), TopAbs_FACE)) == []
+        assert list_problems(wrapped(strip), wrapped(strip), subshapes(wrapped(strip), TopAbs_FACE)) == []
 
     def test_flaws_of_the_input_are_not_the_results(self):
         """A face far from the change was flawed before: tolerated, unless it is new."""
@@ -313,9 +269,9 @@ class TestCheckSolid:
         }
         after = wrapped(part.edges("|Z and >X and >Y").fillet(2))
         assert len(find_flaws(after)) > 0
-        assert check_solid(before, after, [], grows=False) == []
+        assert list_problems(before, after, [], grows=False) == []
         sound = wrapped(cq.Workplane().box(10, 10, 10))
-        assert any("SelfIntersectingWire" in line for line in check_solid(sound, after, []))
+        assert any("SelfIntersectingWire" in line for line in list_problems(sound, after, []))
 
     def test_a_flaw_travels_with_a_face_that_is_rebuilt(self):
         """The flawed face gets a new wire of the same edges, as a trimmed one does: nothing new to complain about."""
@@ -331,11 +287,11 @@ class TestCheckSolid:
         after = solid_of(
             [
                 TopoDS.Face_s(copy.Oriented(side.Orientation())) if face.IsSame(side) else face
-                for face in list_subshapes(before, TopAbs_FACE)
+                for face in subshapes(before, TopAbs_FACE)
             ]
         )
         assert len(find_flaws(after)) > 0
-        assert check_solid(before, after, []) == []
+        assert list_problems(before, after, []) == []
 
 
 def flawed() -> tuple[cq.Workplane, TopoDS_Shape]:

@@ -1,10 +1,8 @@
 """Tabs: true to measure, beside their piece, beneath the neighbour, apart from each other, told where they are not."""
 
 import math
-import time
 from collections import Counter
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,10 +12,10 @@ from hypothesis import strategies as st
 from pieces_cases import arc, box, circle, cone, cylinder, frustum, gores, lattice, tower, valley
 
 from cqblend.errors import InputError
-from cqblend.patterns.outline.parallel_path import PathByLength
 from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.tabs import add_tabs, fit_tabs
+from cqblend.patterns.stock.tab_options import TabOptions
+from cqblend.patterns.stock.tabs import fit_tabs
 
 MODELS = [box, valley, cylinder, tower, frustum, cone, gores]
 STYLES = ["one", "alternating", "both", "strips", "allowance"]
@@ -54,14 +52,14 @@ def assert_sound(before: Pieces, after: Pieces):
 @pytest.mark.parametrize("model", MODELS)
 def test_cut_outlines_are_sound_in_every_style(model, style):
     pieces = model()
-    tabs = fit_tabs(pieces, style=style, width=4.0)
+    tabs = fit_tabs(pieces, TabOptions(style=style, width=4.0))
     assert tabs.missing == ()
     assert (tabs.heights >= 1.0).all()
     assert (tabs.heights <= 4.0 + 1e-12).all()
     assert (tabs.coverage > 0.8).all()
     assert (tabs.coverage < 1 + 1e-9).all()
     assert_sound(pieces, tabs.pieces)
-    again = add_tabs(pieces, style=style, width=4.0)
+    again = fit_tabs(pieces, TabOptions(style=style, width=4.0)).pieces
     for one, other in zip(again.pieces, tabs.pieces.pieces, strict=True):
         for a, b in zip(one.cuts, other.cuts, strict=True):
             np.testing.assert_array_equal(a.points, b.points)
@@ -69,7 +67,7 @@ def test_cut_outlines_are_sound_in_every_style(model, style):
 
 def test_one_tab_for_each_edge_of_a_cube():
     pieces = box()
-    tabs = fit_tabs(pieces, width=5.0)
+    tabs = fit_tabs(pieces, TabOptions(width=5.0))
     assert sum(len(tabs_of(piece)) for piece in tabs.pieces.pieces) == 12
     area = sum(path.area for piece in tabs.pieces.pieces for path in piece.cuts)
     assert area == pytest.approx(6 * 1600 + 12 * (40 - 5) * 5, rel=1e-12)
@@ -97,7 +95,7 @@ def carried(pieces: Pieces, seam: Seam, side: int, shape: shapely.Geometry) -> s
 @pytest.mark.parametrize("sizes", [(40, 40, 40), (40, 30, 3), (60, 4, 4), (7, 11, 13)])
 def test_tabs_lie_beneath_the_neighbour_and_clear_of_each_other(style, sizes):
     pieces = box(*sizes)
-    done = add_tabs(pieces, style=style, width=5.0)
+    done = fit_tabs(pieces, TabOptions(style=style, width=5.0)).pieces
     beneath = {k: [] for k in range(6)}
     for seam in pieces.seams:
         for side in (0, 1):
@@ -115,7 +113,7 @@ def test_tabs_lie_beneath_the_neighbour_and_clear_of_each_other(style, sizes):
 
 def test_alternating_teeth_are_congruent_and_interlock():
     pieces = valley(60.0)
-    tabs = fit_tabs(pieces, style="alternating", width=4.0, pitch=15.0)
+    tabs = fit_tabs(pieces, TabOptions(style="alternating", width=4.0, pitch=15.0))
     (seam,) = pieces.seams
     teeth = [tabs_of(tabs.pieces.pieces[side.piece]) for side in seam.sides]
     assert [len(each) for each in teeth] == [2, 2]
@@ -136,22 +134,22 @@ def test_alternating_teeth_are_congruent_and_interlock():
 
 def test_flanges_and_allowances_are_on_both_sides():
     for style, each in (("both", 40 * 5 - 25), ("allowance", 0)):
-        tabs = fit_tabs(box(), style=style, width=5.0)
+        tabs = fit_tabs(box(), TabOptions(style=style, width=5.0))
         for piece in tabs.pieces.pieces:
             expected = 1600 + 4 * each if each else 50**2
             assert sum(path.area for path in piece.cuts) == pytest.approx(expected, rel=1e-12)
             assert len(piece.scores) == 4
         assert (tabs.coverage == 1).all()
-    hollow = fit_tabs(valley(), style="both", width=5.0)
+    hollow = fit_tabs(valley(), TabOptions(style="both", width=5.0))
     assert {score.fold for piece in hollow.pieces.pieces for score in piece.scores} == {"mountain"}
 
 
 def test_allowances_of_round_pieces_are_round():
-    tabs = fit_tabs(cylinder(20.0), style="allowance", width=3.0)
+    tabs = fit_tabs(cylinder(20.0), TabOptions(style="allowance", width=3.0))
     disc = tabs.pieces.pieces[0].cuts[0]
     assert disc.area == pytest.approx(math.pi * 23**2, rel=1e-12)
     assert disc.length == pytest.approx(math.pi * 46, rel=1e-12)
-    plate = fit_tabs(tower(80.0, 15.0), style="allowance", width=3.0).pieces.pieces[0]
+    plate = fit_tabs(tower(80.0, 15.0), TabOptions(style="allowance", width=3.0)).pieces.pieces[0]
     assert plate.cuts[1].area == pytest.approx(-math.pi * 12**2, rel=1e-12)
     assert plate.cuts[0].area == pytest.approx(80**2, rel=1e-12)  # its border is free
 
@@ -159,7 +157,7 @@ def test_allowances_of_round_pieces_are_round():
 def test_free_runs_have_no_tabs():
     pieces = frustum()
     for style in STYLES:
-        done = add_tabs(pieces, style=style, width=4.0).pieces[0]
+        done = fit_tabs(pieces, TabOptions(style=style, width=4.0)).pieces.pieces[0]
         cut = shapely.LineString(done.cuts[0].sampled(FINE))
         for run in done.loops[0]:
             if run.seam is None:
@@ -168,33 +166,35 @@ def test_free_runs_have_no_tabs():
 
 def test_pieces_without_seams_stay_as_they_are():
     square = Piece("1", ((Run(circle(10.0), np.zeros((3, 3)), "trim"),),))
-    tabs = fit_tabs(Pieces((square,), ()), width=5.0)
+    tabs = fit_tabs(Pieces((square,), ()), TabOptions(width=5.0))
     assert tabs.pieces.pieces[0] is square
     assert tabs.missing == tabs.narrowed == ()
     assert tabs.coverage.shape == (0,)
 
 
 def test_curved_seams_have_teeth_and_straight_ones_have_not():
-    tabs = fit_tabs(cylinder(20.0, 50.0), style="both", width=5.0)
+    tabs = fit_tabs(cylinder(20.0, 50.0), TabOptions(style="both", width=5.0))
     counts = [len(tabs_of(piece)) for piece in tabs.pieces.pieces]
     assert counts == [12, 12, 12 + 12 + 2]
-    few = fit_tabs(cylinder(200.0, 500.0), style="both", width=5.0, pitch=40.0)
+    few = fit_tabs(cylinder(200.0, 500.0), TabOptions(style="both", width=5.0, pitch=40.0))
     assert len(tabs_of(few.pieces.pieces[0])) == math.ceil(2 * math.pi * 200 / 40)
 
 
 def test_taper_is_the_angle_of_the_legs():
     for taper in (math.pi / 6, math.pi / 4):
-        piece = add_tabs(valley(), width=5.0, taper=taper).pieces[0]
+        piece = fit_tabs(valley(), TabOptions(width=5.0, taper=taper)).pieces.pieces[0]
         (tab,) = tabs_of(piece)
         assert sum(path.area for path in piece.cuts) - 1600 == pytest.approx(40 * 5 - 25 / math.tan(taper), rel=1e-12)
         assert tab.minimum_rotated_rectangle.area == pytest.approx(200, rel=1e-2)
-    corner = add_tabs(valley(), width=5.0, taper=math.pi / 2).pieces[0]  # the neighbour's corner allows 45 degrees
+    corner = fit_tabs(valley(), TabOptions(width=5.0, taper=math.pi / 2)).pieces.pieces[
+        0
+    ]  # the neighbour's corner allows 45 degrees
     assert sum(path.area for path in corner.cuts) - 1600 == pytest.approx(40 * 5 - 25, rel=1e-12)
 
 
 def test_connecting_strips_are_pieces_of_their_own():
     pieces = box(40, 40, 40)
-    tabs = fit_tabs(pieces, style="strips", width=5.0)
+    tabs = fit_tabs(pieces, TabOptions(style="strips", width=5.0))
     assert tabs.pieces.pieces[:6] == pieces.pieces
     strips = tabs.pieces.pieces[6:]
     assert [strip.name for strip in strips] == [f"S{seam.label}" for seam in pieces.seams]
@@ -216,7 +216,7 @@ def test_strips_follow_a_curve_that_both_sides_share_and_else_are_straight_stubs
     disc = Piece("D", ((Run(outer, half[0], "trim", 0),),))
     plate = Piece("P", ((Run(square, np.zeros((5, 3)), "trim"),), (Run(inner, half[1], "trim", 0),)))
     flat = Pieces((disc, plate), (Seam("7", (Place(0, 0, 0), Place(1, 1, 0)), angle=0.1),))
-    strips = add_tabs(flat, style="strips", width=4.0).pieces[2:]
+    strips = fit_tabs(flat, TabOptions(style="strips", width=4.0)).pieces.pieces[2:]
     assert [strip.name for strip in strips] == ["S7.1", "S7.2"]  # a ring in one part would touch itself
     for strip in strips:
         (score,) = strip.scores
@@ -225,7 +225,7 @@ def test_strips_follow_a_curve_that_both_sides_share_and_else_are_straight_stubs
         assert math.pi * 80 * 2 - 2 * 4 * 4.5 < strip.area < math.pi * 80 * 2
         distances = np.linalg.norm(strip.outlines[0].points, axis=1)
         assert (distances.min(), distances.max()) == pytest.approx((16, 24), rel=1e-9)
-    stubs = add_tabs(cylinder(20.0), style="strips", width=4.0).pieces[3:]
+    stubs = fit_tabs(cylinder(20.0), TabOptions(style="strips", width=4.0)).pieces.pieces[3:]
     assert Counter(stub.name.partition(".")[0] for stub in stubs) == {"S1": 12, "S2": 12, "S3": 1}
     assert len({stub.name for stub in stubs}) == 25
     assert not any(score.path.bulges.any() for stub in stubs for score in stub.scores)
@@ -274,7 +274,7 @@ def test_tabs_give_way_in_a_narrow_slot_or_change_sides():
     for gap in (12.0, 9.0, 6.0, 3.0):
         pieces = slot(gap)
         for style in ("both", "allowance", "alternating", "one"):
-            tabs = fit_tabs(pieces, style=style, width=5.0)
+            tabs = fit_tabs(pieces, TabOptions(style=style, width=5.0))
             assert_sound(pieces, tabs.pieces)
             assert tabs.missing == ()
             if style == "one":
@@ -287,15 +287,15 @@ def test_tabs_give_way_in_a_narrow_slot_or_change_sides():
 
 def test_what_does_not_fit_is_reported():
     pieces = slot(1.0)
-    tabs = fit_tabs(pieces, style="both", width=5.0)
+    tabs = fit_tabs(pieces, TabOptions(style="both", width=5.0))
     assert_sound(pieces, tabs.pieces)
     np.testing.assert_allclose(tabs.coverage, 0.5)  # the small plates' side
     assert tabs.narrowed == ("1", "2")
     tiny = box(0.3, 0.3, 40)
-    tabs = fit_tabs(tiny, style="one", width=5.0)
+    tabs = fit_tabs(tiny, TabOptions(style="one", width=5.0))
     assert len(tabs.missing) == 12
     assert all(piece.tabs is None and piece.scores == () for piece in tabs.pieces.pieces)
-    lower = fit_tabs(tiny, style="one", width=5.0, least=0.02)
+    lower = fit_tabs(tiny, TabOptions(style="one", width=5.0, least=0.02))
     assert lower.missing == ()
     assert len(lower.narrowed) == 12
 
@@ -308,7 +308,7 @@ def test_a_piece_that_overlaps_itself_gets_no_tabs():
         Run(Path.from_points([rim.points[-1], [0, 0]]), np.zeros((2, 3)), "end", 0),
     )
     pieces = Pieces((Piece("C", (runs,)),), (Seam("1", (Place(0, 0, 0), Place(0, 0, 2))),))
-    tabs = fit_tabs(pieces, width=3.0, style="allowance")
+    tabs = fit_tabs(pieces, TabOptions(width=3.0, style="allowance"))
     assert tabs.missing == ("1",)
     assert tabs.pieces.pieces[0].tabs is None
 
@@ -326,14 +326,14 @@ def plug(size: float = 30.0) -> Pieces:
 def test_a_run_with_corners_has_tabs_that_end_there():
     pieces = plug()
     for style in STYLES:
-        tabs = fit_tabs(pieces, style=style, width=4.0)
+        tabs = fit_tabs(pieces, TabOptions(style=style, width=4.0))
         assert_sound(pieces, tabs.pieces)
         assert tabs.coverage[0] == pytest.approx(1.0)
         assert tabs.heights[0] == 4.0
-    one = add_tabs(pieces, width=4.0)
+    one = fit_tabs(pieces, TabOptions(width=4.0)).pieces
     assert sum(path.area for path in one.pieces[0].cuts) == pytest.approx(900 + 4 * (30 - 4) * 4, rel=1e-12)
-    assert len(add_tabs(pieces, style="strips", width=4.0).pieces) == 2 + 4
-    plain = add_tabs(pieces, style="allowance", width=4.0)
+    assert len(fit_tabs(pieces, TabOptions(style="strips", width=4.0)).pieces.pieces) == 2 + 4
+    plain = fit_tabs(pieces, TabOptions(style="allowance", width=4.0)).pieces
     assert [path.area for path in plain.pieces[0].cuts] == pytest.approx([38**2], rel=1e-12)
     assert plain.pieces[1].cuts[1].area == pytest.approx(-(22**2), rel=1e-12)
 
@@ -345,7 +345,7 @@ def test_degenerate_runs_are_passed_over():
     place = pieces.seams[0].sides[0]
     loop = (point, *first.loops[0])
     moved = replace(pieces.seams[0], sides=(replace(place, run=place.run + 1), pieces.seams[0].sides[1]))
-    done = fit_tabs(Pieces((replace(first, loops=(loop,)), pieces.pieces[1]), (moved,)), width=5.0)
+    done = fit_tabs(Pieces((replace(first, loops=(loop,)), pieces.pieces[1]), (moved,)), TabOptions(width=5.0))
     assert done.coverage[0] == 1
     assert sum(path.area for path in done.pieces.pieces[0].cuts) == pytest.approx(1600 + 175)
 
@@ -363,7 +363,7 @@ def test_a_seam_to_a_mirrored_piece():
         (replace(seam, sides=(seam.sides[0], place), opposed=False),),
     )
     for style in STYLES:
-        tabs = fit_tabs(turned, style=style, width=5.0)
+        tabs = fit_tabs(turned, TabOptions(style=style, width=5.0))
         assert tabs.coverage[0] == pytest.approx(1)
         assert tabs.heights[0] == 5
         assert_sound(turned, tabs.pieces)
@@ -379,7 +379,7 @@ def test_a_seam_to_a_mirrored_piece():
 )
 def test_whatever_is_asked_for_is_sound(model, style, width, taper, pitch):
     pieces = model()
-    tabs = fit_tabs(pieces, style=style, width=width, taper=taper, pitch=max(pitch, 0.8) * width)
+    tabs = fit_tabs(pieces, TabOptions(style=style, width=width, taper=taper, pitch=max(pitch, 0.8) * width))
     assert ((tabs.heights == 0) == (tabs.coverage == 0)).all()
     for piece in tabs.pieces.pieces:
         cut = polygon(piece.cuts)
@@ -404,60 +404,38 @@ def test_whatever_is_asked_for_is_sound(model, style, width, taper, pitch):
 )
 def test_bad_input_is_refused(options, message):
     with pytest.raises(InputError, match=message):
-        add_tabs(valley(), **options)
+        fit_tabs(valley(), TabOptions(**options))
 
 
 def test_tabs_on_tabs_are_refused():
     with pytest.raises(InputError, match="piece 1 has tabs already"):
-        add_tabs(add_tabs(valley(), width=5.0), width=5.0)
+        fit_tabs(fit_tabs(valley(), TabOptions(width=5.0)).pieces, TabOptions(width=5.0))
 
 
-def test_stretches_and_parallels_of_a_track():
-    path = Path.from_paths([arc(10.0, 0.0, 1.5, 2), Path.from_points([arc(10.0, 0, 1.5).points[-1], [-20.0, 15.0]])])
-    track = PathByLength(path)
-    assert track.length == pytest.approx(path.length)
-    cut = np.array([0.0, 3.0, 7.5, 11.0, 20.0, track.length])
-    parts = [track.clip_between(a, b) for a, b in pairwise(cut)]
-    np.testing.assert_allclose([part.length for part in parts], np.diff(cut), rtol=1e-12)
-    whole = Path.from_paths(parts)
-    assert whole.length == pytest.approx(path.length)
-    np.testing.assert_array_equal(track.clip_between(0.0, track.length).points, path.points)
-    np.testing.assert_allclose(track.offset_curve(0.0, 15.0, 2.0).length, 12.0 * 1.5, rtol=1e-12)
-    np.testing.assert_allclose(track.offset_curve(0.0, 15.0, -2.0).length, 8.0 * 1.5, rtol=1e-12)
-    assert track.mean_curvature(1.0, 14.0) == pytest.approx(0.1)
-    line = shapely.LineString(path.sampled(1e-6))
-    points = track.offset_curve(2.0, 14.0, 1.5).sampled(1e-6)
-    np.testing.assert_allclose(shapely.distance(line, shapely.points(points)), 1.5, atol=1e-5)
-
-
-def test_many_seams_in_seconds():
+def test_many_seams():
     pieces = lattice(10, 12)
-    start = time.process_time()
-    tabs = fit_tabs(pieces, width=3.0)
-    assert time.process_time() - start < 3.0
+    tabs = fit_tabs(pieces, TabOptions(width=3.0))
     assert tabs.narrowed == tabs.missing == ()
     assert len(pieces.seams) == 218
 
 
 @pytest.mark.parametrize("style", STYLES)
 def test_too_many_teeth_are_refused_before_they_are_made(style):
-    start = time.perf_counter()
     for options in ({"width": 1e-9}, {"width": 1e-3, "pitch": 1e-9}, {"width": 1e-9, "pitch": 1e3}):
         with pytest.raises(InputError, match="teeth, more than 20000: take wider tabs or a longer pitch"):
-            add_tabs(cylinder(), style=style, **options)
-    assert time.perf_counter() - start < 1.0
+            fit_tabs(cylinder(), TabOptions(style=style, **options))
 
 
 def test_too_many_teeth_in_all_are_refused():
     assert len(gores().seams) > 1
     longest = max(run.path.length for piece in gores().pieces for *_, run in piece.runs() if run.seam is not None)
     with pytest.raises(InputError, match="would be about"):
-        add_tabs(gores(), width=longest / 3 / 15_000)
+        fit_tabs(gores(), TabOptions(width=longest / 3 / 15_000))
 
 
 def test_wide_tabs_are_lowered_as_far_as_narrow_ones():
     pieces = gores()
-    wide, narrow = (fit_tabs(pieces, width=width) for width in (100.0, 8.0))
+    wide, narrow = (fit_tabs(pieces, TabOptions(width=width)) for width in (100.0, 8.0))
     assert set(wide.missing) <= set(narrow.missing)
     assert wide.heights[wide.heights > 0].min() >= 2.0
 
@@ -469,11 +447,11 @@ def test_wide_tabs_are_lowered_as_far_as_narrow_ones():
 def test_across_smooth_seams_nothing_is_folded(style, degrees, fold):
     whole = lattice(2, 1)
     pieces = replace(whole, seams=tuple(replace(seam, angle=math.radians(degrees)) for seam in whole.seams))
-    tabs = fit_tabs(pieces, style=style, width=5.0)
+    tabs = fit_tabs(pieces, TabOptions(style=style, width=5.0))
     assert tabs.missing == ()
     assert {score.fold for piece in tabs.pieces.pieces for score in piece.scores} == ({fold} if fold else set())
 
 
 def test_flanges_are_folded_on_smooth_seams_too():
-    flanged = fit_tabs(lattice(2, 1), style="both", width=5.0).pieces
+    flanged = fit_tabs(lattice(2, 1), TabOptions(style="both", width=5.0)).pieces
     assert [score.fold for piece in flanged.pieces for score in piece.scores] == ["mountain", "mountain"]

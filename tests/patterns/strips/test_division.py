@@ -84,7 +84,7 @@ def test_rings_of_a_sphere_are_as_few_as_inscribed_chords_can_be():
         tolerance = share * 20 * math.sqrt(3)
         division = divide_surface(sphere(), tolerance, direction="v")
         assert len(division.strips) == math.ceil(math.pi / (2 * math.acos(1 - tolerance / 10)))
-        assert division.ideal == pytest.approx(math.pi * math.sqrt(10 / (8 * tolerance)), rel=1e-5)
+        assert division.ideal_count == pytest.approx(math.pi * math.sqrt(10 / (8 * tolerance)), rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["sphere", "torus", "teapot body", "pawn"])
@@ -95,9 +95,9 @@ def test_elber_needs_more_strips_and_never_fewer(name):
     for share in (3e-2, 1e-2, 3e-3):
         found = [divide_surface(surface, share * size, direction=way) for way in "uv"]
         for one in found:
-            assert len(one.strips) <= one.elber
+            assert len(one.strips) <= one.elber_count
             assert one.bound <= share * size
-        ratios.append(min(one.elber for one in found) / min(len(one.strips) for one in found))
+        ratios.append(min(one.elber_count for one in found) / min(len(one.strips) for one in found))
     assert np.exp(np.log(ratios).mean()) >= 1.5
 
 

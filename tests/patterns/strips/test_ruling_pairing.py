@@ -6,7 +6,7 @@ from developable_strips import CYLINDER, EDGE, SADDLE, moved, tangent_strip
 
 from cqblend.errors import GeometryError, InputError
 from cqblend.patterns.flatten.flat_strip import flatten_rails
-from cqblend.patterns.strips.developability import bound_rail_twist, classify_strip
+from cqblend.patterns.strips.developability import bound_twist, classify_strip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.splines import Curve, change_of_parameter, reparameterise
 
@@ -20,7 +20,7 @@ def test_a_pairing_that_was_lost_is_found_again():
     rails = first, reparameterise(second, change)
     assert classify_strip(rails) == "twisted"
     pairing = pair_rulings(rails)
-    assert pairing.fans == (0, 0)
+    assert pairing.fan_lengths == (0, 0)
     assert pairing.twist < 1e-9
     s, t = pairing.parameters
     r = np.linspace(0, 1, 101)
@@ -34,10 +34,10 @@ def test_a_pairing_that_was_lost_is_found_again():
 def test_fans_where_the_pairing_runs_out():
     pairing = pair_rulings((LOWER, UPPER))
     assert pairing.reason == ""
-    assert bound_rail_twist((LOWER, UPPER)) > 0.1
+    assert bound_twist((LOWER, UPPER)) > 0.1
     assert pairing.twist < 1e-9
-    assert 0 < pairing.fans[0] < 0.1
-    assert 0 < pairing.fans[1] < 0.1
+    assert 0 < pairing.fan_lengths[0] < 0.1
+    assert 0 < pairing.fan_lengths[1] < 0.1
     first, second = pairing.rails
     np.testing.assert_array_equal(first.breaks, second.breaks)
     r = np.linspace(0, 1, 400)
@@ -50,11 +50,11 @@ def test_fans_where_the_pairing_runs_out():
     np.testing.assert_allclose(second(r), UPPER(t), atol=1e-14)
     # every ruling outside of the fans lies in one tangent plane of both rails
     a, b, d = LOWER(s, 1), UPPER(t, 1), UPPER(t) - LOWER(s)
-    inside = (r > pairing.fans[0]) & (r < 1 - pairing.fans[1])
+    inside = (r > pairing.fan_lengths[0]) & (r < 1 - pairing.fan_lengths[1])
     assert np.abs((np.cross(a, b) * d).sum(axis=1))[inside].max() < 1e-9
     flat = flatten_rails(pairing.rails, 1e-3)
     assert flat.kind == "tangent"
-    ends = np.linalg.norm(flat.second[[0, -1]] - flat.first[[0, -1]], axis=1)
+    ends = np.linalg.norm(flat.second_rail[[0, -1]] - flat.first_rail[[0, -1]], axis=1)
     np.testing.assert_allclose(ends, np.linalg.norm((UPPER - LOWER)([0.0, 1.0]), axis=1), rtol=1e-12)
 
 

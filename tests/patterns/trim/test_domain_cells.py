@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from cqblend.errors import GeometryError
-from cqblend.patterns.trim.domain_cells import CutLines, DomainSide, cut_domain
+from cqblend.patterns.trim.domain_cells import CutLines, DomainSide, EdgeStep, LineStep, cut_domain
 
 
 def loop(points, uses=None):
@@ -50,13 +50,13 @@ def assert_sound(cells, lines):
             assert all(before.stop == after.start for before, after in zip(steps, [*steps[1:], steps[0]], strict=True))
             assert ring(steps).exterior.is_ccw == (k == 0)
             across = [step.start[lines.axis] for step in steps]
-            if cell.row > 0:
-                assert min(across) >= lines.rows[cell.row - 1]
-            if cell.row < len(lines.rows):
-                assert max(across) <= lines.rows[cell.row]
+            if cell.strip_index > 0:
+                assert min(across) >= lines.strip_borders[cell.strip_index - 1]
+            if cell.strip_index < len(lines.strip_borders):
+                assert max(across) <= lines.strip_borders[cell.strip_index]
             for step in steps:
-                if step.use is None:
-                    axis, index = step.line
+                if isinstance(step, LineStep):
+                    axis, index = step.axis, step.line_index
                     assert step.start[axis] == step.stop[axis] == lines.list_values(axis)[index]
                     low, high = sorted((step.start[1 - axis], step.stop[1 - axis]))
                     sense = 1 if step.start[1 - axis] < step.stop[1 - axis] else -1
@@ -79,10 +79,12 @@ def test_a_hole_across_several_rows(axis):
     assert_sound(cells, lines)
     domain = shapely.Polygon(SQUARE, [HOLE])
     assert sum(map(area, cells)) == pytest.approx(domain.area, rel=1e-12)
-    assert sorted({cell.row for cell in cells}) == list(range(6))
+    assert sorted({cell.strip_index for cell in cells}) == list(range(6))
     assert all(len(cell.loops) == 1 for cell in cells)
     # every segment of both loops is a step of exactly one cell
-    used = sorted(step.use for cell in cells for steps in cell.loops for step in steps if step.use is not None)
+    used = sorted(
+        step.use_index for cell in cells for steps in cell.loops for step in steps if isinstance(step, EdgeStep)
+    )
     assert used == sorted([*uses[0], *uses[1]])
 
 
@@ -91,12 +93,12 @@ def test_a_hole_inside_one_row_stays_a_hole():
     cells = cut_domain([loop(with_crossings(SQUARE, lines)), loop(HOLE, [90, 91, 92, 93])], lines)
     assert_sound(cells, lines)
     assert [len(cell.loops) for cell in cells] == [1, 2, 1]
-    assert {step.use for step in cells[1].loops[1]} == {90, 91, 92, 93}
+    assert {step.use_index for step in cells[1].loops[1]} == {90, 91, 92, 93}
 
 
 def test_without_lines_the_domain_is_one_cell():
     (cell,) = cut_domain([loop(SQUARE), loop(HOLE, [4, 5, 6, 7])], CutLines(1, np.array([])))
-    assert cell.row == 0
+    assert cell.strip_index == 0
     assert [len(steps) for steps in cell.loops] == [4, 4]
     assert area(cell) == pytest.approx(16 - shapely.Polygon(HOLE).area)
 
@@ -106,7 +108,7 @@ def test_cuts_belong_to_their_rows():
     points = [(0, 0), (4, 0), (4, 2), (4, 4), (3, 4), (1, 4), (0, 4), (0, 2)]
     cells = cut_domain([loop(points)], lines)
     assert_sound(cells, lines)
-    assert [(cell.row, area(cell)) for cell in cells] == [(0, 8.0), (1, 2.0), (1, 4.0), (1, 2.0)]
+    assert [(cell.strip_index, area(cell)) for cell in cells] == [(0, 8.0), (1, 2.0), (1, 4.0), (1, 2.0)]
     assert lines.list_values(0).tolist() == [1.0, 3.0]
     assert lines.list_values(1).tolist() == [2.0]
 
@@ -116,15 +118,15 @@ def test_places_tell_the_sense_along_the_edge():
     side = DomainSide(7, np.array([[0.0, 0.0], [1.0, -0.2], [2.0, 0.0]]))
     back = DomainSide(8, np.array([[2.0, 0.0], [2.0, 1.0], [0.0, 1.0], [0.0, 0.0]]))
     (cell,) = cut_domain([[side, back]], CutLines(1, np.array([])))
-    assert sorted(step.places for step in cell.loops[0] if step.use == 7) == [(0, 1), (1, 2)]
-    assert sorted(step.places for step in cell.loops[0] if step.use == 8) == [(0, 1), (1, 2), (2, 3)]
+    assert sorted(step.point_indices for step in cell.loops[0] if step.use_index == 7) == [(0, 1), (1, 2)]
+    assert sorted(step.point_indices for step in cell.loops[0] if step.use_index == 8) == [(0, 1), (1, 2), (2, 3)]
 
 
 def test_a_loop_given_clockwise_is_turned():
     turned = [DomainSide(0, np.array([(0, 0), (0, 4), (4, 4), (4, 0), (0, 0)], dtype=float))]
     (cell,) = cut_domain([turned], CutLines(1, np.array([])))
     assert ring(cell.loops[0]).exterior.is_ccw
-    assert sorted(step.places for step in cell.loops[0]) == [(1, 0), (2, 1), (3, 2), (4, 3)]
+    assert sorted(step.point_indices for step in cell.loops[0]) == [(1, 0), (2, 1), (3, 2), (4, 3)]
 
 
 @pytest.mark.parametrize("seed", range(6))

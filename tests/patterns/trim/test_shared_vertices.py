@@ -8,17 +8,19 @@ import pytest
 from cqblend.errors import GeometryError
 from cqblend.patterns.trim.domain_cells import CutLines
 from cqblend.patterns.trim.shared_vertices import (
-    LINE_SNAP_SHARE,
+    CutEdgeUse,
     find_crossings,
     merge_parameters,
     refine_parameters,
     sample_edge,
     snap_to_lines,
 )
+from cqblend.patterns.trim.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trim.trimmed_patch import EdgeUse, PatchEdge
 
 NO_LINES = CutLines(1, np.array([]))
 UNIT = (1.0, 1.0)
+SNAP = TRIM_TOLERANCES.line_snap
 
 
 def circle(t):
@@ -88,8 +90,8 @@ def test_points_next_to_a_line_are_put_on_it():
     lines = CutLines(1, np.array([0.25, 0.5]), {0: [0.75]})
     uv = np.array(
         [
-            [0.75 + LINE_SNAP_SHARE / 2, 0.25 - LINE_SNAP_SHARE / 2],
-            [0.75 + 2 * LINE_SNAP_SHARE, 0.5 + 2 * LINE_SNAP_SHARE],
+            [0.75 + SNAP / 2, 0.25 - SNAP / 2],
+            [0.75 + 2 * SNAP, 0.5 + 2 * SNAP],
             [0.1, 0.1],
         ]
     )
@@ -102,7 +104,7 @@ def test_points_next_to_a_line_are_put_on_it():
 def test_crossings_are_found_to_rounding():
     lines = CutLines(1, np.array([0.2, 0.6]), {1: [0.5]})
     curve = use(lambda t: np.stack([t, t**2], axis=-1))
-    at, axis, value = find_crossings(curve, lines, UNIT, np.linspace(0, 1, 8))
+    at, axis, value = find_crossings(CutEdgeUse(curve, lines, UNIT), np.linspace(0, 1, 8))
     order = np.argsort(at)
     assert at[order] == pytest.approx([np.sqrt(0.2), 0.5, np.sqrt(0.6)], abs=1e-14)
     assert axis[order].tolist() == [1, 0, 1]
@@ -111,14 +113,14 @@ def test_crossings_are_found_to_rounding():
 
 def test_a_sample_on_a_line_is_a_crossing_once():
     curve = use(lambda t: np.stack([t, t], axis=-1))
-    at, _, value = find_crossings(curve, CutLines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
+    at, _, value = find_crossings(CutEdgeUse(curve, CutLines(1, np.array([0.5])), UNIT), np.linspace(0, 1, 5))
     assert at.tolist() == [0.5]
     assert value.tolist() == [0.5]
 
 
 def test_an_edge_along_a_line_does_not_cross_it():
     curve = use(lambda t: np.stack([t, np.full_like(t, 0.5)], axis=-1))
-    at, *_ = find_crossings(curve, CutLines(1, np.array([0.5])), UNIT, np.linspace(0, 1, 5))
+    at, *_ = find_crossings(CutEdgeUse(curve, CutLines(1, np.array([0.5])), UNIT), np.linspace(0, 1, 5))
     assert len(at) == 0
 
 
@@ -131,7 +133,7 @@ def test_both_uses_have_vertices_where_either_crosses():
     lines = CutLines(1, np.array([0.3])), CutLines(0, np.array([0.6]))
     uses = use(lambda t: np.stack([t, t], axis=-1)), use(lambda t: np.stack([1 - t, t * t], axis=-1))
     line = edge(lambda t: np.stack([t, t, t], axis=-1))
-    found = sample_edge(line, [(one, at, UNIT) for one, at in zip(uses, lines, strict=True)], 1e-3, 1e-3)
+    found = sample_edge(line, [CutEdgeUse(one, at, UNIT) for one, at in zip(uses, lines, strict=True)], 1e-3, 1e-3)
     assert found.t[found.strip_breaks] == pytest.approx([0, 0.3, 0.4, 1], abs=1e-12)
     assert found.uv[0][found.strip_breaks[1]].tolist()[1] == 0.3  # exactly
     assert found.uv[1][found.strip_breaks[2]].tolist()[0] == 0.6
@@ -141,7 +143,7 @@ def test_both_uses_have_vertices_where_either_crosses():
 def test_a_pole_has_vertices_at_the_lines_only():
     pole = edge(lambda t: np.zeros((len(t), 3)), degenerate=True)
     around = use(lambda t: np.stack([t, np.zeros_like(t)], axis=-1), degenerate=True)
-    found = sample_edge(pole, [(around, CutLines(0, np.array([0.25, 0.75])), UNIT)], 1e-3, 1e-3)
+    found = sample_edge(pole, [CutEdgeUse(around, CutLines(0, np.array([0.25, 0.75])), UNIT)], 1e-3, 1e-3)
     assert found.t == pytest.approx([0, 0.25, 0.75, 1], abs=1e-12)
     assert found.uv[0][:, 0].tolist() == pytest.approx([0, 0.25, 0.75, 1], abs=1e-12)
 
@@ -149,7 +151,7 @@ def test_a_pole_has_vertices_at_the_lines_only():
 def test_a_curved_edge_has_vertices_close_enough():
     line = edge(circle, 0.0, 2.0)
     found = sample_edge(
-        line, [(use(lambda t: np.stack([t / 2, t * 0], axis=-1), 0.0, 2.0), NO_LINES, UNIT)], 1e-6, 1e-3
+        line, [CutEdgeUse(use(lambda t: np.stack([t / 2, t * 0], axis=-1), 0.0, 2.0), NO_LINES, UNIT)], 1e-6, 1e-3
     )
     assert found.strip_breaks.tolist() == [0, len(found.t) - 1]
     assert 5 * (1 - np.cos(np.diff(found.t).max() / 2)) <= 1e-3

@@ -12,8 +12,10 @@ from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.kerf import compensate_kerf
 from cqblend.patterns.stock.sheets import arrange_pieces
-from cqblend.patterns.stock.tabs import add_tabs
-from cqblend.patterns.write.drawing import ARC_FIT_TOLERANCE, STYLES, Layer, draw_sheets, join_drawings
+from cqblend.patterns.stock.tab_options import TabOptions
+from cqblend.patterns.stock.tabs import fit_tabs
+from cqblend.patterns.write.drawing import STYLES, Layer, draw_sheets, join_drawings
+from cqblend.patterns.write.layout import DRAWING_LAYOUT
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 
@@ -32,9 +34,9 @@ def test_each_outline_is_cut_once_holes_first(case):
     assert all(path.closed for path in cuts)
     area = sum(piece.area for piece in pieces.pieces)
     assert sum(path.area for path in cuts) == pytest.approx(
-        area, abs=ARC_FIT_TOLERANCE * sum(path.length for path in cuts) / 2
+        area, abs=DRAWING_LAYOUT.arc_tolerance * sum(path.length for path in cuts) / 2
     )
-    (exact,) = draw_sheets(sheets, fit=0.0, height=None)
+    (exact,) = draw_sheets(sheets, arc_tolerance=0.0, label_height=None)
     assert sum(path.area for path in exact.paths_on(Layer.CUT)) == pytest.approx(area, rel=1e-9)
     assert [path.area > 0 for path in cuts] == [
         k == 0 for piece in pieces.pieces for k in range(len(piece.loops))[::-1]
@@ -81,7 +83,7 @@ def test_holes_keep_their_order_and_narrow_ones_are_refused():
 def test_labels_are_on_both_sides_of_each_seam():
     pieces = cases.box()
     (drawing,) = draw_sheets(arrange_pieces(pieces))
-    (plain,) = draw_sheets(arrange_pieces(pieces), height=None)
+    (plain,) = draw_sheets(arrange_pieces(pieces), label_height=None)
     assert drawing.notes == ()
     assert drawing.paths_on(Layer.ENGRAVE)
     assert not plain.paths_on(Layer.ENGRAVE)
@@ -100,7 +102,7 @@ def test_labels_without_room_are_noted_and_written_above():
 
 
 def test_scores_of_tabs_are_on_their_layers():
-    pieces = add_tabs(cases.valley(), width=5.0)
+    pieces = fit_tabs(cases.valley(), TabOptions(width=5.0)).pieces
     (drawing,) = draw_sheets(arrange_pieces(pieces))
     scores = [score for piece in pieces.pieces for score in piece.scores]
     assert scores
@@ -117,7 +119,7 @@ def test_flattened_rails_become_few_arcs_and_keep_their_length():
     runs = tuple(Run(Path.from_points(c), np.zeros((len(c), 3)), "rail") for c in corners)
     pieces = Pieces((Piece("1", (runs,)),), ())
     (few,) = draw_sheets(arrange_pieces(pieces))
-    (all_,) = draw_sheets(arrange_pieces(pieces), fit=0.0)
+    (all_,) = draw_sheets(arrange_pieces(pieces), arc_tolerance=0.0)
     assert len(all_.paths_on(Layer.CUT)[0].bulges) == 602
     assert len(few.paths_on(Layer.CUT)[0].bulges) < 20
     assert few.stretch < 1e-6
@@ -135,7 +137,7 @@ def test_sheets_beside_each_other_are_framed():
 
 def test_bad_lengths_are_refused():
     sheets = arrange_pieces(cases.box())
-    for wrong in ({"kerf": -0.1}, {"kerf": np.nan}, {"fit": -1.0}, {"height": 0.0}):
+    for wrong in ({"kerf": -0.1}, {"kerf": np.nan}, {"arc_tolerance": -1.0}, {"label_height": 0.0}):
         with pytest.raises(InputError):
             draw_sheets(sheets, **wrong)
 

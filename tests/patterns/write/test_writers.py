@@ -20,12 +20,14 @@ from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.labels import make_label_strokes
 from cqblend.patterns.stock.sheets import arrange_pieces
 from cqblend.patterns.stock.split_pieces import split_to_fit
-from cqblend.patterns.write.drawing import ARC_FIT_TOLERANCE, Layer, draw_sheets, join_drawings
-from cqblend.patterns.write.pattern_files import export_sheets
-from cqblend.patterns.write.pdf_file import PAPERS, find_printable_size, write_pdf
+from cqblend.patterns.write.drawing import Layer, draw_sheets, join_drawings
+from cqblend.patterns.write.layout import DRAWING_LAYOUT
+from cqblend.patterns.write.pattern_files import ExportOptions, export_sheets
+from cqblend.patterns.write.pdf_file import PAPERS, write_pdf
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores]
 POINT = 25.4 / 72
+PRINTABLE_A4 = (190.0, 261.0)  # less margins and footer
 
 
 def arc_points(a, b, bulge, count=400):
@@ -153,7 +155,7 @@ def expected(pieces):
     return sorted(path.area for piece in pieces.pieces for path in piece.outlines)
 
 
-def same_areas(loops, pieces, fit=ARC_FIT_TOLERANCE):
+def same_areas(loops, pieces, fit=DRAWING_LAYOUT.arc_tolerance):
     areas = sorted(area(points) for _, points in loops)
     length = max(run.path.length for piece in pieces.pieces for *_, run in piece.runs()) * 4
     assert np.allclose(areas, expected(pieces), rtol=1e-4, atol=fit * length)
@@ -198,7 +200,7 @@ def test_true_size(tmp_path):
     lengths = Counter({40.0: 8, 30.0: 8, 20.0: 8})
     dxf = from_dxf(export_sheets(sheets, tmp_path / "a.dxf"))["CUT"]
     svg = from_svg(export_sheets(sheets, tmp_path / "a.svg"))[0]["CUT"]
-    pages = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf", page="a3")).pages
+    pages = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf", ExportOptions(page="a3"))).pages
     pdf = [
         (c, p[:-1] if p[0] == p[-1] else p) for page in pages for k, _, c, p in from_pdf(page) if k == (255, 0, 0) and c
     ]
@@ -237,15 +239,15 @@ def test_labels_are_twice_per_seam(tmp_path):
     for _, points in layers["ENGRAVE"]:
         line = shapely.linestrings(np.column_stack([points.real, points.imag]))
         assert sum(piece.contains(line) for piece in pieces) == 1
-    assert "ENGRAVE" not in from_dxf(export_sheets(sheets, tmp_path / "b.dxf", height=None))
+    assert "ENGRAVE" not in from_dxf(export_sheets(sheets, tmp_path / "b.dxf", ExportOptions(label_height=None)))
 
 
 def test_pdf_pages_have_true_size_and_say_where_they_belong(tmp_path):
     sheets = arrange_pieces(cases.cylinder(60.0, 200.0))
     (drawing,) = draw_sheets(sheets)
-    file = export_sheets(sheets, tmp_path / "a.pdf", page="a4")
+    file = export_sheets(sheets, tmp_path / "a.pdf", ExportOptions(page="a4"))
     reader = pypdf.PdfReader(file)
-    tile = np.array(find_printable_size("a4"))
+    tile = np.array(PRINTABLE_A4)
     texts = [page.extract_text() for page in reader.pages]
     rows, columns = (int(x) for x in re.search(r"row \d+ of (\d+), column \d+ of (\d+)", texts[0]).groups())
     assert 1 < len(reader.pages) <= rows * columns
@@ -277,13 +279,13 @@ def test_pdf_pages_have_true_size_and_say_where_they_belong(tmp_path):
 
 
 def test_a_sheet_that_fits_a_page_is_not_tiled(tmp_path):
-    sheets = arrange_pieces(cases.gores(), find_printable_size("a4"))
+    sheets = arrange_pieces(cases.gores(), PRINTABLE_A4)
     reader = pypdf.PdfReader(export_sheets(sheets, tmp_path / "a.pdf"))
     assert len(reader.pages) == sheets.count
     assert "row" not in reader.pages[0].extract_text()
     loops = [(c, p) for page in reader.pages for k, _, c, p in from_pdf(page) if k == (255, 0, 0) and c]
     same_areas(loops, sheets.pieces)
-    plotter = pypdf.PdfReader(export_sheets(sheets, tmp_path / "b.pdf", page=None)).pages[0]
+    plotter = pypdf.PdfReader(export_sheets(sheets, tmp_path / "b.pdf", ExportOptions(page=None))).pages[0]
     assert float(plotter.mediabox.width) * POINT == pytest.approx(sheets.size[0] + 20.0, abs=1e-3)
 
 
@@ -299,7 +301,9 @@ def test_labels_without_room_are_listed_on_a_page(tmp_path):
 def test_json_holds_everything(case, tmp_path):
     pieces = split_to_fit(case(), (70.0, 60.0))
     sheets = arrange_pieces(pieces, (80.0, 70.0))
-    file = export_sheets(sheets, tmp_path / "a.json", report={"area": np.float64(2.0), "worst": np.nan, "list": (1, 2)})
+    file = export_sheets(
+        sheets, tmp_path / "a.json", ExportOptions(report={"area": np.float64(2.0), "worst": np.nan, "list": (1, 2)})
+    )
     found = json.loads(file.read_text(encoding="utf-8"), parse_constant=lambda name: pytest.fail(name))
     assert found["schema"] == "cqblend.pattern/1"
     assert found["report"] == {"area": 2.0, "worst": None, "list": [1, 2]}
@@ -330,8 +334,8 @@ def test_json_holds_everything(case, tmp_path):
 def test_kerf_has_its_twin_in_every_drawing(tmp_path):
     sheets = arrange_pieces(cases.tower())
     for found in (
-        from_dxf(export_sheets(sheets, tmp_path / "a.dxf", kerf=0.3)),
-        from_svg(export_sheets(sheets, tmp_path / "a.svg", kerf=0.3))[0],
+        from_dxf(export_sheets(sheets, tmp_path / "a.dxf", ExportOptions(kerf=0.3))),
+        from_svg(export_sheets(sheets, tmp_path / "a.svg", ExportOptions(kerf=0.3)))[0],
     ):
         same_areas(found["GUIDE"], sheets.pieces)
         assert sum(area(p) for _, p in found["CUT"]) > sum(area(p) for _, p in found["GUIDE"])
@@ -376,7 +380,7 @@ def test_what_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist: make it first"):
         export_sheets(sheets, tmp_path / "none" / "a.dxf")
     with pytest.raises(InputError, match="paper is one of a0"):
-        export_sheets(sheets, tmp_path / "a.pdf", page="a9")
+        export_sheets(sheets, tmp_path / "a.pdf", ExportOptions(page="a9"))
     with pytest.raises(InputError, match="too small"):
         write_pdf(draw_sheets(sheets), tmp_path / "a.pdf", page=(100.0, 100.0))
     with pytest.raises(InputError):

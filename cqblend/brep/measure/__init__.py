@@ -1,0 +1,1 @@
+"""Measurement of finished shapes by OCCT alone: continuity along edges, creases, curvature."""

@@ -1,0 +1,1 @@
+"""From splines and pieces to shapes of OCCT."""

@@ -1,0 +1,87 @@
+"""Tolerances and limits of blending edges of solids, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SolidBlendTolerances:
+    """Tolerances and limits of the modules in :mod:`cqblend.solid_blends`.
+
+    The size of a blend is its largest length.
+    """
+
+    rail: float = 1e-5
+    """Relative to the size: largest distance of the rails from the contacts of the ball."""
+
+    min_rail: float = 1e-7
+    """mm: the least that this is taken for."""
+
+    exact_angle: float = 1e-7
+    """Radians: largest angle that may be measured along a rail of an exact blend, by OCCT, whose derivatives of splines
+    of high degree are rounded."""
+
+    exact_curvature_jump: float = 1e-6
+    """In units of 1 / size: largest jump of curvature that may be measured along a rail of an exact G2 or G3 blend."""
+
+    compact_curvature_jump: float = 1e-3
+    """The same of a compact blend."""
+
+    gap: float = 1e-7
+    """mm: largest gap that may be measured along a rail on clean input."""
+
+    edge: float = 5e-7
+    """mm: largest tolerance that a new edge may have on clean input."""
+
+    inner_crease_margin: float = 1.05
+    """Factor on the allowed crease inside a blend, for the measurement by OCCT."""
+
+    same_surface: float = 1e-10
+    """Relative to the size of a solid: a surface that differs less from that of a face is the same."""
+
+    max_rail_fits: int = 4
+    """How often rails are fitted, longer each time, until they reach the faces at the ends of the edge."""
+
+    cap_offsets: tuple[float, ...] = (0.0, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0)
+    """Distances before the end of the edge at which a flat cap is tried, relative to the reach of the blend."""
+
+    parallel_cosine: float = 0.15
+    """Least |cos| between an edge and the normal of the face at its end: below it, the face runs along the edge."""
+
+    max_uncovered: float = 0.3
+    """Relative to the edge: more than that no cap leaves unblended at one end."""
+
+    check_stations: int = 25
+    """Number of stations whose contacts are checked before a size is tried."""
+
+    min_tolerance_ratio: float = 3.0
+    """Relative to the edge's tolerance: the least size."""
+
+    fallback_size: float = 1e-2
+    """Relative to the solid's size: tried where contacts let no size pass, to get the error that says why."""
+
+
+@dataclass(frozen=True)
+class SizeSearch:
+    """How the largest size that works is looked for: steps of the cheap trials, and of the trials proper after them."""
+
+    cheap_growth: float = 1.1
+    """Factor between sizes of trials that look at contacts only."""
+
+    cheap_count: int = 90
+    """Number of these: over nearly four decades."""
+
+    start_ratio: float = 1 / 8
+    """Relative to the largest size that contacts allow: where trials proper start; and by how much smaller each further
+    start is, where that fails."""
+
+    max_starts: int = 3
+    """Number of starts."""
+
+    growth: float = 1.25
+    """Factor between sizes of trials proper."""
+
+
+SOLID_BLEND_TOLERANCES = SolidBlendTolerances()
+SIZE_SEARCH = SizeSearch()

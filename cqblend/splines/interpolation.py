@@ -1,0 +1,239 @@
+"""Curves through given values or derivatives: smooth spline interpolants and local Hermite interpolants.
+
+Both are piecewise Hermite forms: a small linear system for the unknown derivatives, then Bernstein coefficients.
+Depends on curves only.
+"""
+
+from functools import lru_cache
+from math import comb, factorial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cqblend.errors import InputError
+from cqblend.splines.bernstein import Array
+from cqblend.splines.curve import Curve
+from cqblend.splines.tolerances import SPLINE_TOLERANCES
+
+
+@lru_cache(maxsize=32)
+def tabulate_hermite_basis(k: int) -> Array:
+    """Bernstein coefficients (2k+2, 2, k+1) of degree 2k+1 from derivatives 0..k at both ends of the unit interval."""
+    p = 2 * k + 1
+    table = np.zeros((p + 1, 2, k + 1))
+    for i in range(k + 1):
+        for r in range(i + 1):
+            # c_i = sum_r C(i, r) (p - r)!/p! f^(r)(0), mirrored with alternating signs at the other end
+            weight = comb(i, r) * factorial(p - r) / factorial(p)
+            table[i, 0, r] = weight
+            table[p - i, 1, r] = (-1) ** r * weight
+    table.setflags(write=False)
+    return table
+
+
+@lru_cache(maxsize=32)
+def _tabulate_end_derivatives(k: int) -> Array:
+    """Tabulate derivatives 0..p of the unit-interval Hermite form, (2 ends, p+1, 2 ends of data, k+1)."""
+    table = tabulate_hermite_basis(k)
+    p = len(table) - 1
+    out = np.zeros((2, p + 1, 2, k + 1))
+    for r in range(p + 1):
+        difference = np.diff(table, n=r, axis=0) * (factorial(p) / factorial(p - r))
+        out[0, r], out[1, r] = difference[0], difference[-1]
+    out.setflags(write=False)
+    return out
+
+
+def check_parameters(t: ArrayLike) -> Array:
+    """Return the parameters of data as an array: at least two, finite, strictly increasing."""
+    breaks = np.array(t, dtype=np.float64)
+    if breaks.ndim != 1 or len(breaks) < 2 or not np.isfinite(breaks).all() or (np.diff(breaks) <= 0).any():
+        raise InputError("interpolation needs at least two finite, strictly increasing parameters")
+    return breaks
+
+
+def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
+    """Piecewise Hermite interpolant of degree 2k + 1, of continuity k.
+
+    Parameters
+    ----------
+    t
+        (n + 1,) strictly increasing.
+    jets
+        Values and derivatives 0 .. k at the breaks, (k + 1, n + 1, dim); or separately for the start and the end of
+        every piece, (k + 1, n, 2, dim), with the continuity that follows from the data: the number of leading
+        derivatives that agree exactly, less one.
+
+    Raises
+    ------
+    InputError
+        On shapes that do not fit.
+
+    Examples
+    --------
+    >>> hermite([0, 1], [[[0.0], [1.0]], [[1.0], [1.0]]])(0.25)
+    array([0.25])
+    """
+    breaks = check_parameters(t)
+    data = np.array(jets, dtype=np.float64)
+    n = len(breaks) - 1
+    if data.ndim == 3 and data.shape[1] == n + 1:
+        data = np.stack([data[:, :-1], data[:, 1:]], axis=2)
+    if data.ndim != 4 or data.shape[1:3] != (n, 2) or not len(data) or not data.shape[3]:
+        raise InputError(
+            f"jets of shape {data.shape} for {n + 1} parameters, expected (k+1, {n + 1}, dim) or (k+1, {n}, 2, dim)"
+        )
+    if not np.isfinite(data).all():
+        raise InputError("a value or derivative to interpolate is not finite")
+    k = len(data) - 1
+    scaled = data * (np.diff(breaks) ** np.arange(k + 1)[:, None])[:, :, None, None]
+    coefs = np.einsum("ier,rned->idn", tabulate_hermite_basis(k), scaled)
+    agree = (data[:, :-1, 1] == data[:, 1:, 0]).all(axis=-1)
+    order = np.cumprod(agree, axis=0).sum(axis=0) - 1
+    return Curve(breaks, coefs, continuity=order)
+
+
+def interpolate(
+    t: ArrayLike,
+    values: ArrayLike,
+    *,
+    degree: int = 3,
+    periodic: bool = False,
+    sign: int = 1,
+    derivatives: ArrayLike | None = None,
+) -> Curve:
+    """Spline of odd degree 2k + 1 and continuity 2k through values at its breaks.
+
+    The unknowns are the derivatives 1 .. k at the breaks; the equations say that derivatives k+1 .. 2k do not jump.
+
+    Parameters
+    ----------
+    t
+        (n + 1,) strictly increasing.
+    values
+        (n + 1, dim).
+    degree
+        1, 3 (C2) or 5 (C4). Cubics are exact to rounding at any spacing; quintics lose digits where neighbouring steps
+        differ much (2e-11 of the values at 1 : 50).
+    periodic
+        Match all derivatives up to 2k at the two ends; the values may differ by a shift. Otherwise the ends are
+        not-a-knot (derivative 2k + 1 does not jump either at the outermost k interior breaks) or given.
+    sign
+        -1 with `periodic` for a function that returns with the opposite sign: derivatives match up to that sign, and so
+        must the values.
+    derivatives
+        Derivatives 1 .. k at both ends, (k, 2, dim); for a cubic also (2, dim). None for not-a-knot.
+
+    Returns
+    -------
+    Curve
+        With break points t and continuity 2k.
+
+    Raises
+    ------
+    InputError
+        On shapes that do not fit, fewer than 2k + 2 points for not-a-knot ends, or values that contradict `sign`.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 2, 5)
+    >>> bool(abs(interpolate(t, t[:, None] ** 3)(1.3) - 1.3**3).max() < 1e-14)
+    True
+    """
+    breaks = check_parameters(t)
+    data = np.array(values, dtype=np.float64)
+    n = len(breaks) - 1
+    if data.ndim != 2 or len(data) != n + 1 or not data.shape[1] or not np.isfinite(data).all():
+        raise InputError(f"values of shape {data.shape} for {n + 1} parameters, expected finite ({n + 1}, dim)")
+    if degree not in (1, 3, 5):
+        raise InputError(f"interpolation of degree {degree}: choose 1, 3 or 5")
+    if sign not in (1, -1) or (sign == -1 and not periodic):
+        raise InputError(f"sign={sign}: it is 1, or -1 together with periodic=True")
+    if sign == -1 and np.abs(data[0] + data[-1]).max() > SPLINE_TOLERANCES.antiperiodic_gap * np.abs(data).max():
+        raise InputError(f"antiperiodic values must return with the opposite sign, not from {data[0]} to {data[-1]}")
+    k = (degree - 1) // 2
+    jets = np.concatenate([data[None], np.zeros((k, n + 1, data.shape[1]))])
+    if k:
+        given = None if derivatives is None else np.array(derivatives, dtype=np.float64).reshape(-1, 2, data.shape[1])
+        if given is not None and (len(given) != k or periodic):
+            raise InputError(f"{len(given)} derivatives at the ends: degree {degree} takes {k}, and periodic ends none")
+        if given is None and not periodic and n < degree:
+            raise InputError(f"{n + 1} points are too few for not-a-knot ends of degree {degree}: give {degree + 1}")
+        jets[1:] = _solve_break_derivatives(np.diff(breaks), data, k, periodic, sign, given)
+    curve = hermite(breaks, jets)
+    return curve._from_pieces(curve._breaks, curve._coefs, False, (np.full(n - 1, 2 * k),))
+
+
+def _solve_tridiagonal(matrix: Array, right: Array) -> Array:
+    """Solve a tridiagonal system whose first and last rows may reach one column further, by parallel cyclic reduction.
+
+    log2(n) sweeps over whole columns, each of which doubles the distance between coupled rows. A dense solver takes
+    longer, and many times longer where its threads compete for the processor.
+    """
+    matrix, right = matrix.copy(), right.copy()
+    for row, other, column in ((0, 1, 2), (-1, -2, -3)):
+        factor = matrix[row, column] / matrix[other, column]
+        matrix[row] -= factor * matrix[other]
+        right[row] -= factor * right[other]
+    middle = np.diag(matrix).copy()
+    low, up = np.append(0.0, np.diag(matrix, -1)), np.append(np.diag(matrix, 1), 0.0)
+    step, n = 1, len(middle)
+
+    def shift_back(x: Array, fill: float = 0.0) -> Array:
+        return np.concatenate([np.full((step, *x.shape[1:]), fill), x[:-step]])
+
+    def shift_ahead(x: Array, fill: float = 0.0) -> Array:
+        return np.concatenate([x[step:], np.full((step, *x.shape[1:]), fill)])
+
+    while step < n:
+        p, q = -low / shift_back(middle, 1.0), -up / shift_ahead(middle, 1.0)
+        middle = middle + p * shift_back(up) + q * shift_ahead(low)
+        right = right + p[:, None] * shift_back(right) + q[:, None] * shift_ahead(right)
+        low, up = p * shift_back(low), q * shift_ahead(up)
+        step *= 2
+    return np.asarray(right / middle[:, None])
+
+
+def _solve_break_derivatives(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Array | None) -> Array:
+    """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k."""
+    n, dim = len(h), values.shape[1]
+    table = _tabulate_end_derivatives(k)
+    # unknowns and equations of comparable size: f^(m) at a break times the m-th power of a length there
+    around = np.concatenate([h[-1:], h, h[:1]] if periodic else [h[:1], h, h[-1:]])
+    size = np.sqrt(around[:-1] * around[1:])
+    powers = np.arange(1, k + 1)
+    # derivative r of piece j at end e: sum over its data end d and order m of table[e, r, d, m] h^(m-r) f^(m)
+    ends = np.stack([size[:-1], size[1:]], axis=1)
+    high = (ends / h[:, None])[:, :, None] ** np.arange(2 * k + 2)  # (n, 2, p+1)
+    low = (h[:, None] / ends)[:, :, None] ** np.arange(k + 1)  # (n, 2, k+1)
+    piece = table[None] * high[:, :, :, None, None] * low[:, None, None]  # (n, 2, p+1, 2, k+1)
+    columns = np.arange((n + 1) * k).reshape(n + 1, k)
+    matrix = np.zeros(((n + 1) * k, (n + 1) * k))
+    right = np.zeros(((n + 1) * k, dim))
+    chord = np.diff(values, axis=0)
+
+    def add_smoothness_rows(rows: Array, left: Array, after: Array, orders: slice, factor: float = 1.0) -> None:
+        """Write rows that let no derivative in `orders` jump from the ends of pieces `left` to the starts of others."""
+        for sense, index, end in ((1.0, after, 0), (-factor, left, 1)):
+            for data_end in (0, 1):
+                block = sense * piece[index, end, orders, data_end, 1:]
+                matrix[rows[:, :, None], columns[index + data_end][:, None, :]] += block
+            right[rows] -= sense * piece[index, end, orders, 1, 0][..., None] * chord[index][:, None, :]
+
+    inner = np.arange(1, n)
+    add_smoothness_rows(columns[1:n], inner - 1, inner, slice(k + 1, 2 * k + 1))
+    if periodic:
+        last, first = np.array([n - 1]), np.array([0])
+        add_smoothness_rows(columns[:1], last, first, slice(k + 1, 2 * k + 1), sign)
+        matrix[columns[n], columns[n]], matrix[columns[n], columns[0]] = 1.0, -sign
+    elif given is not None:
+        fixed = columns[[0, n]]
+        matrix[fixed, fixed] = 1.0
+        right[fixed] = np.swapaxes(given, 0, 1) * (size[[0, n], None] ** powers)[..., None]
+    else:
+        outer = np.arange(k)
+        add_smoothness_rows(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
+        add_smoothness_rows(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
+    narrow = k == 1 and not periodic and n > 3
+    solution = (_solve_tridiagonal if narrow else np.linalg.solve)(matrix, right).reshape(n + 1, k, dim)
+    return np.asarray(np.swapaxes(solution / (size[:, None] ** powers)[..., None], 0, 1))
