@@ -49,4 +49,4 @@ class ReadTolerances:
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
 
 
-TOLERANCES = ReadTolerances()
+READ_TOLERANCES = ReadTolerances()

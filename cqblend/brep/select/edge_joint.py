@@ -24,7 +24,7 @@ from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_i
 from cqblend.brep.read.face_surface import SupportFace, read_support_face
 from cqblend.brep.select.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
 from cqblend.brep.select.spine import EdgeSpine, chain_edges
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (
     CONFUSION,
@@ -106,7 +106,7 @@ class Joint:
     def classify_contacts(self, contacts: Contacts, side_index: int) -> Array:
         """Return which contacts (n,) of one side, 0 or 1, are inside its face."""
         side = self.sides[side_index]
-        classifier = BRepTopAdaptor_FClass2d(side.face, TOLERANCES.contact_boundary)
+        classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.contact_boundary)
         found = []
         for point in side.wrap_to_window(side.to_face_parameters(contacts.uv[side_index])):
             state = classifier.Perform(gp_Pnt2d(*point.tolist()))
@@ -172,7 +172,7 @@ class Joint:
             legs += corner - stations.points[0]
             if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
                 continue
-            classifier = BRepTopAdaptor_FClass2d(side.face, TOLERANCES.face_boundary)
+            classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.face_boundary)
             on_edge = self.spine.evaluate_pcurves(contacts.t, side.face)
             start, stop = (
                 side.unwrap_near(side.to_face_parameters(foot), on_edge),
@@ -184,8 +184,8 @@ class Joint:
                         raise TopologyError(f"a wall across the edge leaves face {number}")
         behind = (
             stations.points[0]
-            + TOLERANCES.cap_probe_share * legs
-            + TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
+            + SELECT_TOLERANCES.cap_probe_share * legs
+            + SELECT_TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
         )
         classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
         if classifier.State() != (TopAbs_IN if self.is_convex else TopAbs_OUT):
@@ -235,7 +235,7 @@ def find_joint(
     between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
     ordered, closed = chain_edges(_grow_joint(between, pair, faces_at, solid), pair[0])
     spine = EdgeSpine(ordered, closed)
-    points = spine.evaluate_points(np.linspace(0, 1, TOLERANCES.spine_samples)[: -1 if closed else None])
+    points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if closed else None])
     edge_is_circular = closed or spine.measure_arc_angle() is not None
     first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
     joint = Joint(solid, spine, (first, second), edge_number, face_numbers, lookup_number)
@@ -278,7 +278,7 @@ def _is_tangent_continuation(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: l
     """Whether an edge leaves a vertex in the direction in which one of the others arrives there."""
     here = find_outgoing_tangent(vertex, edge)
     before = [find_outgoing_tangent(vertex, other) for other in others if is_among(vertex, find_end_vertices(other))]
-    return any(np.linalg.norm(here + one) < TOLERANCES.continuation_angle for one in before)
+    return any(np.linalg.norm(here + one) < SELECT_TOLERANCES.continuation_angle for one in before)
 
 
 def _check_sharp(joint: Joint, name: str) -> None:
@@ -288,13 +288,13 @@ def _check_sharp(joint: Joint, name: str) -> None:
         side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
     )
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
-    if angle.max() < TOLERANCES.smooth_angle:
+    if angle.max() < SELECT_TOLERANCES.smooth_angle:
         raise NothingToBlendError(
             f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
             kind="smooth",
             value=float(angle.max()),
         )
-    if angle.min() < TOLERANCES.smooth_angle:
+    if angle.min() < SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
-    if angle.max() > np.pi - TOLERANCES.smooth_angle:
+    if angle.max() > np.pi - SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")

@@ -14,7 +14,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measure.edge_continuity import measure_continuity_between
 from cqblend.brep.measure.edge_sides import find_edge_sides
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import CqblendError, SelectionError
 
@@ -86,6 +86,6 @@ def _is_joint(shape: TopoDS_Shape, edge: TopoDS_Edge, *, sharp: bool) -> bool:
         sides = find_edge_sides(shape, edge)
         if sides[0][0].IsSame(sides[1][0]):
             return False
-        return not sharp or measure_continuity_between(sides, TOLERANCES.sharpness_samples).kind != "smooth"
+        return not sharp or measure_continuity_between(sides, SELECT_TOLERANCES.sharpness_samples).kind != "smooth"
     except CqblendError:
         return False

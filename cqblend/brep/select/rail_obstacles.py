@@ -14,7 +14,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.select.edge_joint import Joint
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes, is_among
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
@@ -53,7 +53,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
         if not is_among(use, joint.spine.edges)
     ]
     name = f"face {joint.face_numbers[side]}"
-    if share < TOLERANCES.least_width:
+    if share < SELECT_TOLERANCES.least_width:
         return f"{name} ends at the edge there"
     if not borders:
         return f"{name} reaches only {width:.3g} there"
@@ -65,7 +65,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
     opposite = joint.sides[1 - side]
     normal = opposite.outward * opposite.primary.evaluate_normals(stations.uv[1 - side])[0]
     normal_beyond = _evaluate_border_normal(faces_beyond[0], border, point)
-    if joint.is_convex and normal_beyond @ normal < TOLERANCES.opposite_cosine:
+    if joint.is_convex and normal_beyond @ normal < SELECT_TOLERANCES.opposite_cosine:
         names = f"face {joint.face_numbers[1 - side]} and {joint.name_part(faces_beyond[0])}"
         return f"the wall between {names} is only {width:.3g} thick there"
     return f"{name} is only {width:.3g} wide there, up to {joint.name_part(border)}"
@@ -79,14 +79,14 @@ def _find_last_point_inside(joint: Joint, contacts: Contacts, side: int, index: 
     foot = joint.locate_stations(t).uv[side]
     start = support.unwrap_near(support.to_face_parameters(foot), on_edge)[0]
     stop = support.unwrap_near(support.to_face_parameters(contacts.uv[side][[index]]), on_edge)[0]
-    classifier = BRepTopAdaptor_FClass2d(support.face, TOLERANCES.face_boundary)
+    classifier = BRepTopAdaptor_FClass2d(support.face, SELECT_TOLERANCES.face_boundary)
 
     def is_inside_face(share: float) -> bool:
         (uv,) = support.wrap_to_window((start + share * (stop - start))[None])
         state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
         return bool(state == TopAbs_IN or (state == TopAbs_ON and support.is_at_seam(uv)))
 
-    share, _ = bisect_interval(is_inside_face, 0.0, 1.0, TOLERANCES.width_bisections)
+    share, _ = bisect_interval(is_inside_face, 0.0, 1.0, SELECT_TOLERANCES.width_bisections)
     point: Array = support.face_primary.jet((start + share * (stop - start))[None])[0, 0]
     return share, point
 
@@ -96,7 +96,7 @@ def _evaluate_border_normal(face: TopoDS_Face, border: TopoDS_Edge, point: Array
     support = read_support_face(face, point[None])
     curve = BRep_Tool.CurveOnSurface_s(border, support.face, 0.0, 0.0)
     first, last = BRep_Tool.Range_s(border)
-    samples = map(curve.Value, np.linspace(first, last, TOLERANCES.border_samples).tolist())
+    samples = map(curve.Value, np.linspace(first, last, SELECT_TOLERANCES.border_samples).tolist())
     uv = np.array([(sample.X(), sample.Y()) for sample in samples])
     nearest = np.linalg.norm(support.face_primary.jet(uv)[0] - point, axis=1).argmin()
     normal: Array = support.outward * support.face_primary.evaluate_normals(uv[[nearest]])[0]

@@ -12,7 +12,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.select.edge_joint import Joint, NothingToBlendError, find_joint
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.select.united_faces import UnifiedSolid
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices, is_among
 from cqblend.certificate import SkippedEdge
@@ -166,7 +166,7 @@ class PendingEdges:
 def _is_backward(joint: Joint, edge: TopoDS_Edge) -> bool:
     """Whether the spine of a joint has the sense opposite to that of an edge of it, as that is oriented."""
     middle, direction = _evaluate_middle(edge)
-    points = joint.spine.evaluate_points(np.linspace(0, 1, TOLERANCES.spine_samples))
+    points = joint.spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples))
     i = int(np.clip(np.linalg.norm(points - middle, axis=1).argmin(), 1, len(points) - 2))
     return bool((points[i + 1] - points[i - 1]) @ direction < 0)
 

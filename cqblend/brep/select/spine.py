@@ -19,7 +19,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.read.face_surface import SupportFace
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
 from cqblend.splines.bernstein import Array
@@ -123,11 +123,12 @@ class EdgeSpine:
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
         """Centre (3,) and radius of the circle that the spine is an arc of, None if there is none."""
-        points = self.evaluate_points(np.linspace(0, 1, TOLERANCES.circle_samples)[: -1 if self.closed else None])
+        t = np.linspace(0, 1, SELECT_TOLERANCES.circle_samples)
+        points = self.evaluate_points(t[: -1 if self.closed else None])
         middle = points.mean(axis=0)
         axes = np.linalg.svd(points - middle)[2]
         size = np.abs(points - middle).max()
-        if np.abs((points - middle) @ axes[2]).max() > TOLERANCES.circle * size:
+        if np.abs((points - middle) @ axes[2]).max() > SELECT_TOLERANCES.circle * size:
             return None
         flat = (points - middle) @ axes[:2].T
         system = np.column_stack([2 * flat, np.ones(len(flat))])
@@ -135,7 +136,7 @@ class EdgeSpine:
         if rank < 3:
             return None
         radius = float(np.sqrt(solution[2] + solution[:2] @ solution[:2]))
-        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > TOLERANCES.circle * radius:
+        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > SELECT_TOLERANCES.circle * radius:
             return None
         return middle + solution[:2] @ axes[:2], radius
 
@@ -145,7 +146,7 @@ class EdgeSpine:
             return None
         turn = self.length / self.circle[1]
         if self.closed:
-            return 2 * np.pi if abs(turn - 2 * np.pi) < TOLERANCES.full_turn else None
+            return 2 * np.pi if abs(turn - 2 * np.pi) < SELECT_TOLERANCES.full_turn else None
         return float(turn) if turn < 2 * np.pi else None
 
     def locate_stations(self, t: Array, sides: tuple[SupportFace, SupportFace]) -> Stations:
@@ -193,7 +194,7 @@ def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
     """Tabulate an edge's arc length, by Simpson's rule on the speed of its curve."""
     curve = BRepAdaptor_Curve(edge)
     first, last = curve.FirstParameter(), curve.LastParameter()
-    parameter = np.linspace(first, last, 2 * TOLERANCES.speed_samples - 1)
+    parameter = np.linspace(first, last, 2 * SELECT_TOLERANCES.speed_samples - 1)
     p, v = gp_Pnt(), gp_Vec()
     speeds = []
     for x in parameter.tolist():
@@ -202,7 +203,7 @@ def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
     speed = np.array(speeds)
     if edge.Orientation() == TopAbs_REVERSED:
         parameter, speed = parameter[::-1], speed[::-1]
-    step = (last - first) / (TOLERANCES.speed_samples - 1)
+    step = (last - first) / (SELECT_TOLERANCES.speed_samples - 1)
     simpson = step / 6 * (speed[:-2:2] + 4 * speed[1::2] + speed[2::2])
     arc = np.append(0.0, np.cumsum(simpson))
     sign = np.sign(parameter[-1] - parameter[0])

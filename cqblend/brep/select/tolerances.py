@@ -51,4 +51,4 @@ class SelectTolerances:
     """rad, between the normals of planes, or the axes of cylinders, that are the same."""
 
 
-TOLERANCES = SelectTolerances()
+SELECT_TOLERANCES = SelectTolerances()

@@ -28,7 +28,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 
 from cqblend.brep.measure.edge_continuity import measure_continuity_between
 from cqblend.brep.select.edge_joint import Joint
-from cqblend.brep.select.tolerances import TOLERANCES
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
     CONFUSION,
@@ -87,7 +87,7 @@ def unify_faces(joint: Joint, reach: Callable[[], float]) -> UnifiedSolid | None
     def is_near(shape: TopoDS_Shape) -> bool:
         nonlocal largest_distance
         if largest_distance is None:
-            largest_distance = TOLERANCES.reach_margin * reach()
+            largest_distance = SELECT_TOLERANCES.reach_margin * reach()
         return any(BRepExtrema_DistShapeShape(shape, edge).Value() <= largest_distance for edge in joint.spine.edges)
 
     while splits := _find_split_edges(solid, faces, spine_edges, is_near):
@@ -187,8 +187,8 @@ def _is_same_surface(one: TopoDS_Face, two: TopoDS_Face, shared: TopoDS_Edge) ->
     if any(BRep_Tool.Degenerated_s(edge) for edge in explore_subshapes(one, TopAbs_EDGE)):
         return False
     return (
-        measure_continuity_between(((one, shared), (two, shared)), TOLERANCES.merged_samples).angle
-        < TOLERANCES.smooth_angle
+        measure_continuity_between(((one, shared), (two, shared)), SELECT_TOLERANCES.merged_samples).angle
+        < SELECT_TOLERANCES.smooth_angle
     )
 
 
@@ -264,7 +264,7 @@ def _remove_split_edges(
         if len(left) == 2 and is_removable and not any(is_among(edge, spine_edges) for edge in left):
             removable_vertices.append(vertex)
     unify = ShapeUpgrade_UnifySameDomain(solid, bool(removable_vertices), True, False)
-    unify.SetAngularTolerance(TOLERANCES.parallel_angle)
+    unify.SetAngularTolerance(SELECT_TOLERANCES.parallel_angle)
     for part in (*ShapeIndex(solid, TopAbs_EDGE), *ShapeIndex(solid, TopAbs_VERTEX)):
         if not is_among(part, (*splits, *seams, *removable_vertices)):
             unify.KeepShape(part)
@@ -281,7 +281,7 @@ def _remove_split_edges(
 
 def _is_valid_merge(new: TopoDS_Face, old: list[TopoDS_Face]) -> bool:
     """Whether a face has the area of those that it replaces, and is valid in OCCT's modes in which they were."""
-    if abs(_measure_area(new) - sum(map(_measure_area, old))) > TOLERANCES.merged_area * _measure_area(new):
+    if abs(_measure_area(new) - sum(map(_measure_area, old))) > SELECT_TOLERANCES.merged_area * _measure_area(new):
         return False
     return all(
         BRepCheck_Analyzer(new, True, False, exact).IsValid()
