@@ -371,9 +371,9 @@ def unroll_with_options(
         given = collect_unroll_shapes(shape)
         host_shape = given.model
         try:
-            shell = read_patches(given.shapes, whole=given.solid, join=options.flat)
+            shell = read_patches(given.shapes, numbered_shape=given.solid, sewing_tolerance=options.flat)
         except SelectionError:  # the faces are not those of the solid in the chain
-            shell = read_patches(given.shapes, join=options.flat)
+            shell = read_patches(given.shapes, sewing_tolerance=options.flat)
     unrolled = assembly.unroll_patches(shell, options, progress)
     if options.developable:
         _check_rulings_paired(unrolled)

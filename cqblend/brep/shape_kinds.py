@@ -1,7 +1,7 @@
-"""What kind of thing a TopoDS shape is, and its parts.
+"""Tell the kind of a TopoDS shape, and list its direct parts.
 
-Holds the few questions that every front door asks of a shape before anything is computed. OCP hands shapes out as plain
-``TopoDS_Shape``; `downcast` makes them what they are.
+These are the checks that every public function makes of a shape before anything is computed. OCP returns shapes as
+plain ``TopoDS_Shape``; :func:`downcast_shape` gives them their own class.
 """
 
 from typing import Literal, TypeGuard, cast

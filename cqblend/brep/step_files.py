@@ -1,10 +1,9 @@
-"""STEP files, in and out, in millimetres, with one clear error instead of OCCT's chatter.
+"""Read and write STEP files in millimetres, with one clear error in place of OCCT's messages.
 
-OCCT reads a damaged file as far as it can and returns what is left, often with a face missing and no word about it, and
-sometimes crashes on the way; it writes straight over the target, with 12 digits. Here a file whose geometry did not
-load completely is translated by another process first, and read only if its solids are whole all the same; writing
-keeps 16 digits and replaces the target only when the new file is complete. This module knows shapes as opaque things to
-be moved, not what they mean to cqblend.
+OCCT reads a damaged file as far as it can and returns the rest, often with a face missing and without an error, and
+sometimes crashes; it overwrites the target directly, with 12 digits. Here a file whose geometry did not load completely
+is first translated by another process, and read only if its solids are complete nevertheless; writing keeps 16 digits
+and replaces the target only when the new file is complete.
 """
 
 import io
@@ -38,7 +37,7 @@ from cqblend.installation import build_interpreter_command
 from cqblend.whole_files import write_atomically
 
 _GEOMETRY_PREFIXES: Final = ("StepShape_", "StepGeom_")
-"""OCCT's classes of STEP entities without which a shape is incomplete; notes, colours and tolerances are others."""
+"""Prefixes of OCCT's classes of STEP entities without which a shape is incomplete, unlike notes or colours."""
 
 _STRUCTURAL_KINDS: Final = (
     "Shell",
@@ -51,16 +50,16 @@ _STRUCTURAL_KINDS: Final = (
     "Ctx",
     "file",
 )
-"""What a solid cannot do without: with one of these unusable, a face or the unit of length is lost."""
+"""Parts of the class names of STEP entities whose failure loses a face or the unit of length."""
 
 _TRANSLATION_TIMEOUT: Final = 120.0
-"""Seconds after which OCCT counts as lost in a damaged file."""
+"""Seconds after which the translation of a damaged file counts as failed: OCCT may loop forever."""
 
 _MOST_NAMED: Final = 20
-"""Unusable entities that a message names."""
+"""Largest number of unusable entities that a message names."""
 
 _REAL_FORMAT: Final = "%#.16G"
-"""OCCT formats a real into 24 bytes: one digit more, which would be bit exact, overruns them below 1e-99."""
+"""Format of reals: OCCT writes each into 24 bytes, which a 17th digit (bit exact) would overrun below 1e-99."""
 
 _WRITE_SETTINGS: Final = {
     "write.step.schema": "AP214IS",
@@ -78,12 +77,12 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
     StepError
         If the file is missing, unreadable, not STEP, damaged, or holds no geometry. A file counts as damaged when an
         entity of its geometry or topology fails to load or to translate, even if OCCT would return the rest, unless
-        all solids and faces of the file are there and valid; unreadable annotations are passed over.
+        all solids and faces of the file are there and valid; unreadable annotations are ignored.
 
     Warns
     -----
     DamagedFileWarning
-        If entities failed, and the solids are whole and valid all the same; the message names them.
+        If entities failed, but the solids are complete and valid; the message names the entities.
     """
     path = Path(path)
     try:
@@ -122,7 +121,7 @@ def read_step(path: str | os.PathLike[str]) -> TopoDS_Shape:
 
 
 def probe_translation(path: str) -> None:
-    """Translate a file, for nothing but to see whether OCCT survives that."""
+    """Translate a file and drop the result, to find out whether OCCT crashes."""
     reader = STEPControl_Reader()
     if reader.ReadStream("probe", io.BytesIO(Path(path).read_bytes())) == IFSelect_ReturnStatus.IFSelect_RetDone:
         reader.TransferRoots()
@@ -132,7 +131,7 @@ def probe_translation(path: str) -> None:
 def write_step(shape: TopoDS_Shape, path: str | os.PathLike[str]) -> None:
     """Write a shape as STEP AP214 in millimetres, with 16 significant digits and with pcurves.
 
-    The file is built beside its target and put in place in one step: one that was there before survives every failure.
+    The file is built beside its target and replaces it in one step: an older file survives every failure.
 
     Raises
     ------
@@ -158,11 +157,11 @@ def write_step(shape: TopoDS_Shape, path: str | os.PathLike[str]) -> None:
 
 
 class _UnusableEntity(NamedTuple):
-    """An entity of the geometry that OCCT cannot use: its name in the file, if known, its kind, and what is wrong."""
+    """An entity of the geometry that OCCT cannot use: its name in the file, if known, its class, and what is wrong."""
 
     name: str
     kind: str
-    why: str
+    reason: str
 
 
 def _find_unusable_entities(data: bytes, model: Any, checks: Interface_CheckIterator) -> list[_UnusableEntity]:
@@ -182,7 +181,7 @@ def _find_unusable_entities(data: bytes, model: Any, checks: Interface_CheckIter
 
 
 def _read_entity_names(data: bytes, count: int) -> dict[int, str]:
-    """Return the names, such as #12, of the entities of a file in their order; none if they are not as many as read."""
+    """Return the names, such as #12, of a file's entities by their number; none unless exactly ``count`` are found."""
     plain = re.sub(rb"'[^']*'|/\*.*?\*/", b"", data, flags=re.DOTALL)
     found = re.findall(rb"(#\d+)\s*=", plain)
     return {i: name.decode() for i, name in enumerate(found, 1)} if len(found) == count else {}
@@ -195,7 +194,7 @@ def _is_structural(failure: _UnusableEntity) -> bool:
 def _describe_unusable(failed: list[_UnusableEntity]) -> str:
     """Say which entities are unusable, and why the first is."""
     first = failed[0]
-    text = f"damaged: {len(failed)} entities of its geometry are unusable, first {first.kind}: {first.why}"
+    text = f"damaged: {len(failed)} entities of its geometry are unusable, first {first.kind}: {first.reason}"
     named = ", ".join(f"{one.name} {one.kind}" for one in failed[:_MOST_NAMED] if one.name)
     more = f" and {len(failed) - _MOST_NAMED} more" if len(failed) > _MOST_NAMED else ""
     return f"{text} ({named}{more})" if named else text
@@ -206,7 +205,7 @@ def _make_damage_error(path: Path, failed: list[_UnusableEntity]) -> StepError:
 
 
 def _is_translatable(path: Path) -> bool:
-    """Whether a process that translates the file comes back."""
+    """Whether another process can translate the file without crashing or hanging."""
     code = "from cqblend.brep.step_files import probe_translation; probe_translation(sys.argv[1])"
     command = build_interpreter_command(code, str(path))
     try:
@@ -217,7 +216,7 @@ def _is_translatable(path: Path) -> bool:
 
 
 def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
-    """Whether a shape is valid, all its shells are closed, and it has every solid and every face of its file."""
+    """Whether a shape is valid, with closed shells only, and has every solid and every face of its file."""
     if shape.IsNull() or not BRepCheck_Analyzer(shape).IsValid():
         return False
     if not all(map(BRep_Tool.IsClosed_s, ShapeIndex(shape, TopAbs_ShapeEnum.TopAbs_SHELL))):
@@ -233,12 +232,12 @@ def _is_whole(shape: TopoDS_Shape, model: Any) -> bool:
 
 
 def _count_distinct_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> int:
-    """Return the number of subshapes of a kind; of one that stands in several places, once."""
+    """Return the number of sub-shapes of a kind, counting one that occurs at several locations once."""
     return len(ShapeIndex.from_shapes((part.Located(TopLoc_Location()) for part in ShapeIndex(shape, kind)), kind))
 
 
 def _require_pcurve_curves(path: Path, model: Any) -> None:
-    """Refuse a model in which a pcurve is no curve: OCCT takes it for one unseen, and may crash any time."""
+    """Refuse a model in which a pcurve has no curve: OCCT does not check that, and may crash later."""
     for number in range(1, model.NbEntities() + 1):
         entity = model.Value(number)
         if isinstance(entity, StepGeom_Pcurve):
@@ -257,10 +256,10 @@ def _serialise_model(model: Any) -> bytes:
 
 
 def _drop_sphere_pcurves(shape: TopoDS_Shape) -> TopoDS_Shape:
-    """Return the shape, without pcurves on the spheres that OCCT's own reader would destroy because of them.
+    """Return the shape without pcurves on those spheres that OCCT's reader would damage because of them.
 
-    A sphere with both poles whose seam is cut into three or more comes back as its holes' walls and little else, with a
-    seventh of its volume; if its pcurves are left out, the reader builds them anew, and all is well.
+    A solid sphere with both poles whose seam is split into three or more edges is read back with a seventh of its
+    volume; without pcurves, the reader builds them anew, correctly.
     """
     if not any(map(_has_split_seam, ShapeIndex(shape, TopAbs_ShapeEnum.TopAbs_FACE))):
         return shape
@@ -270,12 +269,13 @@ def _drop_sphere_pcurves(shape: TopoDS_Shape) -> TopoDS_Shape:
         surface = BRep_Tool.Surface_s(face, location)
         for edge in ShapeIndex(face, TopAbs_ShapeEnum.TopAbs_EDGE):
             if not BRep_Tool.Degenerated_s(edge):
-                both = 2 if BRep_Tool.IsClosed_s(edge, face) else 1
-                builder.UpdateEdge(edge, *[None] * both, surface, location, BRep_Tool.Tolerance_s(edge))
+                pcurve_count = 2 if BRep_Tool.IsClosed_s(edge, face) else 1
+                builder.UpdateEdge(edge, *[None] * pcurve_count, surface, location, BRep_Tool.Tolerance_s(edge))
     return copy
 
 
 def _has_split_seam(face: TopoDS_Face) -> bool:
+    """Whether a face is a sphere with both poles and a seam of three or more edges."""
     if GeomAdaptor_Surface(BRep_Tool.Surface_s(face)).GetType() != GeomAbs_SurfaceType.GeomAbs_Sphere:
         return False
     edges = ShapeIndex(face, TopAbs_ShapeEnum.TopAbs_EDGE)
@@ -290,7 +290,7 @@ def _has_geometry(shape: TopoDS_Shape) -> bool:
 
 @contextmanager
 def _silence_messages() -> Iterator[None]:
-    """Take OCCT's message printers away for a while: they write to standard output, past Python."""
+    """Remove OCCT's message printers, which write to standard output past Python, within the context."""
     messenger = Message.DefaultMessenger_s()
     printers = list(messenger.Printers())
     messenger.ChangePrinters().Clear()
@@ -303,7 +303,7 @@ def _silence_messages() -> Iterator[None]:
 
 @contextmanager
 def _override_settings(values: dict[str, str]) -> Iterator[None]:
-    """Change OCCT's global settings for a while."""
+    """Change OCCT's global settings within the context."""
     STEPControl_Controller.Init_s()  # which resets them, the first time
     before = {name: Interface_Static.CVal_s(name) for name in values}
     try:

@@ -1,6 +1,6 @@
-"""Asking a shape how it hangs together, and making edges, vertices and shells by hand.
+"""Query the topology of shapes, and make vertices, edges, wires, faces and shells one by one.
 
-Thin functions over OCP: no geometry is decided here, and nothing is searched by distance.
+Thin functions over OCP: no geometry is computed here, and nothing is searched by distance.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import normalise_vectors
 
-CONFUSION = 1e-7  # mm, OCCT's own tolerance, the least an edge or vertex gets
+CONFUSION = 1e-7
+"""mm, OCCT's ``Precision::Confusion``: points nearer than this are one, and edges and vertices have no less."""
+
 BUILDER = BRep_Builder()
 _CAST = {
     TopAbs_EDGE: TopoDS.Edge_s,
@@ -163,6 +165,11 @@ def chain_segments(
     return chains
 
 
+def is_among(shape: TopoDS_Shape, shapes: Iterable[TopoDS_Shape]) -> bool:
+    """Whether a shape is one of some shapes, orientation ignored."""
+    return any(shape.IsSame(other) for other in shapes)
+
+
 def drop_duplicate_shapes(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
     """Drop repeated shapes, orientation ignored; order is kept."""
     known = TopTools_MapOfShape()
@@ -170,7 +177,7 @@ def drop_duplicate_shapes(shapes: Iterable[TopoDS_Shape]) -> list[TopoDS_Shape]:
 
 
 def explore_subshapes(shape: TopoDS_Shape, kind: TopAbs_ShapeEnum) -> Iterator[TopoDS_Shape]:
-    """Yield every use of sub-shapes of a kind, with the orientation composed along the way (a seam comes twice)."""
+    """Yield every use of sub-shapes of a kind, with its orientation in the shape; a seam comes twice."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield _CAST[kind](explorer.Current())
@@ -188,7 +195,7 @@ def reverse_edge(edge: TopoDS_Edge) -> TopoDS_Edge:
 
 
 def find_end_vertices(edge: TopoDS_Edge) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
-    """Return the vertices an edge use runs from and to, by its orientation."""
+    """Return the start and stop vertex of an edge use, by its orientation."""
     return TopExp.FirstVertex_s(edge, True), TopExp.LastVertex_s(edge, True)
 
 
@@ -203,10 +210,10 @@ def find_end_uv(use: TopoDS_Edge, face: TopoDS_Face) -> tuple[Array, Array]:
 def find_outgoing_tangent(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
     """Return the unit tangent of an edge at one of its vertices, pointing away from it."""
     curve, sign = BRepAdaptor_Curve(edge), 1.0
-    at = curve.FirstParameter()
+    parameter = curve.FirstParameter()
     if not find_end_vertices(orient_forward(edge))[0].IsSame(vertex):
-        at, sign = curve.LastParameter(), -1.0
-    tangent = curve.DN(at, 1)
+        parameter, sign = curve.LastParameter(), -1.0
+    tangent = curve.DN(parameter, 1)
     return sign * normalise_vectors(np.array([tangent.X(), tangent.Y(), tangent.Z()]))
 
 
@@ -220,9 +227,9 @@ def find_vertex_uv(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
 
 
 def find_seam_edges(face: TopoDS_Face) -> list[TopoDS_Edge]:
-    """Return the edges, FORWARD, on both sides of which the face itself lies.
+    """Return the seams of a face, FORWARD: the edges that its boundary uses twice.
 
-    An edge with two pcurves on a face need not be one: booleans leave such edges where a seam has become a border.
+    An edge with two pcurves on a face need not be a seam: booleans leave such edges where a seam has become a border.
     """
     uses = [use for use in explore_subshapes(face, TopAbs_EDGE) if BRep_Tool.IsClosed_s(use, face)]
     return [orient_forward(use) for use in drop_duplicate_shapes(uses) if sum(use.IsSame(other) for other in uses) == 2]
@@ -280,7 +287,7 @@ def attach_pcurves(edge: TopoDS_Edge, face: TopoDS_Face, *pcurves: Geom2d_Curve)
 def make_trimmed_copy(
     edge: TopoDS_Edge, vertices: tuple[TopoDS_Vertex, TopoDS_Vertex], span: tuple[float, float]
 ) -> TopoDS_Edge:
-    """Return a FORWARD copy of an edge over another range, with all its curves."""
+    """Return a FORWARD copy of an edge over another parameter range, with its curve and all its pcurves."""
     copy = TopoDS.Edge_s(orient_forward(edge).EmptyCopied())
     BUILDER.Add(copy, vertices[0].Oriented(TopAbs_FORWARD))
     BUILDER.Add(copy, vertices[1].Oriented(TopAbs_REVERSED))
@@ -312,27 +319,33 @@ def make_bare_face(surface: Geom_Surface) -> TopoDS_Face:
 
 
 def replace_solid_faces(
-    solid: TopoDS_Shape, replaced: dict[int, TopoDS_Face], index: ShapeIndex, added: Iterable[TopoDS_Face]
+    solid: TopoDS_Shape,
+    replacements: dict[int, TopoDS_Face],
+    face_index: ShapeIndex,
+    new_faces: Iterable[TopoDS_Face],
 ) -> TopoDS_Solid:
-    """Return a solid with faces replaced, by number; new faces go into the shell of the first one replaced."""
+    """Return a solid with faces replaced, by their number in its face index.
+
+    New faces go into the first shell of which a face is replaced.
+    """
     out = TopoDS_Solid()
     BUILDER.MakeSolid(out)
-    pending = list(added)
+    pending = list(new_faces)
     for shell in explore_subshapes(orient_forward(solid), TopAbs_SHELL):
         faces = list(explore_subshapes(shell, TopAbs_FACE))
-        numbers = [index.find_number(face) for face in faces]
-        if not any(number in replaced for number in numbers):
+        numbers = [face_index.find_number(face) for face in faces]
+        if not any(number in replacements for number in numbers):
             BUILDER.Add(out, shell)
             continue
-        made = TopoDS_Shell()
-        BUILDER.MakeShell(made)
+        new_shell = TopoDS_Shell()
+        BUILDER.MakeShell(new_shell)
         for face, number in zip(faces, numbers, strict=True):
-            BUILDER.Add(made, replaced.get(number, face))
+            BUILDER.Add(new_shell, replacements.get(number, face))
         for face in pending:
-            BUILDER.Add(made, face)
+            BUILDER.Add(new_shell, face)
         pending = []
-        made.Closed(BRep_Tool.IsClosed_s(made))
-        BUILDER.Add(out, made)
+        new_shell.Closed(BRep_Tool.IsClosed_s(new_shell))
+        BUILDER.Add(out, new_shell)
     return out
 
 

@@ -1,7 +1,9 @@
-"""A face of a solid as a primary surface, and rails as pcurves on that face.
+"""Read a face of a solid as a support surface of a blend, and build the pcurves of rails on that face.
 
-Analytic faces stay analytic: the primary is their closed form, and a rail's pcurve in their angles is fitted to 1e-11
-rad. Everything else is read as a B-spline in the face's own parameters, where the rail is its own pcurve.
+The support surface is a *primary*: an exact surface model (plane, quadric, surface of revolution or spline) on which
+rails are solved. Analytic faces keep their closed form, and a rail's pcurve in their angles is fitted to 1e-11 rad.
+Everything else is read as a B-spline in the face's own parameters, in which the rail is its pcurve. *Lifted* parameters
+are homogeneous coordinates of a primary's parameters, in which rails are rational splines.
 """
 
 from __future__ import annotations
@@ -41,9 +43,11 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 from cqblend.blends.contacts.contact_solver import SupportSurface
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.pcurve_fit import CHECKED_SHARES, interpolate_jets
 from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_map
-from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface, interpolation
+from cqblend.brep.read.tolerances import READ_TOLERANCES
+from cqblend.errors import GeometryError, UnsupportedError
+from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
 from cqblend.surfaces.primary import KnotCrossing, Primary
@@ -52,48 +56,52 @@ from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import LocalFrame, to_tangent_coordinates
 
-PCURVE_TOLERANCE = 1e-11  # error of a fitted pcurve in its angles: it turns normals by as much
-
 
 @dataclass(frozen=True)
 class SupportFace(SupportSurface):
-    """A face next to the blended edge: its primary, and how to get back to its own parameters.
+    """A face next to the blended edge: its primary, and the conversion to its own parameters.
 
-    ``face_primary`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)). It
-    differs from ``primary`` on spheres, where solving takes another axis so that poles stay out of the way, and shares
-    its lifted parameters.
+    ``face_primary`` is the primary in the face's own parameters, ``bounds`` their window ((u0, u1), (v0, v1)).
+    ``primary``, on which rails are solved, is the same but for spheres, whose axis is turned so that poles are far from
+    the edge, and for splines of surfaces with angles, whose parameters differ; both have the same lifted parameters.
     """
 
     face: TopoDS_Face
     face_primary: Primary
     bounds: Array
 
+    @property
+    def pcurve_tolerance(self) -> float:
+        """Largest error of a rail's pcurve on the face, in its parameters; 0 if pcurves are exact."""
+        return 0.0 if self.face_primary.has_exact_pcurves() else READ_TOLERANCES.pcurve
+
     def to_working_parameters(self, uv: Array) -> Array:
-        """Turn the face's own parameters (n, 2) into those of ``primary``."""
+        """Convert the face's own parameters (n, 2) to those of ``primary``."""
         if self.face_primary is self.primary:
             return uv
         found = self.primary.unlift_points(self.face_primary.lift_points(uv), np.zeros((len(uv), 2)))
         return unwrap_parameters(found, self.primary.periods)
 
     def to_face_parameters(self, uv: Array) -> Array:
-        """Turn parameters (n, 2) of ``primary`` into the face's own."""
+        """Convert parameters (n, 2) of ``primary`` to the face's own."""
         if self.face_primary is self.primary:
             return uv.copy()
         return self.face_primary.unlift_points(self.primary.lift_points(uv), np.zeros_like(uv))
 
-    def unwrap_near(self, uv: Array, near: Array) -> Array:
-        """Shift the face's own parameters (n, 2) by whole periods next to ``near`` (n, 2)."""
+    def unwrap_near(self, uv: Array, reference: Array) -> Array:
+        """Shift the face's own parameters (n, 2) by whole periods to where they are nearest to a reference (n, 2)."""
         out = uv.copy()
         for axis, period in enumerate(self.face_primary.periods):
             if period is not None:
-                out[:, axis] = shift_to_period(uv[:, axis], near[:, axis], period)
+                out[:, axis] = shift_to_period(uv[:, axis], reference[:, axis], period)
         return out
 
     def is_at_seam(self, uv: Array) -> bool:
         """Whether the face's own parameters (2,), in its window, lie where a closed direction meets itself."""
+        low = self.bounds[:, 0]
         return any(
             period is not None
-            and abs(shift_to_period(uv[axis], self.bounds[axis, 0], period) - self.bounds[axis, 0]) < 1e-6 * period
+            and abs(shift_to_period(uv[axis], low[axis], period) - low[axis]) < READ_TOLERANCES.seam * period
             for axis, period in enumerate(self.face_primary.periods)
         )
 
@@ -106,10 +114,11 @@ class SupportFace(SupportSurface):
         return out
 
 
-def read_support_face(face: TopoDS_Face, edge_points: Array, *, around: bool = False) -> SupportFace:
-    """Read a face; ``edge_points`` (n, 3) tell which part of a cone or sphere is meant.
+def read_support_face(face: TopoDS_Face, edge_points: Array, *, edge_is_circular: bool = False) -> SupportFace:
+    """Read a face as the support surface of a blend along an edge.
 
-    ``around`` says that they run around something: closed, or along an arc of a circle.
+    ``edge_points`` (n, 3) on the edge select the nappe of a cone and the axis of a sphere; ``edge_is_circular`` if the
+    edge is closed, or an arc of a circle, around whose axis the sphere is then described.
     """
     forward = TopoDS.Face_s(face.Oriented(TopAbs_FORWARD))
     outward = -1.0 if face.Orientation() == TopAbs_REVERSED else 1.0
@@ -117,14 +126,14 @@ def read_support_face(face: TopoDS_Face, edge_points: Array, *, around: bool = F
     while isinstance(surface, Geom_RectangularTrimmedSurface):
         surface = surface.BasisSurface()
     bounds = np.array(BRepTools.UVBounds_s(forward)).reshape(2, 2)
-    native = _read_primary(surface, forward, edge_points)
-    primary = native
-    if isinstance(native, ReparametrizedSpline):
-        primary = native.spline
-    elif isinstance(native, Sphere) and len(edge_points) > 1:
-        primary = _reorient_sphere(native, edge_points, around=around)
-        native = replace(native, pole=primary.pole)
-    return SupportFace(primary, outward, forward, native, bounds)
+    face_primary = _read_primary(surface, forward, edge_points)
+    primary = face_primary
+    if isinstance(face_primary, ReparametrizedSpline):
+        primary = face_primary.spline
+    elif isinstance(face_primary, Sphere) and len(edge_points) > 1:
+        primary = _reorient_sphere(face_primary, edge_points, edge_is_circular=edge_is_circular)
+        face_primary = replace(face_primary, pole=primary.pole)
+    return SupportFace(primary, outward, forward, face_primary, bounds)
 
 
 def _read_local_frame(position: gp_Ax3) -> LocalFrame:
@@ -149,7 +158,7 @@ def _read_primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Pr
         return TensorSurface.from_spline(Surface.from_bspline(*spline_arrays.surface_to_arrays(surface)), closed)
     spline, parameters = to_surface_with_map(face)
     whole = [
-        flag and width > 0.999 * (high - low)
+        flag and width > READ_TOLERANCES.whole_surface * (high - low)
         for flag, width, (low, high) in zip(
             closed, (b[-1] - b[0] for b in spline.breaks), np.array(surface.Bounds()).reshape(2, 2), strict=True
         )
@@ -160,7 +169,10 @@ def _read_primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Pr
 
 @dataclass(frozen=True)
 class ReparametrizedSpline(Primary):
-    """A spline in the parameters of the face it came from: those of conics, which a rational spline does not keep."""
+    """A spline in the parameters of the face that it was made of, of which at least one is the angle of a conic.
+
+    The rational spline itself passes through a conic at another speed than the angle.
+    """
 
     spline: TensorSurface
     parameters: ParameterMap
@@ -176,9 +188,10 @@ class ReparametrizedSpline(Primary):
     def find_knot_crossings(self, c: Curve, most: int) -> list[KnotCrossing]:
         return self.spline.find_knot_crossings(c, most)
 
-    def _convert_parameters(self, change: Callable[[Array], Array], uv: Array) -> Array:
+    def _convert_parameters(self, convert: Callable[[Array], Array], uv: Array) -> Array:
+        """Apply one direction of the parameter map to (n, 2), which may be any number of periods outside its range."""
         inside = self.spline.wrap_parameters(uv)
-        return change(inside) + (uv - inside)
+        return convert(inside) + (uv - inside)
 
     def jet(self, uv: Array) -> Array:
         at = self._convert_parameters(self.parameters.to_spline, uv)
@@ -229,22 +242,24 @@ def _read_elementary_surface(surface: Geom_ElementarySurface, points: Array) -> 
     if isinstance(surface, Geom_SphericalSurface):
         middle = points.mean(axis=0) - frame.origin
         return Sphere(frame, surface.Radius(), middle / np.linalg.norm(middle))
-    assert isinstance(surface, Geom_ToroidalSurface)
-    major, minor = surface.MajorRadius(), surface.MinorRadius()
-    return RevolvedEllipse.from_ellipse(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
+    if isinstance(surface, Geom_ToroidalSurface):
+        major, minor = surface.MajorRadius(), surface.MinorRadius()
+        return RevolvedEllipse.from_ellipse(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
+    raise UnsupportedError(f"a surface of type {surface.DynamicType().Name()} cannot be read")
 
 
-def _reorient_sphere(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
-    """Give a sphere the axis on which the edge runs clear of the poles.
+def _reorient_sphere(sphere: Sphere, points: Array, *, edge_is_circular: bool) -> Sphere:
+    """Return a sphere with its axis turned so that the poles are far from the points (n, 3) of an edge.
 
-    That is the edge's own axis, and the pole of the lift, if the edge runs ``around`` (closed, or an arc of a circle),
-    else one across it.
+    The axis is that of the edge, and also the pole of the lifted parameters, if the edge is circular; else it is across
+    the chord of the edge.
     """
     axis = sphere.pole
-    if around:
+    if edge_is_circular:
         normal = np.linalg.svd(points - points.mean(axis=0))[2][-1]
-        flat = np.abs((points - points[0]) @ normal).max() < 1e-9 * sphere.radius
-        if flat or np.linalg.norm(points.mean(axis=0) - sphere.frame.origin) < 0.1 * sphere.radius:
+        is_planar = np.abs((points - points[0]) @ normal).max() < READ_TOLERANCES.planar_edge * sphere.radius
+        off_centre = np.linalg.norm(points.mean(axis=0) - sphere.frame.origin)
+        if is_planar or off_centre < READ_TOLERANCES.centred_edge * sphere.radius:
             axis = normal * (np.sign(normal @ axis) or 1.0)
     else:
         axis = np.cross(axis, points[-1] - points[0])
@@ -253,7 +268,9 @@ def _reorient_sphere(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     x /= np.linalg.norm(x)
     y = np.cross(axis, x) * np.linalg.det(sphere.frame.axes)  # of the same handedness, so that normals agree
     frame = LocalFrame(sphere.frame.origin, np.array([x, y, axis]))
-    return replace(sphere, frame=frame, pole=axis if around else sphere.pole, follows_latitude=around)
+    return replace(
+        sphere, frame=frame, pole=axis if edge_is_circular else sphere.pole, follows_latitude=edge_is_circular
+    )
 
 
 def _find_basis_curve(surface: Geom_SweptSurface) -> Geom_Curve:
@@ -304,53 +321,49 @@ def _read_revolved_surface(surface: Geom_SurfaceOfRevolution, face: TopoDS_Face)
 
 
 def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
-    """Return the rail as a curve (u, v)(t) in the face's own parameters, continuous through seams.
+    """Return the rail as a curve (u, v)(t) in the face's own parameters, continuous across seams.
 
     Exact on planes and splines. On analytic faces a C2 quintic through value, first and second derivative, the
-    derivatives solved from the rail's in space, refined until it holds to 1e-11.
+    derivatives solved from the rail's in space, refined until its error is below 1e-11.
 
     Raises
     ------
     GeometryError
         If it does not: the rail runs too near to a pole or an apex.
     """
-    c = rail.c
-    if side.face_primary.has_exact_pcurves():
-        return _extract_exact_pcurve(side.face_primary, c)
-    native = side.face_primary
-    position = native.compose_position(c)
+    c, primary = rail.c, side.face_primary
+    if primary.has_exact_pcurves():
+        return _extract_exact_pcurve(primary, c)
+    position = primary.compose_position(c)
     breaks = position.breaks
-    inner = (np.arange(1, 4) / 4)[:, None]
     dense = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 257)]))
-    guide = unwrap_parameters(native.unlift_points(c(dense), np.zeros((len(dense), 2))), native.periods)
+    guide = unwrap_parameters(primary.unlift_points(c(dense), np.zeros((len(dense), 2))), primary.periods)
 
     def solve_parameters(t: Array) -> Array:
         near = np.stack([np.interp(t, dense, column) for column in guide.T], -1)
-        return native.unlift_points(c(t), near)
+        return primary.unlift_points(c(t), near)
 
-    speeds = np.linalg.norm(native.jet(guide)[1:3], axis=2).min()
-    rounding = 16 * np.finfo(float).eps * float(np.abs(native.jet(guide)[0]).max() / speeds)
-    for _ in range(12):
+    speeds = np.linalg.norm(primary.jet(guide)[1:3], axis=2).min()
+    rounding = 16 * np.finfo(float).eps * float(np.abs(primary.jet(guide)[0]).max() / speeds)
+    for _ in range(READ_TOLERANCES.pcurve_refinements):
         uv = solve_parameters(breaks)
-        starts = _solve_parameter_jets(native, uv[:-1], position, breaks[:-1], "right")
-        stops = _solve_parameter_jets(native, uv[1:], position, breaks[1:], "left")
-        same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
-        stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
-        curve = interpolation.hermite(breaks, np.stack([starts, stops], axis=2))
-        t = (breaks[:-1] + inner * np.diff(breaks)).ravel()
+        starts = _solve_parameter_jets(primary, uv[:-1], position, breaks[:-1], "right")
+        stops = _solve_parameter_jets(primary, uv[1:], position, breaks[1:], "left")
+        curve = interpolate_jets(breaks, starts, stops)
+        t = (breaks[:-1] + CHECKED_SHARES * np.diff(breaks)).ravel()
         error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
-        bad = (error > PCURVE_TOLERANCE + rounding).reshape(len(inner), -1).any(axis=0)
+        bad = (error > READ_TOLERANCES.pcurve + rounding).reshape(len(CHECKED_SHARES), -1).any(axis=0)
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
     raise GeometryError(
-        f"a rail cannot be followed in the angles of its face to {PCURVE_TOLERANCE:g}: it runs too near to a pole"
+        f"a rail cannot be followed in the angles of its face to {READ_TOLERANCES.pcurve:g}: it runs too near to a pole"
     )
 
 
-def _extract_exact_pcurve(native: Primary, c: Curve) -> Curve:
-    """Return lifted parameters as plain ones: (u, v, w) of a plane, barycentric pairs of a spline."""
-    if isinstance(native, Quadric):
+def _extract_exact_pcurve(primary: Primary, c: Curve) -> Curve:
+    """Project lifted parameters of a rail to (u, v): they are (u, v, w) on a plane, barycentric pairs on a spline."""
+    if isinstance(primary, Quadric):
         u, v, w = c.coefs[:, 0], c.coefs[:, 1], c.coefs[:, 2]
     else:
         u, v, w = c.coefs[:, 1], c.coefs[:, 3], c.coefs[:, 0] + c.coefs[:, 1]
@@ -360,11 +373,11 @@ def _extract_exact_pcurve(native: Primary, c: Curve) -> Curve:
 
 
 def _solve_parameter_jets(
-    native: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]
+    primary: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]
 ) -> Array:
-    """Return parameters and their first two derivatives (3, n, 2) along a rail whose homogeneous spline is given."""
+    """Return parameters and their first two derivatives (3, n, 2) along a rail with a homogeneous spline in space."""
     _, rate, second = dehomogenise_jets(position.jet(t, 2, side=side))
-    jet = native.jet(uv)
+    jet = primary.jet(uv)
     du = to_tangent_coordinates(jet, rate)
     a, b = du[:, :1], du[:, 1:]
     ddu = to_tangent_coordinates(jet, second - a**2 * jet[3] - 2 * a * b * jet[4] - b**2 * jet[5])

@@ -1,9 +1,8 @@
-"""Edges of OCCT as symbolic curves: in the parameter plane of a face's spline surface, and in space.
+"""Read edges of OCCT as symbolic curves: in the parameter plane of a face's spline surface, and in space.
 
 The parameters are those of :func:`cqblend.brep.read.spline_conversion.to_surface`, in which the rails of freeform
-blends live. On planes, B-splines and extrusions they are the face's own, and a pcurve is taken as it is; on analytic
-faces an angle becomes the parameter of a rational arc, and a pcurve that mixes directions is fitted. Decides nothing
-about blends.
+blends are given. On planes, B-splines and extrusions they are the face's own, and a pcurve is converted exactly; on
+analytic faces an angle becomes the parameter of a rational arc, and a pcurve oblique to the parameter lines is fitted.
 """
 
 from __future__ import annotations
@@ -20,35 +19,31 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.rails import projection
 from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.pcurve_fit import CHECKED_SHARES, interpolate_jets
 from cqblend.brep.read.spline_conversion import ConicArcs, ParameterMap, to_surface_with_map
+from cqblend.brep.read.tolerances import READ_TOLERANCES
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
-from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide
 
-PCURVE_TOLERANCE = 1e-11
-"""Largest error of a fitted curve in the parameter plane."""
-
-_REFINEMENTS = 12
-_INNER = (np.arange(1, 4) / 4)[:, None]
-
 
 def read_edge_pcurve(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
-    """Return an edge of a face as a curve of dim 2 in the parameters of ``to_surface(face)``, run as the edge is.
+    """Return an edge of a face as a curve of dim 2 in the parameters of ``to_surface(face)``, in the edge's sense.
 
-    Exact where those are the face's own parameters, and for straight pcurves along u or v on any face. Conics, and such
-    lines where the spline's parameter is not the angle, are the same curve at another speed, with the ends at the
-    edge's own parameters. Everything else is fitted at the edge's own speed, as C2 quintics (C1 where arcs of the
+    Exact where those are the face's own parameters, and for straight pcurves along u or v on any face. Pcurves that are
+    conics, and straight ones along an angle, are reparametrised: the ends are at the edge's own parameters, points
+    between them are not. Everything else is fitted at the edge's own speed, as C2 quintics (C1 where arcs of the
     surface meet) within 1e-11.
 
     Parameters
     ----------
     face : TopoDS_Face
     edge : TopoDS_Edge
-        One of its edges. A REVERSED edge is run backwards, over the same range of t; the orientation also tells the two
-        sides of a seam apart.
+        One of its edges. For a REVERSED edge the curve is reversed, over the same range of t; the orientation also
+        tells the two sides of a seam apart.
 
     Raises
     ------
@@ -70,7 +65,7 @@ def read_edge_pcurve(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
 
 
 def edge_to_curve(edge: TopoDS_Edge) -> Curve:
-    """Return an edge as a curve of dim 3 in space, run as the edge is; conics as rational arcs.
+    """Return an edge as a curve of dim 3 in space, in the edge's sense; conics as rational arcs.
 
     Raises
     ------
@@ -133,7 +128,7 @@ def _read_plane_curve(curve: Geom2d_Curve, first: float, last: float) -> Curve:
 
 
 def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Curve:
-    """Return a curve in a face's own parameters in those of its spline."""
+    """Convert a curve from a face's own parameters to those of its spline."""
     both = (parameters.u, parameters.v)
     if both == (None, None):
         return curve
@@ -144,15 +139,13 @@ def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Cur
     cut, index, _ = cut_at_knot_lines(curve, lines, [np.zeros(len(line) - 2, dtype=int) for line in lines])
     pieces, breaks = index, cut.breaks
     rounding = 16 * np.finfo(float).eps * max(float(np.abs(bound).max()) for bound in curve.bounds())
-    for _ in range(_REFINEMENTS):
+    for _ in range(READ_TOLERANCES.pcurve_refinements):
         starts = _convert_parameter_jets(cut, both, pieces, breaks[:-1], "right")
         stops = _convert_parameter_jets(cut, both, pieces, breaks[1:], "left")
-        same = np.abs(stops[:, :-1] - starts[:, 1:]) <= 1e-9 * (1 + np.abs(starts[:, 1:]))
-        stops[:, :-1] = np.where(same, starts[:, 1:], stops[:, :-1])
-        fitted = interpolation.hermite(breaks, np.stack([starts, stops], axis=2))
-        t = breaks[:-1] + _INNER * np.diff(breaks)
+        fitted = interpolate_jets(breaks, starts, stops)
+        t = breaks[:-1] + CHECKED_SHARES * np.diff(breaks)
         error = np.abs(fitted(t) - parameters.to_spline(curve(t))).max(axis=(0, 2))
-        bad = error > PCURVE_TOLERANCE + rounding
+        bad = error > READ_TOLERANCES.pcurve + rounding
         if not bad.any():
             return fitted
         at = np.flatnonzero(bad)
@@ -160,16 +153,17 @@ def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Cur
         pieces = np.insert(pieces, at + 1, pieces[:, at], axis=1)
     raise GeometryError(
         f"the edge's curve on the face errs by {error.max():.3g} in the spline's parameters at t = "
-        f"{breaks[int(error.argmax())]:.9g}, more than {PCURVE_TOLERANCE:g}"
+        f"{breaks[int(error.argmax())]:.9g}, more than {READ_TOLERANCES.pcurve:g}"
     )
 
 
 def _convert_parameter_jets(
     curve: Curve, arcs: tuple[ConicArcs | None, ConicArcs | None], pieces: Array, t: Array, side: BreakSide
 ) -> Array:
-    """Return a curve's parameters on a spline and their first two derivatives, (3, n, 2).
+    """Return a curve's points in the parameters of a spline, with their first two derivatives, (3, n, 2).
 
-    ``pieces`` (2, n) are the arcs on which the points count: at their ends the second derivative depends on it.
+    ``pieces`` (2, n) are the indices of the arcs in u and v that the points belong to: where two arcs meet, the second
+    derivative depends on that.
     """
     out = curve.jet(t, 2, side=side)
     for axis, whole in enumerate(arcs):

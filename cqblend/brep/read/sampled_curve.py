@@ -1,12 +1,13 @@
-"""Curves of OCCT, in space or in a parameter plane, evaluated at their own parameters by arrays.
+"""Evaluate curves of OCCT, in space or in a parameter plane, at their own parameters by arrays.
 
-Exists because the edges of a shape and their pcurves share one parameter, which the rational form of a conic does not
-keep: so a track is a symbolic curve together with the map of its parameter. Must not know edges or faces.
+Exists because an edge of a shape and its pcurves share one parameter, which the rational form of a conic does not
+keep: so a :class:`SampledCurve` is a symbolic curve together with the map of its parameter. Depends on curves only,
+neither on edges nor on faces.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from OCP.Geom import (
@@ -34,11 +35,9 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.spline_conversion import ConicArcs
+from cqblend.brep.read.spline_conversion import ConicArcs, split_into_arcs
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-
-_LARGEST_ARC = 2 * np.pi / 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,33 +46,29 @@ class SampledCurve:
 
     Attributes
     ----------
-    source
-        As OCCT has it.
-    span
-        The range of t.
+    geom_curve
+        The curve of OCCT.
+    parameter_range
+        First and last t.
     curve
-        The symbolic curve, with ``curve(parameter(t))`` the point at t; exact. None for offset curves, which are no
-        splines.
+        The symbolic curve, with ``curve(to_curve_parameter(t))`` the point at t; exact. None for offset curves, which
+        are no splines.
     arcs
-        The map of t to the curve's parameter, of a conic; else both are the same.
+        The map of t, the angle of a conic, to the curve's parameter; None if both are the same.
     breaks
         (k,) t at which pieces of the curve meet, the ends of the range included.
     """
 
-    source: Geom_Curve | Geom2d_Curve
-    span: tuple[float, float]
-    curve: Curve | None = None
-    arcs: ConicArcs | None = None
-    breaks: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        inner = self.curve.breaks[1:-1] if self.curve is not None else np.array([])
-        object.__setattr__(self, "breaks", np.concatenate([self.span[:1], inner, self.span[1:]]))
+    geom_curve: Geom_Curve | Geom2d_Curve
+    parameter_range: tuple[float, float]
+    curve: Curve | None
+    arcs: ConicArcs | None
+    breaks: Array
 
     def __call__(self, t: Array) -> Array:
         """Return the points (n, dim) at parameters (n,)."""
         if self.curve is None:
-            return np.array([self.source.Value(float(one)).Coord() for one in t])
+            return np.array([self.geom_curve.Value(float(one)).Coord() for one in t])
         return self.curve(self.to_curve_parameter(t))
 
     def to_curve_parameter(self, t: Array) -> Array:
@@ -88,36 +83,49 @@ def read_sampled_curve(curve: Geom_Curve | Geom2d_Curve, first: float, last: flo
     --------
     >>> from OCP.Geom2d import Geom2d_Circle
     >>> from OCP.gp import gp_Ax2d
-    >>> quarter = track(Geom2d_Circle(gp_Ax2d(gp_Pnt2d(1.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0), 0.0, np.pi / 2)
+    >>> circle = Geom2d_Circle(gp_Ax2d(gp_Pnt2d(1.0, 0.0), gp_Dir2d(1.0, 0.0)), 1.0)
+    >>> quarter = read_sampled_curve(circle, 0.0, np.pi / 2)
     >>> (quarter(np.array([np.pi / 6])) - [1 + np.cos(np.pi / 6), 0.5]).round(12) + 0.0
     array([[0., 0.]])
     """
-    source, span = curve, (first, last)
+    geom_curve, parameter_range = curve, (first, last)
     while isinstance(curve, Geom_TrimmedCurve | Geom2d_TrimmedCurve):
         curve = curve.BasisCurve()
     if isinstance(curve, Geom_Line | Geom2d_Line):
         ends = np.array([curve.Value(first).Coord(), curve.Value(last).Coord()])
-        return SampledCurve(source, span, Curve.bezier(ends, domain=span))
+        return _make_sampled_curve(geom_curve, parameter_range, Curve.bezier(ends, domain=parameter_range))
     if isinstance(curve, Geom_Conic | Geom2d_Conic) and not isinstance(curve, Geom_Parabola | Geom2d_Parabola):
-        return _read_conic(curve, span)
-    return SampledCurve(source, span, _read_spline(curve, first, last))
+        return _read_conic(curve, parameter_range)
+    return _make_sampled_curve(geom_curve, parameter_range, _read_spline(curve, first, last))
 
 
-def _read_conic(curve: Geom_Conic | Geom2d_Conic, span: tuple[float, float]) -> SampledCurve:
-    """Return centre + cos t x + sin t y, or cosh and sinh."""
+def _make_sampled_curve(
+    geom_curve: Geom_Curve | Geom2d_Curve,
+    parameter_range: tuple[float, float],
+    curve: Curve | None,
+    arcs: ConicArcs | None = None,
+) -> SampledCurve:
+    inner = curve.breaks[1:-1] if curve is not None else np.array([])
+    breaks = np.concatenate([parameter_range[:1], inner, parameter_range[1:]])
+    return SampledCurve(geom_curve, parameter_range, curve, arcs, breaks)
+
+
+def _read_conic(curve: Geom_Conic | Geom2d_Conic, parameter_range: tuple[float, float]) -> SampledCurve:
+    """Read the conic centre + cos t x + sin t y, or the hyperbola centre + cosh t x + sinh t y."""
     hyperbolic = isinstance(curve, Geom_Hyperbola | Geom2d_Hyperbola)
     radii = (curve.Radius(),) * 2 if hasattr(curve, "Radius") else (curve.MajorRadius(), curve.MinorRadius())
     frame = curve.Position()
     centre, x, y = map(_to_array, (curve.Location(), frame.XDirection(), frame.YDirection()))
-    count = max(1, int(np.ceil((span[1] - span[0]) / _LARGEST_ARC - 1e-9)))
-    arcs = ConicArcs(np.linspace(*span, count + 1), hyperbolic)
+    arcs = split_into_arcs(parameter_range, hyperbolic=hyperbolic)
     unit = arcs.build_unit_conic()
     poles = unit @ np.stack([radii[0] * x, radii[1] * y, centre])
     weights = unit[:, 2]
-    return SampledCurve(curve, span, Curve.from_bspline(2, arcs.build_knots(), poles / weights[:, None], weights), arcs)
+    spline = Curve.from_bspline(2, arcs.build_knots(), poles / weights[:, None], weights)
+    return _make_sampled_curve(curve, parameter_range, spline, arcs)
 
 
 def _read_spline(curve: Geom_Curve | Geom2d_Curve, first: float, last: float) -> Curve | None:
+    """Read a parabola, Bezier or B-spline curve over its own parameter; None for any other curve."""
     if isinstance(curve, Geom_Parabola):
         curve = Geom_TrimmedCurve(curve, first, last)
     elif isinstance(curve, Geom2d_Parabola):

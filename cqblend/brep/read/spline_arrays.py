@@ -1,8 +1,8 @@
-r"""B-splines as NumPy arrays, in and out of OCCT, bit for bit.
+r"""Convert B-splines between NumPy arrays and OCCT, bit for bit.
 
 OCCT's own accessors copy one pole per call; a binary stream of ``BinTools`` carries a whole spline at once, 30 to 60
-times faster and without rounding. This module writes and reads those streams, and nothing else: it knows arrays and
-``Geom*_BSpline*`` objects, but neither faces nor the symbolic splines of :mod:`cqblend.splines`.
+times faster and without rounding. This module writes and reads those streams, and nothing else; it depends
+neither on faces nor on the symbolic splines of :mod:`cqblend.splines`.
 
 Arrays follow one convention: *full* knot vectors (every knot repeated as often as it counts), poles of shape
 ``(n, dim)`` or ``(nu, nv, 3)`` in space (not multiplied by their weights), weights of shape ``(n,)`` or ``(nu, nv)``,
@@ -19,8 +19,8 @@ The stream (OCCT 7.9, little endian, unpadded)::
 
 import io
 import struct
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,17 +29,29 @@ from OCP.Geom import Geom_BSplineCurve, Geom_BSplineSurface
 from OCP.Geom2d import Geom2d_BSplineCurve
 
 from cqblend.errors import DegreeError, InputError
+from cqblend.splines.bernstein import Array
 
-Floats = NDArray[np.float64]
-CurveArrays = tuple[int, Floats, Floats, Floats | None]
-SurfaceArrays = tuple[tuple[int, int], tuple[Floats, Floats], Floats, Floats | None]
+CurveArrays = tuple[int, Array, Array, Array | None]
+SurfaceArrays = tuple[tuple[int, int], tuple[Array, Array], Array, Array | None]
 
 MAX_DEGREE = 25
 """The largest degree OCCT can hold, of curves and of surfaces."""
 
 _KNOT = np.dtype([("value", "<f8"), ("multiplicity", "<i4")])
 _SURFACE_HEADER, _SURFACE_CODE, _SURFACE_LAYOUT = b"Surfaces 1\n", 9, "<5B2h4i"
-_CURVE_HEADER, _CURVE2D_HEADER, _CURVE_CODE, _CURVE_LAYOUT = b"Curves 1\n", b"Curve2ds 1\n", 7, "<3Bh2i"
+_CURVE_CODE, _CURVE_LAYOUT = 7, "<3Bh2i"
+
+
+class _CurveStream(NamedTuple):
+    """What differs between the streams of curves in space and in the plane."""
+
+    header: bytes
+    dimension: int
+    make_set: Callable[[], Any]
+
+
+_CURVES = _CurveStream(b"Curves 1\n", 3, BinTools_CurveSet)
+_PLANE_CURVES = _CurveStream(b"Curve2ds 1\n", 2, BinTools_Curve2dSet)
 
 
 def surface_from_arrays(
@@ -92,9 +104,9 @@ def surface_to_arrays(surface: Geom_BSplineSurface) -> SurfaceArrays:
         surface.Segment(*surface.Bounds())
     sets = BinTools_SurfaceSet()
     sets.Add(surface)
-    stream = io.BytesIO()
-    sets.Write(stream)
-    data, offset = stream.getvalue(), len(_SURFACE_HEADER)
+    buffer = io.BytesIO()
+    sets.Write(buffer)
+    data, offset = buffer.getvalue(), len(_SURFACE_HEADER)
     _, u_rational, v_rational, _, _, p, q, nu, nv, *distinct = struct.unpack_from(_SURFACE_LAYOUT, data, offset)
     offset += struct.calcsize(_SURFACE_LAYOUT)
     table, offset = _unpack_points(data, offset, (nu, nv), 3, bool(u_rational or v_rational))
@@ -113,14 +125,12 @@ def curve_from_arrays(
     DegreeError, InputError
         As :func:`surface_from_arrays`.
     """
-    sets = BinTools_CurveSet()
-    sets.Read(_pack_curve(_CURVE_HEADER, 3, degree, knots, poles, weights))
-    return sets.Curve(1)
+    return _read_stream(_CURVES, degree, knots, poles, weights).Curve(1)
 
 
 def curve_to_arrays(curve: Geom_BSplineCurve) -> CurveArrays:
     """Read OCCT's B-spline curve in space as ``(degree, knots, poles, weights)``, as :func:`surface_to_arrays` does."""
-    return _unpack_curve(BinTools_CurveSet(), _CURVE_HEADER, 3, curve)
+    return _unpack_curve(_CURVES, curve)
 
 
 def curve2d_from_arrays(
@@ -133,36 +143,37 @@ def curve2d_from_arrays(
     DegreeError, InputError
         As :func:`surface_from_arrays`.
     """
-    sets = BinTools_Curve2dSet()
-    sets.Read(_pack_curve(_CURVE2D_HEADER, 2, degree, knots, poles, weights))
-    return sets.Curve2d(1)
+    return _read_stream(_PLANE_CURVES, degree, knots, poles, weights).Curve2d(1)
 
 
 def curve2d_to_arrays(curve: Geom2d_BSplineCurve) -> CurveArrays:
     """Read OCCT's B-spline curve in the plane as ``(degree, knots, poles, weights)``, clamped if it was not."""
-    return _unpack_curve(BinTools_Curve2dSet(), _CURVE2D_HEADER, 2, curve)
+    return _unpack_curve(_PLANE_CURVES, curve)
 
 
-def _pack_curve(
-    header: bytes, dimension: int, degree: int, knots: ArrayLike, poles: ArrayLike, weights: ArrayLike | None
-) -> io.BytesIO:
-    table = _pack_points(poles, weights, dimension, axes=1)
+def _read_stream(
+    stream: _CurveStream, degree: int, knots: ArrayLike, poles: ArrayLike, weights: ArrayLike | None
+) -> Any:
+    """Return OCCT's set of curves that holds one curve, packed as a stream."""
+    table = _pack_points(poles, weights, stream.dimension, axes=1)
     packed = _pack_knots(knots, degree, len(table), "curve")
     head = struct.pack(_CURVE_LAYOUT, _CURVE_CODE, weights is not None, 0, degree, len(table), len(packed))
-    return io.BytesIO(b"".join([header, head, table.tobytes(), packed.tobytes()]))
+    sets = stream.make_set()
+    sets.Read(io.BytesIO(b"".join([stream.header, head, table.tobytes(), packed.tobytes()])))
+    return sets
 
 
-def _unpack_curve(sets: Any, header: bytes, dimension: int, curve: Any) -> CurveArrays:
+def _unpack_curve(stream: _CurveStream, curve: Any) -> CurveArrays:
     if _is_unclamped(curve, ""):
         curve = curve.Copy()
         curve.Segment(curve.FirstParameter(), curve.LastParameter())
+    sets, buffer = stream.make_set(), io.BytesIO()
     sets.Add(curve)
-    stream = io.BytesIO()
-    sets.Write(stream)
-    data, offset = stream.getvalue(), len(header)
+    sets.Write(buffer)
+    data, offset = buffer.getvalue(), len(stream.header)
     _, rational, _, degree, count, distinct = struct.unpack_from(_CURVE_LAYOUT, data, offset)
     offset += struct.calcsize(_CURVE_LAYOUT)
-    table, offset = _unpack_points(data, offset, (count,), dimension, bool(rational))
+    table, offset = _unpack_points(data, offset, (count,), stream.dimension, bool(rational))
     knots, offset = _unpack_knots(data, offset, distinct)
     return degree, knots, *table
 
@@ -178,7 +189,7 @@ def _is_unclamped(spline: Any, direction: str) -> bool:
     return bool(query_spline("Is{}Periodic")) or ends != (full, full)
 
 
-def _pack_points(poles: ArrayLike, weights: ArrayLike | None, dimension: int, axes: int) -> Floats:
+def _pack_points(poles: ArrayLike, weights: ArrayLike | None, dimension: int, axes: int) -> Array:
     """Check poles and weights, and lay them side by side as the stream wants them."""
     table = np.ascontiguousarray(poles, dtype="<f8")
     if table.ndim != axes + 1 or table.shape[-1] != dimension:
@@ -198,7 +209,7 @@ def _pack_points(poles: ArrayLike, weights: ArrayLike | None, dimension: int, ax
 
 def _unpack_points(
     data: bytes, offset: int, shape: tuple[int, ...], dimension: int, rational: bool
-) -> tuple[tuple[Floats, Floats | None], int]:
+) -> tuple[tuple[Array, Array | None], int]:
     width = dimension + rational
     table = np.frombuffer(data, "<f8", int(np.prod(shape)) * width, offset).reshape(*shape, width)
     weights = table[..., dimension].copy() if rational else None
@@ -246,12 +257,12 @@ def _check_multiplicities(packed: NDArray[np.void], degree: int, name: str) -> N
         raise InputError(f"{name}: two knots at {values[:-1][close][0]!r} differ by rounding only; merge them")
 
 
-def _unpack_knots(data: bytes, offset: int, distinct: int) -> tuple[Floats, int]:
+def _unpack_knots(data: bytes, offset: int, distinct: int) -> tuple[Array, int]:
     packed = np.frombuffer(data, _KNOT, distinct, offset)
     return np.repeat(packed["value"].astype(np.float64), packed["multiplicity"]), offset + packed.nbytes
 
 
-def _require_finite(values: Sequence[float] | Floats, name: str) -> None:
+def _require_finite(values: Sequence[float] | Array, name: str) -> None:
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         raise InputError(f"{name}: entry {tuple(map(int, bad[0]))} is not a finite number")

@@ -1,10 +1,9 @@
-"""Faces of OCCT to symbolic splines and back.
+"""Convert faces of OCCT to symbolic spline surfaces and back.
 
 Every analytic surface has an exact rational form; only its parameters change: a circle as a rational quadratic is not
 run through at the speed of its angle. So each conversion comes with a closed-form :class:`ParameterMap` between the
 face's own parameters and the spline's. The forms are built here rather than by ``GeomConvert``, so that the arcs are
-known (at most 120 degrees each, knots at the angles themselves) and the map can be, too. This module decides nothing
-about blends.
+known (at most 120 degrees each, knots at the angles themselves) and the map can be, too.
 
 Notation: a spline in *homogeneous* form has poles (w x, w y, w z, w).
 """
@@ -12,10 +11,10 @@ Notation: a spline in *homogeneous* form has poles (w x, w y, w z, w).
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
 from OCP.BRepCheck import BRepCheck_Analyzer
@@ -53,27 +52,19 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
 from cqblend.brep.read import spline_arrays
+from cqblend.brep.read.tolerances import READ_TOLERANCES
+from cqblend.brep.topology import CONFUSION
 from cqblend.errors import GeometryError, InputError, UnsupportedError, with_article
+from cqblend.splines.bernstein import Array
 from cqblend.splines.surface import Surface
 
-Floats: TypeAlias = NDArray[np.float64]
-Window: TypeAlias = tuple[float, float]
-
-CONFUSION: Final = 1e-7
-"""OCCT's own tolerance (mm), which a new face's edges and vertices get."""
-
-OFFSET_TOLERANCE: Final = 1e-9
-"""Largest error of an offset surface or curve, relative to its size: the only conversions that are not exact."""
-
-_LARGEST_ARC: Final = 2 * math.pi / 3
-_UNBOUNDED: Final = 1e50
-_SNAP: Final = 1e-9
-"""Relative distance at which a face's bound counts as the end of its surface."""
+ParameterRange: TypeAlias = tuple[float, float]
+"""First and last value of one parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConicArcs:
-    """The parameter of a circle, ellipse or hyperbola and that of its rational quadratic spline, one arc after another.
+    """Reparametrisation between the angle of a conic and the parameter of its rational quadratic spline, arc by arc.
 
     On an arc about ``m`` of half-width ``h`` the spline's parameter ``s`` and the conic's ``a`` obey
     ``tan((a - m) / 2) = tan(h / 2) (s - m) / h``, with ``tanh`` for the hyperbola; so both agree at the breaks, and on
@@ -85,24 +76,25 @@ class ConicArcs:
     breaks : array
         Ends of the arcs, the same in both parameters.
     hyperbolic : bool
+        Whether the conic is a hyperbola, with cosh and sinh of its parameter, not a circle or an ellipse.
     """
 
-    breaks: Floats
+    breaks: Array
     hyperbolic: bool = False
 
-    def to_spline(self, conic: Floats) -> Floats:
+    def to_spline(self, conic: Array) -> Array:
         """Return the spline's parameters of given angles."""
         middle, half = self._find_arc(conic)
         tan = np.tanh if self.hyperbolic else np.tan
         return np.asarray(middle + half * tan((conic - middle) / 2) / tan(half / 2))
 
-    def to_conic(self, spline: Floats) -> Floats:
+    def to_conic(self, spline: Array) -> Array:
         """Return the angles of given parameters of the spline."""
         middle, half = self._find_arc(spline)
         tan, atan = (np.tanh, np.arctanh) if self.hyperbolic else (np.tan, np.arctan)
         return np.asarray(middle + 2 * atan(tan(half / 2) * (spline - middle) / half))
 
-    def evaluate_conic_rates(self, spline: Floats) -> tuple[Floats, Floats]:
+    def evaluate_conic_rates(self, spline: Array) -> tuple[Array, Array]:
         """Return the first two derivatives of :meth:`to_conic`."""
         middle, half = self._find_arc(spline)
         slope = (np.tanh if self.hyperbolic else np.tan)(half / 2) / half
@@ -111,16 +103,16 @@ class ConicArcs:
         sign = 1 if self.hyperbolic else -1
         return 2 * slope / growth, sign * 4 * slope**2 * x / growth**2
 
-    def _find_arc(self, values: Floats) -> tuple[Floats, Floats]:
+    def _find_arc(self, values: Array) -> tuple[Array, Array]:
         index = np.clip(np.searchsorted(self.breaks, values, side="right") - 1, 0, len(self.breaks) - 2)
         start, stop = self.breaks[index], self.breaks[index + 1]
         return (start + stop) / 2, (stop - start) / 2
 
-    def build_knots(self) -> Floats:
+    def build_knots(self) -> Array:
         """Return the full knot vector."""
         return np.repeat(self.breaks, [3, *[2] * (len(self.breaks) - 2), 3])
 
-    def build_unit_conic(self) -> Floats:
+    def build_unit_conic(self) -> Array:
         """Return the unit conic (w cos a, w sin a, w), or (w cosh a, w sinh a, w), as poles of shape (2n + 1, 3)."""
         cos, sin = (np.cosh, np.sinh) if self.hyperbolic else (np.cos, np.sin)
         middle, half = (self.breaks[:-1] + self.breaks[1:]) / 2, np.diff(self.breaks) / 2
@@ -132,13 +124,13 @@ class ConicArcs:
 
 @dataclass(frozen=True, slots=True)
 class ParameterMap:
-    """Between the parameters of a face's own surface and those of its spline.
+    """Map between the parameters of a face's own surface and those of its spline.
 
-    A direction that is None has the same parameter on both sides.
+    A direction that is None has the same parameter on both.
 
     Examples
     --------
-    >>> quarter = ParameterMap(u=Arcs(np.array([0.0, np.pi / 2])))
+    >>> quarter = ParameterMap(u=ConicArcs(np.array([0.0, np.pi / 2])))
     >>> quarter.to_face(quarter.to_spline([[0.3, 5.0]])).round(12)
     array([[0.3, 5. ]])
     """
@@ -146,19 +138,19 @@ class ParameterMap:
     u: ConicArcs | None = None
     v: ConicArcs | None = None
 
-    def to_spline(self, uv: ArrayLike) -> Floats:
+    def to_spline(self, uv: ArrayLike) -> Array:
         """Return the spline's parameters, shape (..., 2), of the face's."""
         return self._map_axes(uv, ConicArcs.to_spline)
 
-    def to_face(self, uv: ArrayLike) -> Floats:
+    def to_face(self, uv: ArrayLike) -> Array:
         """Return the face's own parameters, shape (..., 2), of the spline's."""
         return self._map_axes(uv, ConicArcs.to_conic)
 
-    def _map_axes(self, uv: ArrayLike, change: Callable[[ConicArcs, Floats], Floats]) -> Floats:
+    def _map_axes(self, uv: ArrayLike, convert: Callable[[ConicArcs, Array], Array]) -> Array:
         result = np.array(uv, dtype=np.float64)
         for axis, arcs in enumerate((self.u, self.v)):
             if arcs is not None:
-                result[..., axis] = change(arcs, result[..., axis])
+                result[..., axis] = convert(arcs, result[..., axis])
         return result
 
 
@@ -167,26 +159,26 @@ class _HomogeneousCurve:
     """A curve in homogeneous form, poles (n, 4), with the map of its parameter."""
 
     degree: int
-    knots: Floats
-    poles: Floats
+    knots: Array
+    poles: Array
     arcs: ConicArcs | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class _SplineSurfaceData:
-    """What makes a spline surface, and the map of its parameters."""
+    """Degrees, knots, poles (nu, nv, 3) and weights of a spline surface, with the map of its parameters."""
 
     degrees: tuple[int, int]
-    knots: tuple[Floats, Floats]
-    poles: Floats
-    weights: Floats | None
+    knots: tuple[Array, Array]
+    poles: Array
+    weights: Array | None
     parameters: ParameterMap = ParameterMap()
 
     @classmethod
     def from_homogeneous(
-        cls, first: _HomogeneousCurve, second: _HomogeneousCurve, homogeneous: Floats
+        cls, first: _HomogeneousCurve, second: _HomogeneousCurve, homogeneous: Array
     ) -> "_SplineSurfaceData":
-        """Join two directions, with the homogeneous poles (nu, nv, 4) that were made of theirs."""
+        """Take degrees, knots and parameter maps from a curve of each direction; homogeneous poles are (nu, nv, 4)."""
         weights = homogeneous[..., 3]
         return cls(
             (first.degree, second.degree),
@@ -214,7 +206,7 @@ def to_surface(face: TopoDS_Face) -> Surface:
     InputError
         It is not a face, or is unbounded.
     GeometryError
-        An offset surface could not be approximated to ``OFFSET_TOLERANCE``.
+        An offset surface could not be approximated to 1e-9 of its size.
     UnsupportedError
         The surface is of a type that OCCT itself does not store in files.
     """
@@ -268,36 +260,39 @@ def to_face(surface: Surface) -> TopoDS_Face:
     return face
 
 
-def _find_face_window(face: TopoDS_Face, surface: Geom_Surface) -> tuple[Window, Window]:
+def _find_face_window(face: TopoDS_Face, surface: Geom_Surface) -> tuple[ParameterRange, ParameterRange]:
     """Return the face's own parameter bounds, inside those of its surface, and no more than a period wide."""
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     a0, a1, b0, b1 = surface.Bounds()
     return (
-        _snap_window(u0, u1, a0, a1, bool(surface.IsUPeriodic())),
-        _snap_window(v0, v1, b0, b1, bool(surface.IsVPeriodic())),
+        _snap_range((u0, u1), (a0, a1), periodic=bool(surface.IsUPeriodic())),
+        _snap_range((v0, v1), (b0, b1), periodic=bool(surface.IsVPeriodic())),
     )
 
 
-def _snap_window(start: float, stop: float, least: float, most: float, periodic: bool) -> Window:
-    if max(abs(start), abs(stop)) > _UNBOUNDED:
+def _snap_range(face_range: ParameterRange, surface_range: ParameterRange, *, periodic: bool) -> ParameterRange:
+    """Return a face's parameter range, with ends that differ from its surface's by rounding put on these."""
+    (start, stop), (least, most) = face_range, surface_range
+    if max(abs(start), abs(stop)) > READ_TOLERANCES.unbounded:
         raise InputError("the face is unbounded; trim it first")
-    slack = _SNAP * (most - least)
+    slack = READ_TOLERANCES.bound_snap * (most - least)
     if periodic:
         width = stop - start
         return start, start + (most - least if width > most - least - slack else width)
-    start = least if start < least + slack and least > -_UNBOUNDED else start
-    stop = most if stop > most - slack and most < _UNBOUNDED else stop
+    start = least if start < least + slack and least > -READ_TOLERANCES.unbounded else start
+    stop = most if stop > most - slack and most < READ_TOLERANCES.unbounded else stop
     if not start < stop:
         raise InputError(f"the face has no extent: its parameters run from {start:g} to {stop:g}")
     return start, stop
 
 
-def _transform_poles(poles: Floats, transformation: gp_Trsf) -> Floats:
+def _transform_poles(poles: Array, transformation: gp_Trsf) -> Array:
+    """Move poles (..., 3)."""
     matrix = np.array([[transformation.Value(row, column) for column in range(1, 5)] for row in range(1, 4)])
     return np.asarray(poles @ matrix[:, :3].T + matrix[:, 3])
 
 
-def _convert_surface(surface: Geom_Surface, u: Window, v: Window) -> _SplineSurfaceData:
+def _convert_surface(surface: Geom_Surface, u: ParameterRange, v: ParameterRange) -> _SplineSurfaceData:
     if isinstance(surface, Geom_RectangularTrimmedSurface):
         return _convert_surface(surface.BasisSurface(), u, v)
     if isinstance(surface, Geom_BezierSurface):
@@ -320,15 +315,17 @@ def _convert_surface(surface: Geom_Surface, u: Window, v: Window) -> _SplineSurf
     )
 
 
-def _convert_bspline_surface(surface: Geom_BSplineSurface, u: Window, v: Window) -> _SplineSurfaceData:
+def _convert_bspline_surface(surface: Geom_BSplineSurface, u: ParameterRange, v: ParameterRange) -> _SplineSurfaceData:
     if (*u, *v) != surface.Bounds():
         surface = surface.Copy()
         surface.Segment(*u, *v)
     return _SplineSurfaceData(*spline_arrays.surface_to_arrays(surface))
 
 
-def _convert_elementary_surface(surface: Geom_ElementarySurface, u: Window, v: Window) -> _SplineSurfaceData:
-    """Planes are extruded lines, the others turn a line or a circle of the plane (X, Z) about Z."""
+def _convert_elementary_surface(
+    surface: Geom_ElementarySurface, u: ParameterRange, v: ParameterRange
+) -> _SplineSurfaceData:
+    """Convert a plane as an extruded line, any other as a line or circle of the plane (X, Z) revolved about Z."""
     frame = surface.Position()
     origin = _to_array(frame.Location())
     x, y, z = map(_to_array, (frame.XDirection(), frame.YDirection(), frame.Direction()))
@@ -349,16 +346,16 @@ def _convert_elementary_surface(surface: Geom_ElementarySurface, u: Window, v: W
     return _revolve_curve(profile, origin, z if frame.Direct() else -z, u)
 
 
-def _convert_offset_surface(surface: Geom_OffsetSurface, u: Window, v: Window) -> _SplineSurfaceData:
-    """Take the exact surface if OCCT knows one (an offset cylinder is a cylinder), else approximate; check either."""
+def _convert_offset_surface(surface: Geom_OffsetSurface, u: ParameterRange, v: ParameterRange) -> _SplineSurfaceData:
+    """Convert the exact surface if OCCT knows one (an offset cylinder is a cylinder), else approximate; check both."""
     exact = surface.Surface()
     if exact is not None:
         patch = _convert_surface(exact, u, v)
-        if _measure_deviation(surface, patch, u, v) <= OFFSET_TOLERANCE * _measure_extent(patch):
+        if _measure_deviation(surface, patch, u, v) <= READ_TOLERANCES.offset * _measure_extent(patch):
             return patch
     trimmed = Geom_RectangularTrimmedSurface(surface, *u, *v)
     corners = np.array([_to_array(surface.Value(a, b)) for a in u for b in v])
-    tolerance = OFFSET_TOLERANCE * float(np.ptp(corners, axis=0).max())
+    tolerance = READ_TOLERANCES.offset * float(np.ptp(corners, axis=0).max())
     smooth = GeomAbs_Shape.GeomAbs_C1
     approximation = GeomConvert_ApproxSurface(trimmed, tolerance / 10, smooth, smooth, 14, 14, 100, 0)
     if approximation.HasResult():
@@ -370,8 +367,8 @@ def _convert_offset_surface(surface: Geom_OffsetSurface, u: Window, v: Window) -
     )
 
 
-def _measure_deviation(surface: Geom_Surface, patch: _SplineSurfaceData, u: Window, v: Window) -> float:
-    """Return the largest distance between a surface and the patch that stands for it, on a grid off all knots."""
+def _measure_deviation(surface: Geom_Surface, patch: _SplineSurfaceData, u: ParameterRange, v: ParameterRange) -> float:
+    """Return the largest distance between a surface and the spline made of it, on a grid that avoids the knots."""
     us, vs = (start + (stop - start) * (np.arange(41) + 0.37) / 42 for start, stop in (u, v))
     spline = Surface.from_bspline(patch.degrees, patch.knots, patch.poles, patch.weights)
     uv = patch.parameters.to_spline(np.stack(np.meshgrid(us, vs, indexing="ij"), axis=-1))
@@ -379,7 +376,7 @@ def _measure_deviation(surface: Geom_Surface, patch: _SplineSurfaceData, u: Wind
     return float(np.linalg.norm(spline(uv[..., 0], uv[..., 1]) - truth, axis=-1).max())
 
 
-def _convert_curve(curve: Geom_Curve, window: Window) -> _HomogeneousCurve:
+def _convert_curve(curve: Geom_Curve, window: ParameterRange) -> _HomogeneousCurve:
     """Return a curve of space over a window of its parameter, exactly unless it is an offset curve."""
     if isinstance(curve, Geom_TrimmedCurve):
         return _convert_curve(curve.BasisCurve(), window)
@@ -403,7 +400,7 @@ def _convert_curve(curve: Geom_Curve, window: Window) -> _HomogeneousCurve:
     return _HomogeneousCurve(degree, knots, np.column_stack([poles * weights[:, np.newaxis], weights]))
 
 
-def _convert_conic_curve(curve: Geom_Conic, window: Window) -> _HomogeneousCurve:
+def _convert_conic_curve(curve: Geom_Conic, window: ParameterRange) -> _HomogeneousCurve:
     frame = curve.Position()
     centre, x, y = map(_to_array, (frame.Location(), frame.XDirection(), frame.YDirection()))
     if isinstance(curve, Geom_Circle):
@@ -418,11 +415,11 @@ def _convert_conic_curve(curve: Geom_Conic, window: Window) -> _HomogeneousCurve
     return _HomogeneousCurve(2, np.repeat(window, 3), np.column_stack([points, np.ones(3)]))
 
 
-def _approximate_offset_curve(curve: Geom_OffsetCurve, window: Window) -> Geom_BSplineCurve:
+def _approximate_offset_curve(curve: Geom_OffsetCurve, window: ParameterRange) -> Geom_BSplineCurve:
     trimmed = Geom_TrimmedCurve(curve, *window)
     samples = np.linspace(*window, 211)
     truth = np.array([_to_array(curve.Value(t)) for t in samples])
-    tolerance = OFFSET_TOLERANCE * float(np.ptp(truth, axis=0).max())
+    tolerance = READ_TOLERANCES.offset * float(np.ptp(truth, axis=0).max())
     approximation = GeomConvert_ApproxCurve(trimmed, tolerance / 10, GeomAbs_Shape.GeomAbs_C1, 100, 14)
     if approximation.HasResult():
         result = approximation.Curve()
@@ -432,36 +429,38 @@ def _approximate_offset_curve(curve: Geom_OffsetCurve, window: Window) -> Geom_B
     raise GeometryError(f"the offset curve could not be approximated to {tolerance:.1e} mm over {window}")
 
 
-def _build_line(origin: Floats, direction: Floats, window: Window) -> _HomogeneousCurve:
+def _build_line(origin: Array, direction: Array, window: ParameterRange) -> _HomogeneousCurve:
     points = origin + np.outer(window, direction)
     return _HomogeneousCurve(1, np.repeat(window, 2), np.column_stack([points, np.ones(2)]))
 
 
 def _build_conic(
-    centre: Floats, x: Floats, y: Floats, window: Window, *, hyperbolic: bool = False
+    centre: Array, major: Array, minor: Array, window: ParameterRange, *, hyperbolic: bool = False
 ) -> _HomogeneousCurve:
-    """Return centre + cos t x + sin t y, or cosh and sinh."""
-    arcs = _split_into_arcs(window, hyperbolic=hyperbolic)
+    """Return centre + cos t major + sin t minor, or cosh and sinh; the half-axes are vectors (3,) of full length."""
+    arcs = split_into_arcs(window, hyperbolic=hyperbolic)
     unit = arcs.build_unit_conic()
-    points = unit @ np.stack([x, y, centre])
+    points = unit @ np.stack([major, minor, centre])
     return _HomogeneousCurve(2, arcs.build_knots(), np.column_stack([points, unit[:, 2]]), arcs)
 
 
-def _split_into_arcs(window: Window, *, hyperbolic: bool = False) -> ConicArcs:
+def split_into_arcs(window: ParameterRange, *, hyperbolic: bool = False) -> ConicArcs:
+    """Return a range of a conic's parameter as equal arcs of at most 120 degrees."""
     start, stop = window
-    count = max(1, math.ceil((stop - start) / _LARGEST_ARC - _SNAP))
+    count = max(1, math.ceil((stop - start) / READ_TOLERANCES.largest_arc - READ_TOLERANCES.arc_count))
     return ConicArcs(np.linspace(start, stop, count + 1), hyperbolic)
 
 
-def _extrude_curve(strand: _HomogeneousCurve, direction: Floats, v: Window) -> _SplineSurfaceData:
+def _extrude_curve(profile: _HomogeneousCurve, direction: Array, v: ParameterRange) -> _SplineSurfaceData:
+    """Extrude a profile along a unit direction, by the lengths ``v``."""
     shift = np.append(direction, 0.0)
-    weights = strand.poles[:, 3:]
-    rows = [strand.poles + length * weights * shift for length in v]
-    return _SplineSurfaceData.from_homogeneous(strand, _build_line(np.zeros(3), direction, v), np.stack(rows, axis=1))
+    weights = profile.poles[:, 3:]
+    rows = [profile.poles + length * weights * shift for length in v]
+    return _SplineSurfaceData.from_homogeneous(profile, _build_line(np.zeros(3), direction, v), np.stack(rows, axis=1))
 
 
-def _revolve_curve(profile: _HomogeneousCurve, origin: Floats, axis: Floats, u: Window) -> _SplineSurfaceData:
-    """Turn a profile about an axis, right-handed, by the angles of the window."""
+def _revolve_curve(profile: _HomogeneousCurve, origin: Array, axis: Array, u: ParameterRange) -> _SplineSurfaceData:
+    """Revolve a profile about an axis, right-handed, by the angles ``u``."""
     x, y, centre = np.eye(3)[0], np.eye(3)[1], np.zeros(3)
     turn = _build_conic(centre, x, y, u)
     cos, sin, weight = turn.poles[:, [0, 1, 3]].T[..., np.newaxis, np.newaxis]
@@ -477,5 +476,5 @@ def _measure_extent(patch: _SplineSurfaceData) -> float:
     return float(np.ptp(patch.poles.reshape(-1, 3), axis=0).max())
 
 
-def _to_array(triple: gp_Pnt | gp_Dir) -> Floats:
+def _to_array(triple: gp_Pnt | gp_Dir) -> Array:
     return np.array([triple.X(), triple.Y(), triple.Z()])

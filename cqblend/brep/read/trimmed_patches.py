@@ -1,8 +1,8 @@
-"""Faces of OCCT as patches to be unrolled: symbolic surfaces, loops in their parameter planes, shared edges.
+"""Read faces of OCCT as patches to be unrolled: symbolic surfaces, loops in their parameter planes, shared edges.
 
-The only reader of shapes that unrolling has. It decides orientation once (material on the left of every loop, the outer
-side known), brings every pcurve into the parameters of the face's spline, and measures how well both agree. Must not
-know what is made of the patches.
+It is the only reader of shapes that unrolling has. It decides orientation once (material on the left of every loop, the
+outer side known), converts every pcurve to the parameters of the face's spline, and measures how well both agree.
+Depends on the data structures of :mod:`cqblend.patterns.trim`, not on flattening.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.read.sampled_curve import SampledCurve, read_sampled_curve
 from cqblend.brep.read.spline_conversion import ParameterMap, to_surface_with_map
+from cqblend.brep.read.tolerances import READ_TOLERANCES
 from cqblend.brep.read.unshared_edges import sew_faces
 from cqblend.brep.shape_kinds import is_topods
 from cqblend.brep.topology import (
@@ -59,9 +60,6 @@ from cqblend.patterns.trim.trimmed_patch import (
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 
-PLANARITY_TOLERANCE = 1e-9
-"""Largest distance of a spline surface's poles from a plane, relative to its size, for it to count as planar."""
-
 _KINDS: dict[type[Geom_Surface], FaceKind] = {
     Geom_Plane: "plane",
     Geom_CylindricalSurface: "cylinder",
@@ -72,27 +70,22 @@ _KINDS: dict[type[Geom_Surface], FaceKind] = {
     Geom_SurfaceOfRevolution: "revolution",
 }
 _BOUNDARY_ORIENTATIONS = (TopAbs_FORWARD, TopAbs_REVERSED)
-_LOOP_SLACK = 1e-2
-"""How far, relative to the face, a loop may pass its surface's window, or neighbours in a loop be apart.
 
-Tolerant shapes from files need it; what it costs is told by the gap of the edge. Loops are drawn back to the border.
+_EDGE_SAMPLE_SHARES = np.append(np.linspace(0.0, 1.0, 33), [0.4995, 0.5005])
+"""Parts of an edge's range at which its curve and the pcurves of its uses are compared.
+
+The last two tell the direction of the edge in its middle, which is sample :data:`_MIDDLE_SAMPLE`.
 """
 
-_SAMPLE_SHARES = np.append(np.linspace(0.0, 1.0, 33), [0.4995, 0.5005])
-"""Parts of an edge's range at which curves and pcurves are compared; the last two tell its direction in the middle."""
-
 _MIDDLE_SAMPLE = 16
-
-_AREA_TOLERANCE = 1e-5
-"""Of a face's area, relative, that OCCT is asked for."""
 
 
 def read_patches(
     source: TopoDS_Shape | Sequence[TopoDS_Face],
     *,
-    whole: TopoDS_Shape | None = None,
-    merge: bool = True,
-    join: float | None = None,
+    numbered_shape: TopoDS_Shape | None = None,
+    merge_coplanar: bool = True,
+    sewing_tolerance: float | None = None,
 ) -> PatchShell:
     """Return the faces of a shape, or some faces of it, as patches with their edges.
 
@@ -103,16 +96,16 @@ def read_patches(
     ----------
     source
         A shape of any kind with faces in it, or faces; faces that share edges are joined there.
-    whole
+    numbered_shape
         The shape whose numbers faces and edges get, if the source is a part of it.
-    merge
+    merge_coplanar
         Whether neighbouring faces of one plane become one patch.
-    join
-        Distance within which borders of faces that share no edge are one, mm; None leaves them as they are.
+    sewing_tolerance
+        Distance within which borders of faces that share no edge are joined, mm; None leaves them as they are.
 
     Returns
     -------
-    Skin
+    PatchShell
         Faces that could not be read are named in its ``refused``, with the reason.
 
     Raises
@@ -127,10 +120,10 @@ def read_patches(
     Examples
     --------
     >>> import cadquery as cq
-    >>> skin = read(cq.Workplane().cylinder(2.0, 1.0).val().wrapped)
-    >>> [(patch.index, patch.kind, len(patch.loops[0])) for patch in skin.patches]
+    >>> shell = read_patches(cq.Workplane().cylinder(2.0, 1.0).val().wrapped)
+    >>> [(patch.index, patch.kind, len(patch.loops[0])) for patch in shell.patches]
     [(1, 'cylinder', 4), (2, 'plane', 1), (3, 'plane', 1)]
-    >>> sorted(edge.faces for edge in skin.edges.values())
+    >>> sorted(edge.faces for edge in shell.edges.values())
     [(1, 1), (1, 2), (1, 3)]
     """
     shapes = [source] if isinstance(source, TopoDS_Shape) else list(source)
@@ -139,17 +132,17 @@ def read_patches(
             what = "a null shape" if isinstance(shape, TopoDS_Shape) else shown(shape)
             raise InputError(f"cannot unroll {what}: give a shape, or faces of one")
     part = shapes[0] if len(shapes) == 1 else make_compound(shapes)
-    whole = part if whole is None else whole
-    numbers = ShapeIndex(whole, TopAbs_FACE)
+    numbered_shape = part if numbered_shape is None else numbered_shape
+    numbers = ShapeIndex(numbered_shape, TopAbs_FACE)
     faces = {numbers.find_number(face): face for face in reversed(list(explore_subshapes(part, TopAbs_FACE)))}
     if not faces:
         raise SelectionError("there is nothing to unroll: the selection has no face")
     if 0 in faces:
         raise SelectionError("a face does not belong to the shape: select faces of the very shape that is unrolled")
     faces = {number: _add_natural_boundary(faces[number]) for number in sorted(faces)}
-    reader = _PatchReader(make_compound([whole, *faces.values()]))
-    if join is not None:
-        sewn = sew_faces(faces, join)
+    reader = _PatchReader(make_compound([numbered_shape, *faces.values()]))
+    if sewing_tolerance is not None:
+        sewn = sew_faces(faces, sewing_tolerance)
         if any(not sewn[number].IsSame(face) for number, face in faces.items()):
             faces, reader = sewn, _PatchReader(make_compound([*sewn.values()]))
     patches: list[Patch] = []
@@ -159,82 +152,83 @@ def read_patches(
             patches.append(reader.read_patch(number, face))
         except CqblendError as error:
             refused[number] = error.with_details(shape=f"face {number}")
-    skin = reader.assemble_patches(patches, refused)
-    return coplanar_patches.merge_coplanar_patches(skin) if merge else skin
+    shell = reader.assemble_patches(patches, refused)
+    return coplanar_patches.merge_coplanar_patches(shell) if merge_coplanar else shell
 
 
 class _PatchReader:
-    """Edges of one shape, numbered, and read when a face first asks for them."""
+    """Reads faces of one shape, and each of its edges once: when the first face that uses it is read."""
 
     def __init__(self, shape: TopoDS_Shape) -> None:
-        self._index, self._vertices = ShapeIndex(shape, TopAbs_EDGE), ShapeIndex(shape, TopAbs_VERTEX)
-        self._tracks: dict[int, SampledCurve | None] = {}
-        self._points: dict[int, CurveFunction] = {}
+        self._edge_index, self._vertex_index = ShapeIndex(shape, TopAbs_EDGE), ShapeIndex(shape, TopAbs_VERTEX)
+        self._space_curves: dict[int, SampledCurve | None] = {}  # by edge number; None of a degenerate edge
+        self._surface_curves: dict[int, CurveFunction] = {}  # of edges without a curve in space: pcurve on the surface
 
     def read_patch(self, number: int, face: TopoDS_Face) -> Patch:
-        """Read a face; what is wrong with it is told without its number."""
-        chart = _ParameterPlane.from_face(face)
+        """Read a face; errors do not name it."""
+        plane = _ParameterPlane.from_face(face)
         loops = []
-        for wire in explore_subshapes(chart.face, TopAbs_WIRE):
-            drawn = [
-                self._read_edge_use(use, chart)
+        for wire in explore_subshapes(plane.face, TopAbs_WIRE):
+            segments = [
+                self._read_edge_use(use, plane)
                 for use in explore_subshapes(wire, TopAbs_EDGE)
                 if use.Orientation() in _BOUNDARY_ORIENTATIONS
             ]
-            if drawn:
-                loops.append(chart.build_loop(_chain_uses(drawn, chart.extent)))
+            if segments:
+                loops.append(plane.build_loop(_chain_uses(segments, plane.extent)))
         if not loops:
             raise TopologyError("it has no boundary")
-        area = _measure_area(chart.face)
-        if chart.frame is not None:
-            return coplanar_patches.make_planar_patch((number,), chart.frame, loops, area, chart.off)
+        area = _measure_area(plane.face)
+        if plane.frame is not None:
+            return coplanar_patches.make_planar_patch((number,), plane.frame, loops, area, plane.plane_deviation)
         return Patch(
-            (number,), chart.kind, chart.surface, chart.outward, coplanar_patches.sort_outer_first(loops), area=area
+            (number,), plane.kind, plane.surface, plane.outward, coplanar_patches.sort_outer_first(loops), area=area
         )
 
     def assemble_patches(self, patches: list[Patch], refused: dict[int, CqblendError]) -> PatchShell:
         """Return patches with all their edges, measured."""
-        witnesses: dict[int, list[_UseSamples]] = {}
+        samples: dict[int, list[_UseSamples]] = {}
         for patch in patches:
-            for number, witness in _sample_edge_uses(patch):
-                witnesses.setdefault(number, []).append(witness)
-        edges = {number: self._build_edge(number, witnesses[number]) for number in sorted(witnesses)}
+            for number, one in _sample_edge_uses(patch):
+                samples.setdefault(number, []).append(one)
+        edges = {number: self._build_edge(number, samples[number]) for number in sorted(samples)}
         vertices = sorted({vertex for edge in edges.values() for vertex in edge.vertices})
-        points = {vertex: locate_vertex(self._vertices[vertex]) for vertex in vertices}
+        points = {vertex: locate_vertex(self._vertex_index[vertex]) for vertex in vertices}
         return PatchShell(tuple(patches), edges, points, refused)
 
-    def _read_edge_use(self, use: TopoDS_Edge, chart: _ParameterPlane) -> _LoopSegment:
-        number = self._index.find_number(use)
-        if number not in self._tracks:
-            self._tracks[number] = _read_space_curve(use)
-            if self._tracks[number] is None:
-                self._points[number] = chart.map_to_space(_read_pcurve(number, use, chart.face))
-        space = self._tracks[number]
-        at: CurveFunction
-        if chart.frame is None:
-            at = flat = _read_pcurve(number, use, chart.face)
-            breaks = flat.breaks
+    def _read_edge_use(self, use: TopoDS_Edge, plane: _ParameterPlane) -> _LoopSegment:
+        number = self._edge_index.find_number(use)
+        if number not in self._space_curves:
+            self._space_curves[number] = _read_space_curve(use)
+            if self._space_curves[number] is None:
+                self._surface_curves[number] = plane.map_to_space(_read_pcurve(number, use, plane.face))
+        space = self._space_curves[number]
+        pcurve: CurveFunction
+        if plane.frame is None:
+            sampled = _read_pcurve(number, use, plane.face)
+            pcurve, breaks = sampled, sampled.breaks
         else:
-            at = coplanar_patches.project_to_plane(chart.frame, space or self._points[number])
+            pcurve = coplanar_patches.project_to_plane(plane.frame, space or self._surface_curves[number])
             breaks = np.array(BRep_Tool.Range_s(use)) if space is None else space.breaks
-        start, stop = (self._vertices.find_number(vertex) for vertex in find_end_vertices(use))
-        along, degenerate = use.Orientation() == TopAbs_FORWARD, bool(BRep_Tool.Degenerated_s(use))
-        return _LoopSegment(EdgeUse(number, along, at, breaks, degenerate), start, stop)
+        start, stop = (self._vertex_index.find_number(vertex) for vertex in find_end_vertices(use))
+        is_forward, degenerate = use.Orientation() == TopAbs_FORWARD, bool(BRep_Tool.Degenerated_s(use))
+        return _LoopSegment(EdgeUse(number, is_forward, pcurve, breaks, degenerate), start, stop)
 
-    def _build_edge(self, number: int, witnesses: list[_UseSamples]) -> PatchEdge:
-        faces = tuple(witness.face for witness in witnesses)
+    def _build_edge(self, number: int, samples: list[_UseSamples]) -> PatchEdge:
+        """Return an edge, measured on the samples of all its uses."""
+        faces = tuple(one.face for one in samples)
         if len(faces) > 2:
             raise TopologyError(
                 f"faces {', '.join(map(str, faces))} all meet at edge {number}; no more than two can be unrolled in one"
                 " piece of skin: unroll them in two goes"
             )
-        space, use = self._tracks[number], witnesses[0].use
-        points: CurveFunction = space or self._points[number]
+        space, use = self._space_curves[number], samples[0].use
+        points: CurveFunction = space or self._surface_curves[number]
         breaks = use.breaks if space is None else space.breaks
         at = points(_sample_range(breaks))
         first, last = (
-            self._vertices.find_number(vertex)
-            for vertex in find_end_vertices(TopoDS.Edge_s(orient_forward(self._index[number])))
+            self._vertex_index.find_number(vertex)
+            for vertex in find_end_vertices(TopoDS.Edge_s(orient_forward(self._edge_index[number])))
         )
         return PatchEdge(
             index=number,
@@ -244,15 +238,15 @@ class _PatchReader:
             parameter=_identity_map if space is None else space.to_curve_parameter,
             vertices=(first, last),
             faces=faces,
-            angle=_measure_normal_turn(at[-1] - at[-2], witnesses),
-            gap=max(float(np.linalg.norm(witness.points - at, axis=1).max()) for witness in witnesses),
+            angle=_measure_normal_turn(at[-1] - at[-2], samples),
+            gap=max(float(np.linalg.norm(one.points - at, axis=1).max()) for one in samples),
             degenerate=use.degenerate,
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _LoopSegment:
-    """A use in the window of a chart, and the numbers of the vertices at which the loop enters and leaves it."""
+    """A use of an edge with its pcurve in a parameter plane, and the vertices at which it starts and stops."""
 
     use: EdgeUse
     start_vertex: int
@@ -261,10 +255,11 @@ class _LoopSegment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ParameterPlane:
-    """The plane in which the uses of a face are drawn, and the way from there to that of its patch.
+    """The plane of the pcurves of a face's edges, and their conversion to the parameter plane of its patch.
 
-    It is the plane of the face's own parameters, over ``window`` ((u0, u1), (v0, v1)), or that of the frame. If it is
-    ``mirrored``, the patch sees it from the other side.
+    It is the plane of the face's own parameters, over ``window`` ((u0, u1), (v0, v1)), or if the face is planar that of
+    ``frame``, from which the face is at most ``plane_deviation`` (mm) away. If ``is_swapped``, the patch has the same
+    parameters with u and v swapped, and so the other orientation.
     """
 
     face: TopoDS_Face
@@ -272,11 +267,11 @@ class _ParameterPlane:
     surface: Surface
     parameters: ParameterMap
     outward: bool
-    mirrored: bool
+    is_swapped: bool
     window: Array
     periods: tuple[float, float] = (0.0, 0.0)
     frame: PlaneFrame | None = None
-    off: float = 0.0
+    plane_deviation: float = 0.0
 
     @classmethod
     def from_face(cls, face: TopoDS_Face) -> _ParameterPlane:
@@ -289,28 +284,30 @@ class _ParameterPlane:
         if frame is not None:
             if not outward:
                 frame = PlaneFrame(frame.origin, frame.y, frame.x)
-            off = _bound_plane_distance(surface, frame)
-            return cls(face, "plane", surface, parameters, True, not outward, window, frame=frame, off=off)
+            deviation = _bound_plane_distance(surface, frame)
+            return cls(
+                face, "plane", surface, parameters, True, not outward, window, frame=frame, plane_deviation=deviation
+            )
         basis = BRep_Tool.Surface_s(face, TopLoc_Location())
         while isinstance(basis, Geom_RectangularTrimmedSurface):
             basis = basis.BasisSurface()
         kind: FaceKind = next((word for of_kind, word in _KINDS.items() if isinstance(basis, of_kind)), "freeform")
         periods = (basis.UPeriod() if basis.IsUPeriodic() else 0.0, basis.VPeriod() if basis.IsVPeriodic() else 0.0)
-        mirrored = _is_linear(surface, 0) and not _is_linear(surface, 1)
-        if mirrored:
+        is_swapped = _is_linear(surface, 0) and not _is_linear(surface, 1)
+        if is_swapped:
             surface, outward = surface.transpose(), not outward
-        return cls(face, kind, surface, parameters, outward, mirrored, window, periods)
+        return cls(face, kind, surface, parameters, outward, is_swapped, window, periods)
 
     @property
     def extent(self) -> Array:
-        """How large the face is in the plane in which its uses are drawn, (2,)."""
+        """Size of the face in the plane, (2,)."""
         if self.frame is None:
             return np.diff(self.window, axis=1)[:, 0]
         return np.full(2, np.ptp(_extract_bezier_poles(self.surface), axis=0).max())
 
     def map_to_space(self, pcurve: CurveFunction) -> CurveFunction:
-        """Return a curve in the face's own parameters as one in space, laid on the surface."""
-        surface = self.surface.transpose() if self.mirrored and self.frame is None else self.surface
+        """Return the curve in space that a curve in the face's own parameters is on the surface."""
+        surface = self.surface.transpose() if self.is_swapped and self.frame is None else self.surface
 
         def evaluate_points(t: Array) -> Array:
             uv = self.parameters.to_spline(pcurve(t))
@@ -319,17 +316,17 @@ class _ParameterPlane:
         return evaluate_points
 
     def build_loop(self, uses: list[EdgeUse]) -> Loop:
-        """Return the loop of the patch that a loop of drawn uses is."""
+        """Convert a loop of the plane to the parameter plane of the patch."""
         if self.frame is None:
             shift = self._find_period_shift(uses)
             uses = [replace(use, pcurve=self._map_pcurve(use.pcurve, shift)) for use in uses]
-        return tuple(use.reversed_use for use in uses[::-1]) if self.mirrored else tuple(uses)
+        return tuple(use.reversed_use for use in uses[::-1]) if self.is_swapped else tuple(uses)
 
     def _find_period_shift(self, uses: list[EdgeUse]) -> Array:
-        """Return the whole periods, (2,), that bring a loop into the window."""
+        """Return the shift (2,) by whole periods that moves a loop into the window."""
         points = np.concatenate([use.pcurve(_sample_range(use.breaks)) for use in uses])
         low, high = points.min(axis=0), points.max(axis=0)
-        (start, stop), slack = self.window.T, _LOOP_SLACK * self.extent
+        (start, stop), slack = self.window.T, READ_TOLERANCES.loop_slack * self.extent
         periods = np.array(self.periods)
         off = (low < start - slack) | (high > stop + slack)
         count = np.divide((start + stop - low - high) / 2, periods, out=np.zeros(2), where=off & (periods > 0))
@@ -343,18 +340,18 @@ class _ParameterPlane:
         return shift
 
     def _map_pcurve(self, pcurve: CurveFunction, shift: Array) -> CurveFunction:
-        """Return a curve in the face's own parameters as one in those of the patch's surface."""
+        """Convert a curve from the face's own parameters to those of the patch, clipped to the surface's domain."""
 
         def map_parameters(t: Array) -> Array:
             uv = np.clip(self.parameters.to_spline(pcurve(t) + shift), self.window[:, 0], self.window[:, 1])
-            return uv[:, ::-1] if self.mirrored else uv
+            return uv[:, ::-1] if self.is_swapped else uv
 
         return map_parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _UseSamples:
-    """What one use says of its edge at the witnesses: points in space, and in the middle the unit outer normal."""
+    """One use of an edge, sampled on its face: points in space (n, 3), and in the middle the unit outer normal."""
 
     face: int
     use: EdgeUse
@@ -365,45 +362,44 @@ class _UseSamples:
 
 
 def _sample_edge_uses(patch: Patch) -> list[tuple[int, _UseSamples]]:
+    """Return every use of an edge on a patch, as the edge's number and the samples of the use."""
     uses = [use for loop in patch.loops for use in loop]
     uv = np.stack([use.pcurve(_sample_range(use.breaks)) for use in uses])
     jet = patch.surface.jet(uv[..., 0], uv[..., 1], 1)
     normals = np.cross(jet[1, 0, :, _MIDDLE_SAMPLE], jet[0, 1, :, _MIDDLE_SAMPLE]) * (1.0 if patch.outward else -1.0)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     sizes = np.linalg.norm(jet[1, 0], axis=-1).max() * np.linalg.norm(jet[0, 1], axis=-1).max()
-    normals = np.divide(normals, lengths, out=np.full(normals.shape, np.nan), where=lengths > 1e-12 * sizes)
+    normals = np.divide(
+        normals, lengths, out=np.full(normals.shape, np.nan), where=lengths > READ_TOLERANCES.degenerate_normal * sizes
+    )
     return [
         (use.edge, _UseSamples(patch.index, use, points, normal, use.forward == patch.outward))
         for use, points, normal in zip(uses, jet[0, 0], normals, strict=True)
     ]
 
 
-def _measure_normal_turn(direction: Array, witnesses: list[_UseSamples]) -> float:
-    """Return the turn of the outer normal across an edge, positive if it is convex."""
-    if (
-        len(witnesses) < 2
-        or witnesses[0].is_material_left == witnesses[1].is_material_left
-        or witnesses[0].use.degenerate
-    ):
+def _measure_normal_turn(direction: Array, samples: list[_UseSamples]) -> float:
+    """Return the angle (rad) between the outer normals of an edge's faces, positive if convex; NaN at a border."""
+    if len(samples) < 2 or samples[0].is_material_left == samples[1].is_material_left or samples[0].use.degenerate:
         return np.nan
-    first, second = witnesses if witnesses[0].is_material_left else witnesses[::-1]
+    first, second = samples if samples[0].is_material_left else samples[::-1]
     across = np.cross(first.normal, second.normal)
     angle = np.arctan2(np.linalg.norm(across), first.normal @ second.normal)
     return float(np.copysign(angle, across @ direction))
 
 
-def _chain_uses(drawn: list[_LoopSegment], extent: Array) -> list[EdgeUse]:
+def _chain_uses(segments: list[_LoopSegment], extent: Array) -> list[EdgeUse]:
     """Return uses in such an order that each starts where the one before ends."""
-    uses, ends = [one.use for one in drawn], [one.use.ends for one in drawn]
+    uses, ends = [one.use for one in segments], [one.use.ends for one in segments]
 
     def measure_gap(one: int, following: int) -> float:
         return float(np.abs((ends[one][1] - ends[following][0]) / extent).max())
 
-    # a loop of which edges share no vertex comes as several chains
-    chains = chain_segments([one.start_vertex for one in drawn], [one.stop_vertex for one in drawn], measure_gap)
+    # where neighbours share no vertex, as in files, the loop comes as several chains
+    chains = chain_segments([one.start_vertex for one in segments], [one.stop_vertex for one in segments], measure_gap)
     loop = [k for chain in chains for k in chain]
     for one, following in pairwise([*loop, loop[0]]):
-        if not measure_gap(one, following) <= _LOOP_SLACK:
+        if not measure_gap(one, following) <= READ_TOLERANCES.loop_slack:
             raise TopologyError(
                 f"its loop does not close between edges {uses[one].edge} and {uses[following].edge}: heal the shape "
                 "(ShapeFix_Shape) first"
@@ -421,7 +417,7 @@ def _read_pcurve(number: int, use: TopoDS_Edge, face: TopoDS_Face) -> SampledCur
     if curve is None:
         raise TopologyError(f"edge {number} has no curve in its parameters: heal the shape (ShapeFix_Shape) first")
     span, own = BRep_Tool.Range_s(use), BRep_Tool.Range_s(use, face)
-    if max(abs(a - b) for a, b in zip(span, own, strict=True)) > 1e-9 * (span[1] - span[0]):
+    if max(abs(a - b) for a, b in zip(span, own, strict=True)) > READ_TOLERANCES.parameter_range * (span[1] - span[0]):
         raise TopologyError(
             f"edge {number} runs over {own} in its parameters but over {span} in space: heal the shape"
             " (BRepLib.SameParameter) first"
@@ -430,14 +426,14 @@ def _read_pcurve(number: int, use: TopoDS_Edge, face: TopoDS_Face) -> SampledCur
 
 
 def _find_plane(surface: Surface) -> PlaneFrame | None:
-    """Return the plane of a surface that is flat and nowhere folded, with Su x Sv along its normal; else None."""
+    """Return the plane of a planar surface that is nowhere folded, with Su x Sv along its normal; else None."""
     (u0, u1), (v0, v1) = surface.domain
     jet = surface.jet((u0 + u1) / 2, (v0 + v1) / 2, 1)
     normal, poles = np.cross(jet[1, 0], jet[0, 1]), _extract_bezier_poles(surface)
     length = float(np.linalg.norm(normal))
     if (
         not length > 0
-        or np.abs((poles - jet[0, 0]) @ normal).max() > PLANARITY_TOLERANCE * np.ptp(poles, axis=0).max() * length
+        or np.abs((poles - jet[0, 0]) @ normal).max() > READ_TOLERANCES.planarity * np.ptp(poles, axis=0).max() * length
     ):
         return None
     u, v = np.linspace(u0, u1, 9), np.linspace(v0, v1, 9)
@@ -455,7 +451,7 @@ def _bound_plane_distance(surface: Surface, frame: PlaneFrame) -> float:
 
 def _measure_area(face: TopoDS_Face) -> float:
     properties = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(face, properties, _AREA_TOLERANCE)
+    BRepGProp.SurfaceProperties_s(face, properties, READ_TOLERANCES.area)
     return abs(properties.Mass())
 
 
@@ -470,7 +466,7 @@ def _is_linear(surface: Surface, axis: int) -> bool:
 
 
 def _sample_range(breaks: Array) -> Array:
-    return np.asarray(breaks[0] + _SAMPLE_SHARES * (breaks[-1] - breaks[0]))
+    return np.asarray(breaks[0] + _EDGE_SAMPLE_SHARES * (breaks[-1] - breaks[0]))
 
 
 def _identity_map(t: Array) -> Array:

@@ -1,7 +1,7 @@
-"""Faces that touch without sharing edges, joined.
+"""Sew faces that touch without sharing edges.
 
-Exists because lists of faces, and files as IGES, have every border twice: what is next to each other there would be
-unrolled without a seam. Must not know what is made of the faces.
+Exists because lists of faces, and files such as IGES, have every common border twice: unrolled as they are, such faces
+would not know of each other. Depends on topology only.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from cqblend.brep.topology import ShapeIndex, explore_subshapes, make_compound
 from cqblend.errors import PatternWarning, warn
 from cqblend.splines.bernstein import Array
 
-_SAMPLE_SHARES = (np.arange(9) + 0.5) / 9
-"""Parts of a border's range at which it is looked whether it lies on another one."""
+_BORDER_SAMPLE_SHARES = (np.arange(9) + 0.5) / 9
+"""Parts of a border's range at which its distance from another one is measured."""
 
 
 def sew_faces(faces: Mapping[int, TopoDS_Face], tolerance: float) -> dict[int, TopoDS_Face]:
-    """Return faces of which those that touch share their edges.
+    """Return the faces, with common edges where they touch.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def _count_coinciding_borders(faces: Sequence[TopoDS_Face], tolerance: float) ->
 
 
 def _find_edge_owners(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, set[int]]]:
-    """Return the edges of faces, and which faces use each; a seam of a face is no border, and left out."""
+    """Return the edges of faces with the indices of the faces that use each, without seams and degenerate edges."""
     index = ShapeIndex(make_compound(faces), TopAbs_EDGE)
     uses: dict[int, list[int]] = {}
     for number, face in enumerate(faces):
@@ -101,11 +101,11 @@ def _find_edge_owners(faces: Sequence[TopoDS_Face]) -> list[tuple[TopoDS_Edge, s
 def _sample_edge(edge: TopoDS_Edge) -> Array:
     curve = BRepAdaptor_Curve(edge)
     start, stop = curve.FirstParameter(), curve.LastParameter()
-    return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _SAMPLE_SHARES])
+    return np.array([curve.Value(start + part * (stop - start)).Coord() for part in _BORDER_SAMPLE_SHARES])
 
 
 def _is_along_edge(points: Array, edge: TopoDS_Edge, box: tuple[Array, Array], tolerance: float) -> bool:
-    """Whether two neighbouring points lie on an edge, which is within a box."""
+    """Whether two neighbouring points (of n, 3) lie on an edge; ``box`` is its bounding box, enlarged."""
     inside: Array = np.all((points >= box[0]) & (points <= box[1]), axis=1)
     if not (inside[:-1] & inside[1:]).any():
         return False

@@ -205,7 +205,7 @@ def make_edge_remainders(
 ) -> Mapping[int, list[TopoDS_Edge]]:
     """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
     spine = placement.spine
-    stops = np.append(0.0, np.cumsum([piece.length for piece in spine.pieces])) / spine.length
+    stops = np.append(0.0, np.cumsum([table.length for table in spine.tables])) / spine.length
     first, last = caps[0] or 0.0, 1.0 if caps[1] is None else caps[1]
     remainders: dict[int, list[TopoDS_Edge]] = {}
     for edge, start, stop in zip(spine.edges, stops[:-1], stops[1:], strict=True):

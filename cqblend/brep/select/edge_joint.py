@@ -1,7 +1,7 @@
-"""What is selected: an edge between two faces of a solid, checked, measured and read into primaries.
+"""Find joints: edges between two faces of a solid, checked, and read as a spine and two support faces.
 
-A joint is the input of the whole pipeline in :mod:`cqblend.solid_blends.edge_blend`: which solid, which edges, which
-faces on which side, and the questions about them that only the topology can answer.
+A joint is the input of :mod:`cqblend.solid_blends.edge_blend`: which solid, which edges, which faces on which side, and
+the queries about them that need the topology.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_i
 from cqblend.brep.read.face_surface import SupportFace, read_support_face
 from cqblend.brep.select.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
 from cqblend.brep.select.spine import EdgeSpine, chain_edges
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (
     CONFUSION,
@@ -33,6 +34,7 @@ from cqblend.brep.topology import (
     find_end_vertices,
     find_outgoing_tangent,
     find_vertex_uv,
+    is_among,
     locate_vertex,
 )
 from cqblend.certificate import SkippedKind
@@ -40,17 +42,9 @@ from cqblend.errors import SelectionError, TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary import Primary
 
-SMOOTH_ANGLE = 1e-3  # rad: faces that meet at less are smooth already, at less from pi a knife edge
-CAP_PROBE_SHARE, CAP_PROBE_STEP = (
-    0.12,
-    1e-3,
-)  # of the legs of a section: a point that it cuts off, and a step out of its plane
-BOUNDARY_TOLERANCE = 1e-6  # of the parameters: a contact this near to a face's boundary leaves nothing of the face
-CONTINUATION_ANGLE = 1e-2  # rad: a joint goes on past a vertex only where it turns by less
-
 
 class NothingToBlendError(SelectionError):
-    """An edge that there is nothing to blend at: smooth already, a seam, or degenerate; ``kind`` is which."""
+    """There is nothing to blend at an edge; ``kind`` tells why: it is smooth already, a seam, or degenerate."""
 
     kind: SkippedKind
 
@@ -60,8 +54,8 @@ class Joint:
     """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
 
     ``edge_number`` and ``face_numbers`` are numbers in the maps of the *input* shape, for messages and certificates;
-    ``lookup_number`` tells those of other faces, edges and vertices, 0 where they are not in the input. The spine runs
-    ``is_backward`` if the edge, as it was picked, runs against it.
+    ``lookup_number`` returns those of other faces, edges and vertices, 0 if they are not in the input. ``is_backward``
+    tells that the picked edge has the sense opposite to the spine's.
     """
 
     solid: TopoDS_Shape
@@ -100,32 +94,32 @@ class Joint:
         return float(np.sqrt(box.SquareExtent()))
 
     def locate_stations(self, t: Array) -> Stations:
-        """Return the edge's stations at t; past its ends, an arc of a circle goes on, anything else straight."""
+        """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
         return self.spine.extend_along_circle(self.spine.locate_stations(t, self.sides), self.sides)
 
     def to_face_parameters(self, contacts: Contacts) -> list[Array]:
-        """Return contacts in the two faces' own parameters, in their windows."""
+        """Return contacts in the own parameters (n, 2) of both faces, in their windows."""
         return [
             side.wrap_to_window(side.to_face_parameters(uv)) for side, uv in zip(self.sides, contacts.uv, strict=True)
         ]
 
-    def classify_contacts(self, contacts: Contacts, which: int) -> Array:
-        """Return which contacts (n,) of one side are inside its face."""
-        side = self.sides[which]
-        classifier = BRepTopAdaptor_FClass2d(side.face, BOUNDARY_TOLERANCE)
+    def classify_contacts(self, contacts: Contacts, side_index: int) -> Array:
+        """Return which contacts (n,) of one side, 0 or 1, are inside its face."""
+        side = self.sides[side_index]
+        classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.contact_boundary)
         found = []
-        for point in side.wrap_to_window(side.to_face_parameters(contacts.uv[which])):
+        for point in side.wrap_to_window(side.to_face_parameters(contacts.uv[side_index])):
             state = classifier.Perform(gp_Pnt2d(*point.tolist()))
             found.append(state == TopAbs_IN or (state == TopAbs_ON and side.is_at_seam(point)))
         return np.array(found)
 
     def name_part(self, part: TopoDS_Shape) -> str:
-        """Return what messages call a face, edge or vertex of the solid: by its number in the input, if it has one."""
+        """Return the name of a face, edge or vertex in messages: kind and number in the input, or "a new" kind."""
         number = 0 if self.lookup_number is None else self.lookup_number(part)
         return f"{find_shape_kind(part)} {number}" if number else f"a new {find_shape_kind(part)}"
 
     def choose_rail_start(self, contacts: Contacts) -> float:
-        """Return the t, of contacts all around, at which a closed rail best starts: far from seams and knot lines."""
+        """Return the t, of contacts around a closed joint, that is farthest from seams and knot lines of both faces."""
         clearance = np.full(len(contacts.t), np.inf)
         for side, uv in zip(self.sides, self.to_face_parameters(contacts), strict=True):
             for axis, width in enumerate(np.ptp(side.bounds, axis=1)):
@@ -134,11 +128,11 @@ class Joint:
         return float(contacts.t[np.argmax(clearance)])
 
     def find_vertex_number(self, end: int) -> int:
-        """Return the number of the vertex at t = 0 or t = 1 in the input; 0 if that does not have it."""
+        """Return the number in the input of the vertex at t = ``end``, 0 or 1; 0 if it is new."""
         return 0 if self.lookup_number is None else self.lookup_number(self.spine.vertices[end])
 
     def name_end(self, end: int) -> str:
-        """Return what messages call the vertex at t = 0 or t = 1, with the faces that meet there beside the sides."""
+        """Return the name in messages of the vertex at t = ``end``, 0 or 1, with the other faces that meet there."""
         vertex = self.spine.vertices[end]
         x, y, z = locate_vertex(vertex).tolist()
         others = [self.name_part(face) for face in find_neighbour_faces(self.solid, vertex, self.sides)]
@@ -146,7 +140,7 @@ class Joint:
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
     def find_end_plane(self, end: int) -> tuple[Array, Array]:
-        """Return point and normal of the one face on which a blend can end at t = 0 or t = 1.
+        """Return point and normal of the one face on which a blend can end at t = ``end``, 0 or 1.
 
         Raises
         ------
@@ -160,15 +154,15 @@ class Joint:
         return corner, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]
 
     def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
-        """Check that a flat cap at the one t of contacts stands on both faces, and has what it must have behind it.
+        """Check that a blend can end in a flat cap at the one t of contacts and stations, towards ``end`` (0 or 1).
 
-        Each of its walls, from the edge to a contact, runs inside its face or, at the end of the edge, along a border.
-        Behind the cap there is material if the edge is convex, none if it is concave.
+        Each border of the cap, from the edge to a contact, must be inside its face or, at the end of the edge, along a
+        border of the face. Behind the cap there must be material if the edge is convex, none if it is concave.
 
         Raises
         ------
         TopologyError
-            If it does not.
+            If the cap is not possible.
         """
         vertex, direction = self.spine.vertices[end], stations.tangents[0]
         at_end = contacts.t[0] == end
@@ -178,7 +172,7 @@ class Joint:
             legs += corner - stations.points[0]
             if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
                 continue
-            classifier = BRepTopAdaptor_FClass2d(side.face, 1e-9)
+            classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.face_boundary)
             on_edge = self.spine.evaluate_pcurves(contacts.t, side.face)
             start, stop = (
                 side.unwrap_near(side.to_face_parameters(foot), on_edge),
@@ -190,8 +184,8 @@ class Joint:
                         raise TopologyError(f"a wall across the edge leaves face {number}")
         behind = (
             stations.points[0]
-            + CAP_PROBE_SHARE * legs
-            + CAP_PROBE_STEP * np.linalg.norm(legs) * direction * (1 if end else -1)
+            + SELECT_TOLERANCES.cap_probe_share * legs
+            + SELECT_TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
         )
         classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
         if classifier.State() != (TopAbs_IN if self.is_convex else TopAbs_OUT):
@@ -203,25 +197,25 @@ class Joint:
 def find_joint(
     shape: TopoDS_Shape,
     edges: Sequence[TopoDS_Edge],
-    number: int,
-    faces: tuple[int, int],
+    edge_number: int,
+    face_numbers: tuple[int, int],
     *,
     swap: bool,
-    numbers: Callable[[TopoDS_Shape], int] | None = None,
+    lookup_number: Callable[[TopoDS_Shape], int] | None = None,
 ) -> Joint:
-    """Return the joint that the first of some edges is part of, with all of it that goes on between the same two faces.
+    """Return the joint of the first of some edges, with all edges that continue it between the same two faces.
 
-    ``number`` and ``face_numbers`` are what messages and certificates call it, ``lookup_number`` what they call others;
-    ``swap`` makes the second face side 1.
+    ``edge_number``, ``face_numbers`` and ``lookup_number`` are those of :class:`Joint`. ``swap`` makes the second face,
+    by the solid's order, side 1.
 
     Raises
     ------
-    PassedOver
+    NothingToBlendError
         If there is nothing to blend at the edge: it is degenerate, a seam, or smooth all along.
     SelectionError
         If it is no sharp joint of two faces of a closed solid for another reason.
     """
-    name, edge = f"edge {number}", edges[0]
+    name, edge = f"edge {edge_number}", edges[0]
     solids = [
         solid for solid in explore_subshapes(shape, TopAbs_SOLID) if ShapeIndex(solid, TopAbs_EDGE).find_number(edge)
     ]
@@ -241,22 +235,26 @@ def find_joint(
     between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
     ordered, closed = chain_edges(_grow_joint(between, pair, faces_at, solid), pair[0])
     spine = EdgeSpine(ordered, closed)
-    points = spine.evaluate_points(np.linspace(0, 1, 65)[: -1 if closed else None])
-    around = closed or spine.measure_arc_angle() is not None
-    first, second = (read_support_face(face, points, around=around) for face in pair)
-    joint = Joint(solid, spine, (first, second), number, faces, numbers)
+    points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if closed else None])
+    edge_is_circular = closed or spine.measure_arc_angle() is not None
+    first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
+    joint = Joint(solid, spine, (first, second), edge_number, face_numbers, lookup_number)
     _check_sharp(joint, name)
     return joint
 
 
 def _is_same_pair(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:
-    return len(faces) == 2 and all(any(face.IsSame(one) for one in pair) for face in faces)
+    return len(faces) == 2 and all(is_among(face, pair) for face in faces)
 
 
 def _grow_joint(
     edges: list[TopoDS_Edge], pair: list[TopoDS_Face], faces_at: AncestorMap, solid: TopoDS_Shape
 ) -> list[TopoDS_Edge]:
-    """Follow the joint past vertices at which only the two faces meet: there it merely happens to be cut into edges."""
+    """Return the edges that continue the first one smoothly between the same pair of faces.
+
+    A vertex at which no other faces meet does not end the joint. The other given edges were picked as well: at their
+    vertices the joint continues along them even if other faces meet there.
+    """
     edges_at, faces_around = (
         AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE),
         AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE),
@@ -264,45 +262,39 @@ def _grow_joint(
     grown, waiting = edges[:1], edges[:1]
     while waiting:
         for vertex in find_end_vertices(waiting.pop()):
-            if len(faces_around(vertex)) > 2 and not any(
-                vertex.IsSame(v) for edge in edges[1:] for v in find_end_vertices(edge)
-            ):
+            is_picked = any(is_among(vertex, find_end_vertices(edge)) for edge in edges[1:])
+            if len(faces_around(vertex)) > 2 and not is_picked:
                 continue
             passable = edges_at(vertex) if len(faces_around(vertex)) == 2 else edges
             for edge in passable:
-                touches = any(vertex.IsSame(v) for v in find_end_vertices(edge)) and _is_tangent_continuation(
-                    vertex, edge, grown
-                )
-                if touches and _is_same_pair(faces_at(edge), pair) and not any(edge.IsSame(one) for one in grown):
+                touches = is_among(vertex, find_end_vertices(edge)) and _is_tangent_continuation(vertex, edge, grown)
+                if touches and _is_same_pair(faces_at(edge), pair) and not is_among(edge, grown):
                     grown.append(edge)
                     waiting.append(edge)
     return grown
 
 
 def _is_tangent_continuation(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: list[TopoDS_Edge]) -> bool:
-    """Whether an edge goes on at a vertex in the direction in which one of the others arrives there."""
+    """Whether an edge leaves a vertex in the direction in which one of the others arrives there."""
     here = find_outgoing_tangent(vertex, edge)
-    before = [
-        find_outgoing_tangent(vertex, other)
-        for other in others
-        if any(vertex.IsSame(v) for v in find_end_vertices(other))
-    ]
-    return any(np.linalg.norm(here + one) < CONTINUATION_ANGLE for one in before)
+    before = [find_outgoing_tangent(vertex, other) for other in others if is_among(vertex, find_end_vertices(other))]
+    return any(np.linalg.norm(here + one) < SELECT_TOLERANCES.continuation_angle for one in before)
 
 
 def _check_sharp(joint: Joint, name: str) -> None:
+    """Refuse a joint that is smooth, or a knife edge, at any of some stations."""
     stations = joint.locate_stations(np.linspace(0.02, 0.98, 17))
     n1, n2 = (
         side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
     )
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
-    if angle.max() < SMOOTH_ANGLE:
+    if angle.max() < SELECT_TOLERANCES.smooth_angle:
         raise NothingToBlendError(
             f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
             kind="smooth",
             value=float(angle.max()),
         )
-    if angle.min() < SMOOTH_ANGLE:
+    if angle.min() < SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
-    if angle.max() > np.pi - SMOOTH_ANGLE:
+    if angle.max() > np.pi - SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")

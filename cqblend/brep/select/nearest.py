@@ -1,7 +1,6 @@
-"""From a point in space to the edge or face that is meant.
+"""Find the edge or face of a shape that is nearest to a point.
 
-Exists for the command line, where nobody can click on an edge but everybody can read off coordinates. Must not know
-what the edge is wanted for.
+Exists for the command line, where edges are picked by coordinates.
 """
 
 from dataclasses import dataclass
@@ -15,13 +14,11 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measure.edge_continuity import measure_continuity_between
 from cqblend.brep.measure.edge_sides import find_edge_sides
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import CqblendError, SelectionError
 
 Point = tuple[float, float, float]
-
-_SAMPLES = 50
-"""Along an edge, to tell whether it is sharp anywhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +61,7 @@ def find_nearest_face(shape: TopoDS_Shape, point: Point) -> PickedFace:
 def find_nearest_edge(shape: TopoDS_Shape, point: Point, *, sharp: bool) -> PickedEdge:
     """Return the edge nearest to a point that has two different faces on its two sides.
 
-    Seams, degenerate and free edges are passed over; if it is to be ``sharp``, those at which the faces meet smoothly
-    everywhere, too.
+    Seams, degenerate and free edges are skipped; with ``sharp``, also those at which the faces meet smoothly all along.
 
     Raises
     ------
@@ -90,6 +86,6 @@ def _is_joint(shape: TopoDS_Shape, edge: TopoDS_Edge, *, sharp: bool) -> bool:
         sides = find_edge_sides(shape, edge)
         if sides[0][0].IsSame(sides[1][0]):
             return False
-        return not sharp or measure_continuity_between(sides, _SAMPLES).kind != "smooth"
+        return not sharp or measure_continuity_between(sides, SELECT_TOLERANCES.sharpness_samples).kind != "smooth"
     except CqblendError:
         return False

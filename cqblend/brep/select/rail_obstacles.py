@@ -1,4 +1,4 @@
-"""What a rail comes upon where it leaves its face, for messages: how wide the face is there, and what is behind."""
+"""Say in messages why a rail leaves its support face: the face is too narrow there, or the wall behind it too thin."""
 
 from __future__ import annotations
 
@@ -9,24 +9,22 @@ from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.read.face_surface import read_support_face
 from cqblend.brep.select.edge_joint import Joint
-from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
+from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes, is_among
+from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
-
-OPPOSITE_COSINE = -0.9  # cosine between the outward normals of two faces from which on they are both sides of a wall
-BISECTION_STEPS = 40
-LEAST_SHARE = 1e-6  # of the way to a contact: a face that does not even reach that far has no width
-BORDER_SAMPLES = 65  # along an edge
 
 
 def find_leaving_contact(joint: Joint, contacts: Contacts) -> tuple[int, int] | None:
-    """Return the first side, and the index, at which contacts leave their face; None if they stay.
+    """Return the first side, 0 or 1, whose contacts leave their face, and the index of such a contact; None if none do.
 
-    At the ends of an open edge they may be outside, where the faces end obliquely; between contacts that are inside,
-    and in the middle, they may not.
+    At the ends of an open edge contacts may be outside, because faces may end obliquely; between contacts that are
+    inside, and in the middle, they may not.
     """
     middle = len(contacts.t) // 2
     for side in (0, 1):
@@ -43,50 +41,63 @@ def find_leaving_contact(joint: Joint, contacts: Contacts) -> tuple[int, int] | 
 
 
 def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -> str:
-    """Say how far a face reaches from the edge, at a contact that is outside, and what is there."""
-    one, other = joint.sides[side], joint.sides[1 - side]
-    t = contacts.t[[index]]
-    stations = joint.locate_stations(t)
-    at = joint.spine.evaluate_pcurves(np.mod(t, 1.0) if joint.spine.closed else np.clip(t, 0, 1), one.face)
-    start = one.unwrap_near(one.to_face_parameters(stations.uv[side]), at)[0]
-    stop = one.unwrap_near(one.to_face_parameters(contacts.uv[side][[index]]), at)[0]
-    classifier = BRepTopAdaptor_FClass2d(one.face, 1e-9)
-
-    def is_inside_face(share: float) -> bool:
-        (uv,) = one.wrap_to_window((start + share * (stop - start))[None])
-        state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
-        return bool(state == TopAbs_IN or (state == TopAbs_ON and one.is_at_seam(uv)))
-
-    low, _ = bisect_interval(is_inside_face, 0.0, 1.0, BISECTION_STEPS)
-    point = one.face_primary.jet((start + low * (stop - start))[None])[0, 0]
-    wide = float(np.linalg.norm(point - stations.points[0]))
+    """Say how far the face of a side, 0 or 1, reaches from the edge at a contact outside, and what is beyond."""
+    support = joint.sides[side]
+    stations = joint.locate_stations(contacts.t[[index]])
+    share, point = _find_last_point_inside(joint, contacts, side, index)
+    width = float(np.linalg.norm(point - stations.points[0]))
     vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point.tolist())).Vertex()
-    bounds = [
+    borders = [
         use
-        for use in drop_duplicate_shapes(explore_subshapes(one.face, TopAbs_EDGE))
-        if not any(use.IsSame(e) for e in joint.spine.edges)
+        for use in drop_duplicate_shapes(explore_subshapes(support.face, TopAbs_EDGE))
+        if not is_among(use, joint.spine.edges)
     ]
     name = f"face {joint.face_numbers[side]}"
-    if low < LEAST_SHARE:
+    if share < SELECT_TOLERANCES.least_width:
         return f"{name} ends at the edge there"
-    if not bounds:
-        return f"{name} reaches only {wide:.3g} there"
-    edge = min(bounds, key=lambda use: BRepExtrema_DistShapeShape(vertex, use).Value())
-    behind = [face for face in AncestorMap(joint.solid, TopAbs_EDGE, TopAbs_FACE)(edge) if not face.IsSame(one.face)]
-    if not behind:
-        return f"{name} reaches only {wide:.3g} there"
-    beyond = read_support_face(behind[0], point[None])
-    curve = BRep_Tool.CurveOnSurface_s(edge, beyond.face, 0.0, 0.0)
-    first, last = BRep_Tool.Range_s(edge)
-    border = np.array(
-        [(value.X(), value.Y()) for value in map(curve.Value, np.linspace(first, last, BORDER_SAMPLES).tolist())]
-    )
-    nearest = np.linalg.norm(beyond.face_primary.jet(border)[0] - point, axis=1).argmin()
-    here = other.outward * other.primary.evaluate_normals(stations.uv[1 - side])[0]
-    if (
-        joint.is_convex
-        and beyond.outward * beyond.face_primary.evaluate_normals(border[[nearest]])[0] @ here < OPPOSITE_COSINE
-    ):
-        names = f"face {joint.face_numbers[1 - side]} and {joint.name_part(behind[0])}"
-        return f"the wall between {names} is only {wide:.3g} thick there"
-    return f"{name} is only {wide:.3g} wide there, up to {joint.name_part(edge)}"
+    if not borders:
+        return f"{name} reaches only {width:.3g} there"
+    border = min(borders, key=lambda use: BRepExtrema_DistShapeShape(vertex, use).Value())
+    faces_at = AncestorMap(joint.solid, TopAbs_EDGE, TopAbs_FACE)
+    faces_beyond = [face for face in faces_at(border) if not face.IsSame(support.face)]
+    if not faces_beyond:
+        return f"{name} reaches only {width:.3g} there"
+    opposite = joint.sides[1 - side]
+    normal = opposite.outward * opposite.primary.evaluate_normals(stations.uv[1 - side])[0]
+    normal_beyond = _evaluate_border_normal(faces_beyond[0], border, point)
+    if joint.is_convex and normal_beyond @ normal < SELECT_TOLERANCES.opposite_cosine:
+        names = f"face {joint.face_numbers[1 - side]} and {joint.name_part(faces_beyond[0])}"
+        return f"the wall between {names} is only {width:.3g} thick there"
+    return f"{name} is only {width:.3g} wide there, up to {joint.name_part(border)}"
+
+
+def _find_last_point_inside(joint: Joint, contacts: Contacts, side: int, index: int) -> tuple[float, Array]:
+    """Return how far the face reaches from the edge towards a contact: as a share of the way, and the point (3,)."""
+    support = joint.sides[side]
+    t = contacts.t[[index]]
+    on_edge = joint.spine.evaluate_pcurves(np.mod(t, 1.0) if joint.spine.closed else np.clip(t, 0, 1), support.face)
+    foot = joint.locate_stations(t).uv[side]
+    start = support.unwrap_near(support.to_face_parameters(foot), on_edge)[0]
+    stop = support.unwrap_near(support.to_face_parameters(contacts.uv[side][[index]]), on_edge)[0]
+    classifier = BRepTopAdaptor_FClass2d(support.face, SELECT_TOLERANCES.face_boundary)
+
+    def is_inside_face(share: float) -> bool:
+        (uv,) = support.wrap_to_window((start + share * (stop - start))[None])
+        state = classifier.Perform(gp_Pnt2d(*uv.tolist()))
+        return bool(state == TopAbs_IN or (state == TopAbs_ON and support.is_at_seam(uv)))
+
+    share, _ = bisect_interval(is_inside_face, 0.0, 1.0, SELECT_TOLERANCES.width_bisections)
+    point: Array = support.face_primary.jet((start + share * (stop - start))[None])[0, 0]
+    return share, point
+
+
+def _evaluate_border_normal(face: TopoDS_Face, border: TopoDS_Edge, point: Array) -> Array:
+    """Return the outward normal (3,) of a face at one of its edges, where that is nearest to a point."""
+    support = read_support_face(face, point[None])
+    curve = BRep_Tool.CurveOnSurface_s(border, support.face, 0.0, 0.0)
+    first, last = BRep_Tool.Range_s(border)
+    samples = map(curve.Value, np.linspace(first, last, SELECT_TOLERANCES.border_samples).tolist())
+    uv = np.array([(sample.X(), sample.Y()) for sample in samples])
+    nearest = np.linalg.norm(support.face_primary.jet(uv)[0] - point, axis=1).argmin()
+    normal: Array = support.outward * support.face_primary.evaluate_normals(uv[[nearest]])[0]
+    return normal

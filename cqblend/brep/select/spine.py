@@ -1,13 +1,13 @@
-"""The blended edge as a spine: stations at fractions t of its arc length, also some way past the ends of an open edge.
+"""Describe blended edges as a spine: stations at fractions t of its arc length, also past the ends of an open edge.
 
-A spine is one edge, or a chain of edges, between the same two faces. It runs as the first face's boundary does, seen
-from outside, so that the first face lies to its left.
+A spine is one edge, or a chain of edges, between the same two faces. It has the sense of the first face's boundary,
+seen from outside, so that the first face lies to its left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,36 +19,34 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.read.face_surface import SupportFace
+from cqblend.brep.select.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
-TABLE_SIZE = 65  # points at which the speed along an edge is read
-CIRCLE_TOLERANCE = 1e-9  # relative deviation up to which an edge is an arc of a circle
-
 
 @dataclass(frozen=True)
 class _ArcLengthTable:
-    """One edge of the chain: its parameters against arc length, from its start as the chain runs."""
+    """Parameters of one edge of a spine by its arc length (mm), from where the spine enters the edge; (n,) each."""
 
-    edge: TopoDS_Edge
     length: float
-    arc: Array
-    parameter: Array
-    slope: Array  # d parameter / d arc
+    arc_lengths: Array
+    parameters: Array
+    slopes: Array
+    """d parameter / d arc length."""
 
-    def find_parameters(self, arc: Array) -> Array:
+    def find_parameters(self, arc_length: Array) -> Array:
         """Return edge parameters at arc lengths, by cubic Hermite interpolation of the table."""
-        i = np.clip(np.searchsorted(self.arc, arc, side="right") - 1, 0, TABLE_SIZE - 2)
-        h = self.arc[i + 1] - self.arc[i]
-        x = (arc - self.arc[i]) / h
-        p0, p1, m0, m1 = self.parameter[i], self.parameter[i + 1], h * self.slope[i], h * self.slope[i + 1]
+        i = np.clip(np.searchsorted(self.arc_lengths, arc_length, side="right") - 1, 0, len(self.arc_lengths) - 2)
+        h = self.arc_lengths[i + 1] - self.arc_lengths[i]
+        x = (arc_length - self.arc_lengths[i]) / h
+        p0, p1, m0, m1 = self.parameters[i], self.parameters[i + 1], h * self.slopes[i], h * self.slopes[i + 1]
         return p0 + x * (m0 + x * (3 * (p1 - p0) - 2 * m0 - m1 + x * (m0 + m1 - 2 * (p1 - p0))))
 
 
 def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_Edge], bool]:
-    """Order edges head to tail as the face's boundary runs; also tell whether they close.
+    """Order edges head to tail, in the sense of the face's boundary; also tell whether they close.
 
     Raises
     ------
@@ -70,15 +68,16 @@ class EdgeSpine:
 
     edges: list[TopoDS_Edge]
     closed: bool
-    pieces: list[_ArcLengthTable] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pieces", [_tabulate_edge(edge) for edge in self.edges])
+    @cached_property
+    def tables(self) -> list[_ArcLengthTable]:
+        """The parameters of each edge by arc length."""
+        return [_tabulate_edge(edge) for edge in self.edges]
 
     @property
     def length(self) -> float:
         """Arc length (mm)."""
-        return sum(piece.length for piece in self.pieces)
+        return sum(table.length for table in self.tables)
 
     @property
     def vertices(self) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
@@ -87,13 +86,13 @@ class EdgeSpine:
 
     def locate_parameters(self, t: Array) -> tuple[Array, Array]:
         """Return which edge each t in [0, 1] is on, and its parameter there."""
-        stops = np.cumsum([piece.length for piece in self.pieces])
-        arc = np.clip(t, 0.0, 1.0) * stops[-1]
-        number = np.minimum(np.searchsorted(stops, arc, side="right"), len(self.pieces) - 1)
+        stops = np.cumsum([table.length for table in self.tables])
+        arc_length = np.clip(t, 0.0, 1.0) * stops[-1]
+        number = np.minimum(np.searchsorted(stops, arc_length, side="right"), len(self.tables) - 1)
         parameter = np.empty(len(t))
-        for i, piece in enumerate(self.pieces):
-            mine = number == i
-            parameter[mine] = piece.find_parameters(arc[mine] - (stops[i] - piece.length))
+        for i, table in enumerate(self.tables):
+            is_on_edge = number == i
+            parameter[is_on_edge] = table.find_parameters(arc_length[is_on_edge] - (stops[i] - table.length))
         return number, parameter
 
     def evaluate_points(self, t: Array) -> Array:
@@ -101,6 +100,7 @@ class EdgeSpine:
         return self._evaluate_with_tangents(*self.locate_parameters(t))[0]
 
     def _evaluate_with_tangents(self, number: Array, parameter: Array) -> tuple[Array, Array]:
+        """Return points and unit tangents (n, 3) in the spine's sense, at parameters of edges given by index."""
         curves = [BRepAdaptor_Curve(edge) for edge in self.edges]
         p, v = gp_Pnt(), gp_Vec()
         rows = []
@@ -122,12 +122,13 @@ class EdgeSpine:
 
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
-        """Centre (3,) and radius of the circle that the spine runs along, None if there is none."""
-        points = self.evaluate_points(np.linspace(0, 1, 33)[: -1 if self.closed else None])
+        """Centre (3,) and radius of the circle that the spine is an arc of, None if there is none."""
+        t = np.linspace(0, 1, SELECT_TOLERANCES.circle_samples)
+        points = self.evaluate_points(t[: -1 if self.closed else None])
         middle = points.mean(axis=0)
         axes = np.linalg.svd(points - middle)[2]
         size = np.abs(points - middle).max()
-        if np.abs((points - middle) @ axes[2]).max() > CIRCLE_TOLERANCE * size:
+        if np.abs((points - middle) @ axes[2]).max() > SELECT_TOLERANCES.circle * size:
             return None
         flat = (points - middle) @ axes[:2].T
         system = np.column_stack([2 * flat, np.ones(len(flat))])
@@ -135,21 +136,24 @@ class EdgeSpine:
         if rank < 3:
             return None
         radius = float(np.sqrt(solution[2] + solution[:2] @ solution[:2]))
-        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > CIRCLE_TOLERANCE * radius:
+        if np.abs(np.linalg.norm(flat - solution[:2], axis=1) - radius).max() > SELECT_TOLERANCES.circle * radius:
             return None
         return middle + solution[:2] @ axes[:2], radius
 
     def measure_arc_angle(self) -> float | None:
-        """Return the angle of the arc that the spine is, None if it is not a circle's."""
+        """Return the angle (rad) of the spine as an arc of a circle, None if it is no such arc."""
         if self.circle is None:
             return None
         turn = self.length / self.circle[1]
         if self.closed:
-            return 2 * np.pi if abs(turn - 2 * np.pi) < 1e-6 else None
+            return 2 * np.pi if abs(turn - 2 * np.pi) < SELECT_TOLERANCES.full_turn else None
         return float(turn) if turn < 2 * np.pi else None
 
     def locate_stations(self, t: Array, sides: tuple[SupportFace, SupportFace]) -> Stations:
-        """Return stations at t; those past the ends of an open edge lie on its tangents, not yet on the surfaces."""
+        """Return stations at t; those past the ends of an open edge lie on its tangents.
+
+        Their parameters on the support surfaces are first-order estimates, which the contact solver corrects.
+        """
         number, parameter = self.locate_parameters(t)
         point, direction = self._evaluate_with_tangents(number, parameter)
         past = self._measure_overshoot(t)
@@ -165,7 +169,7 @@ class EdgeSpine:
     def extend_along_circle(self, stations: Stations, sides: tuple[SupportFace, SupportFace]) -> Stations:
         """Move those of :meth:`locate_stations` that are past the ends of an arc of a circle onto that circle.
 
-        So an arc goes on as an arc, and what is rolled along it stays one of revolution.
+        So an arc is extended as an arc, and a blend along it remains a surface of revolution.
         """
         past = self._measure_overshoot(stations.t)
         if self.circle is None or not past.any():
@@ -187,9 +191,10 @@ class EdgeSpine:
 
 
 def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
+    """Tabulate an edge's arc length, by Simpson's rule on the speed of its curve."""
     curve = BRepAdaptor_Curve(edge)
     first, last = curve.FirstParameter(), curve.LastParameter()
-    parameter = np.linspace(first, last, 2 * TABLE_SIZE - 1)
+    parameter = np.linspace(first, last, 2 * SELECT_TOLERANCES.speed_samples - 1)
     p, v = gp_Pnt(), gp_Vec()
     speeds = []
     for x in parameter.tolist():
@@ -198,8 +203,8 @@ def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
     speed = np.array(speeds)
     if edge.Orientation() == TopAbs_REVERSED:
         parameter, speed = parameter[::-1], speed[::-1]
-    step = (last - first) / (TABLE_SIZE - 1)
+    step = (last - first) / (SELECT_TOLERANCES.speed_samples - 1)
     simpson = step / 6 * (speed[:-2:2] + 4 * speed[1::2] + speed[2::2])
     arc = np.append(0.0, np.cumsum(simpson))
     sign = np.sign(parameter[-1] - parameter[0])
-    return _ArcLengthTable(edge, float(arc[-1]), arc, parameter[::2], sign / np.maximum(speed[::2], 1e-9 * speed.max()))
+    return _ArcLengthTable(float(arc[-1]), arc, parameter[::2], sign / np.maximum(speed[::2], 1e-9 * speed.max()))

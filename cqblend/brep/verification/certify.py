@@ -21,7 +21,6 @@ from cqblend.brep.measure.edge_samples import sample_outline
 from cqblend.brep.measure.inner_creases import find_inner_crease
 from cqblend.brep.measure.measuring_places import find_knot_crossings, spread_samples
 from cqblend.brep.read import spline_arrays
-from cqblend.brep.read.face_surface import PCURVE_TOLERANCE
 from cqblend.brep.read.spline_conversion import to_face
 from cqblend.brep.rewrite.shell_edit import ProposedSolid
 from cqblend.brep.select.edge_joint import Joint
@@ -73,7 +72,7 @@ def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) ->
             )
         )
     # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
-    pcurve_errors = [0.0 if side.face_primary.has_exact_pcurves() else 2 * PCURVE_TOLERANCE for side in joint.sides]
+    pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
     measured = _Measurements(
         records,
         inner_crease=find_inner_crease(proposal.blend_face).angle,

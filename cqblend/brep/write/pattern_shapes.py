@@ -1,12 +1,13 @@
-"""What unrolling makes, as shapes of OCCT: strips in space, pieces in the plane, formers.
+"""Build the results of unrolling as shapes of OCCT: strips in space, pieces in the plane, formers.
 
-Everything is built edge by edge on given curves: nothing is intersected, projected or fitted. Must not know how strips
-and pieces come about.
+Everything is built edge by edge on given curves: nothing is intersected, projected or fitted. Depends on the data
+structures of patterns only, not on how strips and pieces are computed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -20,6 +21,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, To
 
 from cqblend.brep.read import spline_arrays
 from cqblend.brep.read.spline_conversion import to_face
+from cqblend.brep.read.tolerances import READ_TOLERANCES
 from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
     BUILDER,
@@ -42,26 +44,35 @@ from cqblend.patterns.trim.trimmed_patch import TrimmedSurface
 from cqblend.splines import Curve, Surface, hermite
 from cqblend.splines.bernstein import Array
 
-PLANARITY_TOLERANCE = 1e-9
-"""Largest distance of a rail's poles from a plane, relative to its size, for it to count as planar."""
 
-_UNTRIMMED_TOLERANCE = 1e-12
-"""A loop that leaves out less than this part of a surface's parameters is its natural boundary."""
+@dataclass(frozen=True, slots=True)
+class PatternShapeTolerances:
+    """Tolerances and limits of the shapes of a pattern."""
 
-_LEAST_SPEED = 1e-3
-"""Of a surface's size: what a step across all its parameters counts for at least where it is short in space."""
+    untrimmed: float = 1e-12
+    """Part of a surface's parameter area: a loop that leaves out less is the surface's natural boundary."""
+    least_chord: float = 1e-3
+    """Least length of a chord in the parametrisation of a polygonal run, even if the chord is shorter in space.
 
-_QUINTIC_TOLERANCE, _MOST_SPANS = 1e-11, 2048
-"""Of their size: what splines of a lower degree may be off the curves they stand for; pieces of them at most."""
+    Relative to the surface's size, and to the part of its parameter range that the chord crosses.
+    """
+    quintic: float = 1e-11
+    """Largest error, relative to their size, of quintic splines in place of curves above OCCT's largest degree."""
+    quintic_spans: int = 2048
+    """Number of spans above which such splines are not refined any more."""
+    quintic_margin: float = 1.2
+    """Factor on the largest error found at samples, as an estimate of the largest error anywhere."""
+    least_bulge: float = 1e-8
+    """Bulge (tangent of a quarter of the angle) below which an arc becomes a segment, as its radius is ill-defined."""
 
-_LEAST_BULGE = 1e-8
-"""An arc of less bulge is a segment: its radius would cost more digits than its sagitta has."""
+
+SHAPE_TOLERANCES = PatternShapeTolerances()
 
 
 def sew_strip_faces(trims: Sequence[TrimmedSurface], tolerance: float) -> TopoDS_Shape:
     """Return strips as B-spline faces, sewn where their borders are closer than a tolerance.
 
-    The curve of an edge is the exact image of its run in the parameter plane.
+    The curve of an edge is the exact image of its run, a piece of a loop in the parameter plane.
 
     Parameters
     ----------
@@ -94,15 +105,16 @@ def sew_strip_faces(trims: Sequence[TrimmedSurface], tolerance: float) -> TopoDS
     if not 0 < tolerance < np.inf:
         raise InputError(f"the tolerance of sewing is {tolerance:g} mm; it must be positive and finite")
     sewing = BRepBuilderAPI_Sewing(max(tolerance, CONFUSION))
-    lowered: list[float] = []
+    deviations: list[float] = []
     for number, trim in enumerate(trims, start=1):
-        face = _make_trimmed_face(trim, number, lowered)
+        face, of_face = _make_trimmed_face(trim, number)
+        deviations += of_face
         sewing.Add(face if trim.outward else face.Reversed())
-    if lowered:
+    if deviations:
         warn(
             PatternWarning(
-                f"{len(lowered)} strips or edges have a degree above {spline_arrays.MAX_DEGREE}, which OCCT cannot "
-                f"hold: they are approximated by quintic splines within {max(lowered):.1g} mm"
+                f"{len(deviations)} strips or edges have a degree above {spline_arrays.MAX_DEGREE}, which OCCT cannot "
+                f"hold: they are approximated by quintic splines within {max(deviations):.1g} mm"
             )
         )
     sewing.Perform()
@@ -130,7 +142,7 @@ def make_planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[To
     Examples
     --------
     >>> disc = Path(np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0]]), np.array([1.0, 1.0]))
-    >>> (face,) = planar_faces([Piece("1", (), (disc,))], tabs=True)
+    >>> (face,) = make_planar_faces([Piece("1", (), (disc,))], tabs=True)
     >>> face.ShapeType().name
     'TopAbs_FACE'
     """
@@ -147,9 +159,9 @@ def make_planar_faces(pieces: Iterable[Piece], *, tabs: bool = False) -> list[To
 def make_formers(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[TopoDS_Face | TopoDS_Wire]:
     """Return the formers over which strips are assembled (Elber 1995, figure 3b): faces or wires through rails.
 
-    Rails are joined end to end where two of them meet, and only two. A closed chain that lies in a plane bounds a
-    face, which can be cut from board; every other chain is a wire. Rails that are points, and those that come again
-    (the border of two strips), are left out.
+    Rails are joined end to end where exactly two of them meet. A closed planar chain bounds a face, which can be cut
+    from board; every other chain is a wire. Rails that are points, and repeated ones (the border of two strips), are
+    left out.
 
     Parameters
     ----------
@@ -161,7 +173,7 @@ def make_formers(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[T
     Examples
     --------
     >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]])
-    >>> [former.ShapeType().name for former in sections([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
+    >>> [former.ShapeType().name for former in make_formers([Curve.bezier(corners[i : i + 2]) for i in range(3)])]
     ['TopAbs_FACE']
     """
     rails = [
@@ -173,57 +185,69 @@ def make_formers(rails: Sequence[Curve], tolerance: float = CONFUSION) -> list[T
     return [_make_former(chain, tolerance) for chain in chains]
 
 
-def _make_trimmed_face(trim: TrimmedSurface, number: int, lowered: list[float]) -> TopoDS_Face:
-    """Make a face whose edges are images of curves in the parameter plane; add how far lower degrees are off."""
-    surface = trim.surface
+def _make_trimmed_face(trim: TrimmedSurface, number: int) -> tuple[TopoDS_Face, list[float]]:
+    """Make a face whose edges are images of curves in the parameter plane.
+
+    Also return the errors (mm) of the surface and of edges that are approximated because their degree is too high.
+    """
+    surface, deviations = trim.surface, list[float]()
     if surface.degree[0] > spline_arrays.MAX_DEGREE:
         rails, off = _approximate_by_quintics([surface.isoparametric(v=v) for v in surface.domain[1]])
         surface = Surface.from_rows(rails, surface.domain[1])
-        lowered.append(off)
+        deviations.append(off)
     loops = [[_convert_run(surface, run) for run in loop] for loop in trim.loops]
     (u0, u1), (v0, v1) = surface.domain
     area = _compute_signed_area(np.concatenate([curve(curve.breaks[:-1]) for curve in loops[0]])) if loops else np.inf
-    if len(loops) <= 1 and abs(area) >= (1 - _UNTRIMMED_TOLERANCE) * (u1 - u0) * (v1 - v0):
-        return to_face(surface)
+    if len(loops) <= 1 and abs(area) >= (1 - SHAPE_TOLERANCES.untrimmed) * (u1 - u0) * (v1 - v0):
+        return to_face(surface), deviations
     if area < 0:
         loops = [[curve.reverse() for curve in loop[::-1]] for loop in loops]
     face = make_bare_face(spline_arrays.surface_from_arrays(*surface.to_bspline()))
     for loop in loops:
-        BUILDER.Add(face, make_closed_wire(_make_loop_edges(face, surface, loop, lowered)))
-    return _require_valid_face(face, f"strip {number}")
+        images, of_loop = _compose_images(surface, loop)
+        deviations += of_loop
+        BUILDER.Add(face, make_closed_wire(_make_loop_edges(face, surface, loop, images)))
+    return _require_valid_face(face, f"strip {number}"), deviations
 
 
 def _convert_run(surface: Surface, run: Array | Curve) -> Curve:
-    """Return a run as a curve; a polygon at about unit speed in space, or straight along a parameter line."""
+    """Return a run as a curve: a polygon (n, 2) by its chord lengths in space, or straight along a parameter line."""
     if isinstance(run, Curve):
         return run
     low, high = np.array(surface.domain).T
     points = np.clip(run, low, high)
-    apart = np.abs(np.diff(points, axis=0) / (high - low)).max(axis=1)
-    points, apart = points[np.append(True, apart > 0)], apart[apart > 0]
-    places = surface(points[:, 0], points[:, 1])
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    t = np.append(0.0, np.cumsum(np.maximum(steps, _LEAST_SPEED * _measure_extent(surface) * apart)))
+    shares = np.abs(np.diff(points, axis=0) / (high - low)).max(axis=1)
+    points, shares = points[np.append(True, shares > 0)], shares[shares > 0]
+    chords = np.linalg.norm(np.diff(surface(points[:, 0], points[:, 1]), axis=0), axis=1)
+    least_chords = SHAPE_TOLERANCES.least_chord * _measure_extent(surface) * shares
+    t = np.append(0.0, np.cumsum(np.maximum(chords, least_chords)))
     if (points == points[0]).all(axis=0).any():
         t, points = t[[0, -1]], points[[0, -1]]
     return Curve.from_bspline(1, np.concatenate([t[:1], t, t[-1:]]), points)
 
 
-def _make_loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], lowered: list[float]) -> list[TopoDS_Edge]:
-    """Make the edge uses of one wire; runs that meet in space from both sides of a closed surface are a seam."""
-    images = []
+def _compose_images(surface: Surface, loop: list[Curve]) -> tuple[list[tuple[Curve, float]], list[float]]:
+    """Return the image in space of every run of a loop with its error (mm), and the errors of approximated ones."""
+    images, deviations = [], []
     for curve in loop:
         image, off = surface.compose(curve), 0.0
         if image.degree > spline_arrays.MAX_DEGREE:
             (image,), off = _approximate_by_quintics([image])
-            lowered.append(off)
+            deviations.append(off)
         images.append((image, off))
-    vertices: list[TopoDS_Vertex] = []
+    return images, deviations
+
+
+def _make_loop_edges(
+    face: TopoDS_Face, surface: Surface, loop: list[Curve], images: list[tuple[Curve, float]]
+) -> list[TopoDS_Edge]:
+    """Make the edge uses of one wire; two runs with the same image, on a closed surface, become a seam."""
+    vertices = _VertexPool()
     edges: dict[int, TopoDS_Edge] = {}
     for i, (curve, (image, off)) in enumerate(zip(loop, images, strict=True)):
         if i in edges:
             continue
-        start, stop = (_find_or_make_vertex(point, vertices) for point in image(image.domain))
+        start, stop = (vertices.get_vertex(point) for point in image(image.domain))
         pcurve = _make_plane_curve(curve)
         if _measure_extent(image) <= CONFUSION:
             edges[i] = make_degenerate_edge(face, start, pcurve, curve.domain)
@@ -241,40 +265,46 @@ def _make_loop_edges(face: TopoDS_Face, surface: Surface, loop: list[Curve], low
 
 
 def _approximate_by_quintics(curves: Sequence[Curve]) -> tuple[list[Curve], float]:
-    """Return curves over one domain as quintic splines of common breaks, and how far they are off at most, mm.
+    """Return curves over one domain as quintic splines with common breaks, and an estimate of their largest error, mm.
 
-    The splines have the curves' values and first two derivatives at their breaks, which are halved until that is less
-    than rounding; the rest is a little more than what is found at many parameters.
+    The splines have the curves' values and first two derivatives at their breaks. Spans are halved until the error at
+    samples is below 1e-11 of the size.
     """
     t = np.unique(np.concatenate([curve.breaks for curve in curves]))
-    close = _QUINTIC_TOLERANCE * max(_measure_extent(curve) for curve in curves)
-    part = (np.arange(8) + 0.5) / 8
+    allowed = SHAPE_TOLERANCES.quintic * max(_measure_extent(curve) for curve in curves)
+    shares = (np.arange(8) + 0.5) / 8
     while True:
         splines, worst = [], np.zeros(len(t) - 1)
-        between = t[:-1, None] + np.diff(t)[:, None] * part
+        between = t[:-1, None] + np.diff(t)[:, None] * shares
         for curve in curves:
             jets = np.stack([curve.jet(t[:-1], 2, side="right"), curve.jet(t[1:], 2, side="left")], axis=2)
             jets[0, :-1, 1] = jets[0, 1:, 0]  # one point, rounded twice
             splines.append(hermite(t, jets))
             off = np.linalg.norm(splines[-1](between.ravel()) - curve(between.ravel()), axis=1).reshape(between.shape)
             worst = np.maximum(worst, off.max(axis=1))
-        open_ = worst > close
-        if not open_.any() or len(t) > _MOST_SPANS:
-            return splines, float(1.2 * worst.max())
-        t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[open_] / 2]))
+        is_coarse = worst > allowed
+        if not is_coarse.any() or len(t) > SHAPE_TOLERANCES.quintic_spans:
+            return splines, float(SHAPE_TOLERANCES.quintic_margin * worst.max())
+        t = np.sort(np.concatenate([t, (t[:-1] + t[1:])[is_coarse] / 2]))
 
 
-def _find_or_make_vertex(point: Array, vertices: list[TopoDS_Vertex]) -> TopoDS_Vertex:
-    """Return the vertex at a point, made anew if there is none among those known."""
-    for vertex in vertices:
-        if np.linalg.norm(locate_vertex(vertex) - point) <= CONFUSION:
-            return vertex
-    vertices.append(make_vertex(point))
-    return vertices[-1]
+class _VertexPool:
+    """The vertices of one wire, one for each point."""
+
+    def __init__(self) -> None:
+        self._vertices: list[TopoDS_Vertex] = []
+
+    def get_vertex(self, point: Array) -> TopoDS_Vertex:
+        """Return the vertex at a point, made if there is none yet."""
+        for vertex in self._vertices:
+            if np.linalg.norm(locate_vertex(vertex) - point) <= CONFUSION:
+                return vertex
+        self._vertices.append(make_vertex(point))
+        return self._vertices[-1]
 
 
 def _has_image(surface: Surface, curve: Curve, image: Curve) -> bool:
-    """Whether a curve in the parameter plane runs along a curve of space, at the same parameters."""
+    """Whether a curve in the parameter plane has a given image in space, at the same parameters."""
     start, stop = image.domain
     t = start + (stop - start) * np.arange(8) / 7
     uv = curve(t)
@@ -302,7 +332,7 @@ def _make_line_or_arc(start: Array, stop: Array, bulge: float) -> tuple[Geom_Cur
     """Return a line or a circle that starts at parameter 0, and the parameter at which it stops."""
     chord = stop - start
     length = float(np.linalg.norm(chord))
-    if abs(bulge) < _LEAST_BULGE:
+    if abs(bulge) < SHAPE_TOLERANCES.least_bulge:
         return Geom_Line(gp_Pnt(*start, 0.0), gp_Dir(*chord, 0.0)), length
     left = np.array([-chord[1], chord[0]])
     centre = start + chord / 2 + (1 - bulge**2) / (4 * bulge) * left
@@ -312,7 +342,7 @@ def _make_line_or_arc(start: Array, stop: Array, bulge: float) -> tuple[Geom_Cur
 
 
 def _drop_duplicate_rails(rails: Iterable[Curve], tolerance: float) -> list[Curve]:
-    """Drop rails that run where another one does, in either sense."""
+    """Drop rails that coincide with an earlier one, in either sense."""
     kept: list[Curve] = []
     places: list[Array] = []
     for rail in rails:
@@ -325,7 +355,7 @@ def _drop_duplicate_rails(rails: Iterable[Curve], tolerance: float) -> list[Curv
 
 
 def _chain_rails(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
-    """Join rails end to end at every point at which exactly two ends meet; all of a chain run one way."""
+    """Join rails end to end at every point at which exactly two ends meet, with a common sense along each chain."""
     ends = np.array([rail(rail.domain) for rail in rails]).reshape(-1, 3)  # 2i and 2i + 1 are those of rail i
     near = np.linalg.norm(ends[:, None] - ends, axis=-1) <= tolerance
     partner = {
@@ -346,6 +376,7 @@ def _chain_rails(rails: list[Curve], tolerance: float) -> list[list[Curve]]:
 
 
 def _make_former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_Wire:
+    """Make the face that a closed planar chain bounds, or else a wire."""
     starts = [make_vertex(curve(curve.domain[0]), tolerance) for curve in chain]
     end = chain[-1](chain[-1].domain[1])
     closed = bool(np.linalg.norm(end - locate_vertex(starts[0])) <= tolerance)
@@ -364,11 +395,11 @@ def _make_former(chain: list[Curve], tolerance: float) -> TopoDS_Face | TopoDS_W
 
 
 def _find_plane(chain: Sequence[Curve]) -> Geom_Plane | None:
-    """Return the plane of closed curves, around which they turn to the left; None if they lie in none."""
+    """Return the plane of a closed chain, with the normal around which it is counterclockwise; None if not planar."""
     poles = np.concatenate([curve.to_bspline()[2] for curve in chain])
     middle = poles.mean(axis=0)
     normal = np.linalg.svd(poles - middle)[2][-1]
-    if np.abs((poles - middle) @ normal).max() > PLANARITY_TOLERANCE * np.ptp(poles, axis=0).max():
+    if np.abs((poles - middle) @ normal).max() > READ_TOLERANCES.planarity * np.ptp(poles, axis=0).max():
         return None
     points = np.concatenate([curve(np.linspace(*curve.domain, 65)[:-1]) for curve in chain])
     turning = np.cross(points - middle, np.roll(points, -1, axis=0) - middle).sum(axis=0) @ normal

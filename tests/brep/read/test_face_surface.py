@@ -125,7 +125,7 @@ def read(name: str, place: str, *, around: bool = False):
     face = PLACES[place](FACES[name]())
     middle = inside(face)
     points = kernel(face, middle[24:31])[0]
-    return face, read_support_face(face, points, around=around)
+    return face, read_support_face(face, points, edge_is_circular=around)
 
 
 @every
@@ -206,7 +206,7 @@ def test_a_sphere_whose_edge_runs_around_turns_about_the_edges_axis():
     body = ball().cut(cq.Solid.makeBox(30, 30, 30, V(-15, -15, 2)).rotate(V(), V(1, 0, 0), 70)).Solids()[0]
     edge = next(e for e in body.Edges() if e.geomType() == "CIRCLE" and abs(e.Center().Length - 2) < 1e-6)
     points = np.array([edge.positionAt(x).toTuple() for x in np.linspace(0, 1, 40, endpoint=False)])
-    side = read_support_face(face_of(body, "SPHERE"), points, around=True)
+    side = read_support_face(face_of(body, "SPHERE"), points, edge_is_circular=True)
     axis = side.primary.frame.axes[2]
     assert np.ptp(points @ axis) < 1e-12
     assert side.primary.follows_latitude

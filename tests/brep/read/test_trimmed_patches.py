@@ -119,7 +119,7 @@ def area(patch):
 @pytest.mark.parametrize("name", NAMES)
 def test_edges_and_their_uses_are_those_of_occt(name):
     shape = bodies()[name]
-    skin = read_patches(shape, merge=False)
+    skin = read_patches(shape, merge_coplanar=False)
     edges = ShapeIndex(shape, TopAbs_EDGE)
     assert not skin.refused
     assert [patch.faces for patch in skin.patches] == [(i + 1,) for i in range(len(ShapeIndex(shape, TopAbs_FACE)))]
@@ -294,7 +294,7 @@ def test_angles_are_unknown_where_there_is_one_face_or_none_has_a_normal():
 def test_faces_picked_from_a_shape_keep_its_numbers():
     shape = bodies()["drilled"]
     faces, edges = ShapeIndex(shape, TopAbs_FACE), ShapeIndex(shape, TopAbs_EDGE)
-    skin = read_patches([faces[5], faces[2]], whole=shape)
+    skin = read_patches([faces[5], faces[2]], numbered_shape=shape)
     assert [patch.faces for patch in skin.patches] == [(2,), (5,)]
     expected = {edges.find_number(edge) for n in (2, 5) for edge in explore_subshapes(faces[n], TopAbs_EDGE)}
     assert set(skin.edges) == expected
@@ -336,7 +336,7 @@ def test_what_is_no_shape_or_has_no_face_is_refused():
     with pytest.raises(SelectionError, match="no face"):
         read_patches(cq.Edge.makeCircle(1).wrapped)
     with pytest.raises(SelectionError, match="does not belong"):
-        read_patches(W().box(1, 1, 1).faces(">Z").val().wrapped, whole=bodies()["box"])
+        read_patches(W().box(1, 1, 1).faces(">Z").val().wrapped, numbered_shape=bodies()["box"])
 
 
 def test_an_edge_of_three_faces_is_refused_by_name():
