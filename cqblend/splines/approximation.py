@@ -4,6 +4,7 @@ Depends on curves, surfaces and Hermite interpolation only.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,20 +17,27 @@ from cqblend.splines.surface import Surface
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 
+class Kinks(NamedTuple):
+    """Where a function is less smooth than C5."""
+
+    parameters: ArrayLike
+    """(n,)."""
+    continuity: ArrayLike
+    """(n,) orders of continuity there, 0 to 4."""
+
+
 def approximate_curve(
     function: Callable[[Array], Array],
     breaks: ArrayLike,
     tolerance: float,
     *,
-    kinks: ArrayLike = (),
-    orders: ArrayLike = (),
+    kinks: Kinks | None = None,
     closed: bool = False,
-    spans: int = 16,
     most: int = 512,
 ) -> Curve:
-    """Least-squares quintic spline of a function, with knots among given breaks as far as these are dense enough.
+    """Least-squares quintic spline of a function, with knots at given breaks where these are near even spacing.
 
-    Spans in which it errs are halved until it does not. The function is asked once for each point.
+    Spans in which the error is too large are halved. The function is evaluated once at each point.
 
     Parameters
     ----------
@@ -39,13 +47,13 @@ def approximate_curve(
         (m + 1,) increasing; the first and the last are the domain.
     tolerance
         Of every component.
-    kinks, orders
-        Parameters (k,) at which the function is less smooth than C5, and its continuity there, 0 to 4. Those outside
-        the domain do not count, nor do the ends unless it is closed. Elsewhere the spline is C4.
+    kinks
+        Where the function is less smooth than C5. Those outside the domain do not count, nor do the ends unless it is
+        closed. Elsewhere the spline is C4.
     closed
         Whether the function goes on periodically: then the spline does.
-    spans, most
-        Number of equal spans to start with, and of spans to end with.
+    most
+        Largest number of spans.
 
     Raises
     ------
@@ -57,53 +65,56 @@ def approximate_curve(
     >>> curve = approximate_curve(lambda t: np.cos(t)[:, None], [0, 2 * np.pi], 1e-6, closed=True)
     >>> curve.degree, len(curve.breaks), bool(abs(curve(1.0) - np.cos(1.0)) < 1e-6)
     (5, 17, True)
-    >>> corner = approximate_curve(lambda t: abs(t - 0.3)[:, None], [0, 1], 1e-9, kinks=[0.3], orders=[0])
+    >>> corner = approximate_curve(lambda t: abs(t - 0.3)[:, None], [0, 1], 1e-9, kinks=Kinks([0.3], [0]))
     >>> len(corner.breaks), int(corner.continuity.min())
     (17, 0)
     """
     given = check_parameters(breaks)
-    at, times = _merge_kinks(
-        given, np.asarray(kinks, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4)
+    parameters, orders = Kinks((), ()) if kinks is None else kinks
+    kinks_inside, multiplicities = _merge_kinks(
+        given, np.asarray(parameters, dtype=np.float64), 5 - np.clip(np.asarray(orders, dtype=int), 0, 4)
     )
-    inside = (at < given[-1]) & ((at > given[0]) | closed)
-    at, times = at[inside], times[inside]
-    t = _place_knots(given, spans, at)
-    read: dict[tuple[float, float], Array] = {}  # by span, values at nodes and at points in between
+    inside = (kinks_inside < given[-1]) & ((kinks_inside > given[0]) | closed)
+    kinks_inside, multiplicities = kinks_inside[inside], multiplicities[inside]
+    t = _place_knots(given, SPLINE_LIMITS.initial_spans, kinks_inside)
+    samples: dict[
+        tuple[float, float], Array
+    ] = {}  # by span, values kinks_inside nodes and kinks_inside points in between
     while True:
         ends = list(zip(t[:-1].tolist(), t[1:].tolist(), strict=True))
-        fresh = np.array([pair for pair in ends if pair not in read])
-        points = fresh[:, :1] + np.diff(fresh) * SPAN_SAMPLES
-        values = function(points.ravel()).reshape(len(fresh), len(SPAN_SAMPLES), -1)
-        read |= zip(map(tuple, fresh.tolist()), values, strict=True)
-        found = np.stack([read[pair] for pair in ends])  # (spans, places, dim)
-        repeats = np.ones(len(t) - 1, dtype=int)
-        repeats[np.searchsorted(t, at)] = times
-        splines = _build_quintic_basis(t, repeats, closed=closed)
+        new_spans = np.array([pair for pair in ends if pair not in samples])
+        points = new_spans[:, :1] + np.diff(new_spans) * SPAN_SAMPLES
+        values = function(points.ravel()).reshape(len(new_spans), len(SPAN_SAMPLES), -1)
+        samples |= zip(map(tuple, new_spans.tolist()), values, strict=True)
+        found = np.stack([samples[pair] for pair in ends])  # (spans, samples, dim)
+        splines = _build_quintic_basis(t, _list_multiplicities(multiplicities, kinks_inside, t), closed=closed)
         nodes, between = np.split(t[:-1, None] + np.diff(t)[:, None] * SPAN_SAMPLES, 2, axis=1)
         q, r = np.linalg.qr(splines(nodes.ravel()))
         poles = np.linalg.solve(r, q.T @ found[:, :8].reshape(-1, found.shape[2]))
         curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
-        missed = np.abs(curve(between.ravel()).reshape(*between.shape, -1) - found[:, 8:]).max(axis=(1, 2))
-        bad = missed > tolerance
+        errors = np.abs(curve(between.ravel()).reshape(*between.shape, -1) - found[:, 8:]).max(axis=(1, 2))
+        bad = errors > tolerance
         if not bad.any():
             return curve
         middles = _bisect_spans(t[:-1][bad], t[1:][bad], given)
-        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < SPLINE_LIMITS.shortest_span * (
-            given[-1] - given[0]
-        ):
-            worst = t[missed.argmax()]
+        shortest = SPLINE_LIMITS.shortest_span * (given[-1] - given[0])
+        if len(t) - 1 + len(middles) > most or np.diff(t)[bad].min() < shortest:
+            worst = t[errors.argmax()]
             raise GeometryError(
-                f"a spline of {len(t) - 1} spans errs by {missed.max():.2g} near t = {worst:.6g}, more than "
+                f"a spline of {len(t) - 1} spans errs by {errors.max():.2g} near t = {worst:.6g}, more than "
                 f"{tolerance:.2g}"
             )
         t = np.sort(np.concatenate([t, middles]))
 
 
-SPAN_SAMPLES = np.concatenate([(np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8])  # in a span: to fit, to measure
+FIT_PLACES, ERROR_PLACES = (np.arange(8) + 0.5) / 8, (np.arange(8) + 0.05) / 8
+"""Relative places in a span of the points of a least-squares fit, and of those at which its error is measured."""
+
+SPAN_SAMPLES = np.concatenate([FIT_PLACES, ERROR_PLACES])
 
 
 def _bisect_spans(starts: Array, ends: Array, breaks: Array) -> Array:
-    """Return where to divide spans: half-way, or at a given break next to that."""
+    """Return where to divide spans: at the middle, or at a given break within a fifth of the span from it."""
     middle = (starts + ends) / 2
     near = breaks[np.abs(middle[:, None] - breaks).argmin(axis=1)]
     return np.where(np.abs(near - middle) <= 0.2 * (ends - starts), near, middle)
@@ -132,7 +143,7 @@ def approximate_surface(
     orders
         Continuity of the function at the inner breaks, -1 to 4; those at which it is C4 need not stay.
     most
-        Number of spans in one direction to end with.
+        Largest number of spans in one direction.
 
     Raises
     ------
@@ -155,15 +166,13 @@ def approximate_surface(
     spans = 4
     while True:
         splines, backs, between = [], [], []
-        for some, (at, times) in zip(given, kinks, strict=True):
-            t = _place_knots(some, spans, at)
-            repeats = np.ones(len(t) - 1, dtype=int)
-            repeats[np.searchsorted(t, at)] = times
-            splines.append(_build_quintic_basis(t, repeats, closed=False))
+        for domain, (kinks_inside, multiplicities) in zip(given, kinks, strict=True):
+            t = _place_knots(domain, spans, kinks_inside)
+            splines.append(_build_quintic_basis(t, _list_multiplicities(multiplicities, kinks_inside, t), closed=False))
             steps = np.diff(t)[:, None]
-            nodes = (t[:-1, None] + steps * ((np.arange(8) + 0.5) / 8)).ravel()
+            nodes = (t[:-1, None] + steps * FIT_PLACES).ravel()
             backs.append((nodes, np.linalg.pinv(splines[-1](nodes))))
-            between.append((t[:-1, None] + steps * ((np.arange(8) + 0.05) / 8)).ravel())
+            between.append((t[:-1, None] + steps * ERROR_PLACES).ravel())
         (u, first), (v, second) = backs
         poles = np.einsum("in,nmd,jm->ijd", first, function(u, v), second, optimize=True)
         along, across = splines
@@ -181,25 +190,36 @@ def approximate_surface(
         spans *= 2
 
 
-def _merge_kinks(breaks: Array, at: Array, times: Array) -> tuple[Array, Array]:
-    """Unite parameters that differ by rounding, at breaks where there are some, with the largest of their numbers.
+def _merge_kinks(breaks: Array, kinks: Array, multiplicities: Array) -> tuple[Array, Array]:
+    """Unite kinks that differ by rounding, and move them to a given break there; the largest multiplicity stays.
 
-    Those of functions that are C4 there move to breaks farther off: next to a break, a knot would leave a sliver.
+    Kinks that need a simple knot only, where the function is C4, move to breaks farther away: a knot next to a break
+    would leave a sliver.
+
+    Parameters
+    ----------
+    breaks
+        (m + 1,) ascending.
+    kinks, multiplicities
+        (k,) parameters, and the multiplicities of the knots there.
     """
-    near = breaks[np.abs(at[:, None] - breaks).argmin(axis=1)]
+    near = breaks[np.abs(kinks[:, None] - breaks).argmin(axis=1)]
     same = SPLINE_TOLERANCES.same_kink * (breaks[-1] - breaks[0])
-    at = np.where(
-        np.abs(near - at) <= np.where(times > 1, same, SPLINE_TOLERANCES.kink_snap * (breaks[-1] - breaks[0])), near, at
+    kinks = np.where(
+        np.abs(near - kinks)
+        <= np.where(multiplicities > 1, same, SPLINE_TOLERANCES.kink_snap * (breaks[-1] - breaks[0])),
+        near,
+        kinks,
     )
-    order = np.argsort(at, kind="stable")
-    at, times = at[order], times[order]
-    first = np.append(True, np.diff(at) > same) if len(at) else np.empty(0, bool)
+    order = np.argsort(kinks, kind="stable")
+    kinks, multiplicities = kinks[order], multiplicities[order]
+    first = np.append(True, np.diff(kinks) > same) if len(kinks) else np.empty(0, bool)
     starts = np.flatnonzero(first)
-    return at[first], np.maximum.reduceat(times, starts) if len(at) else times
+    return kinks[first], np.maximum.reduceat(multiplicities, starts) if len(kinks) else multiplicities
 
 
 def _place_knots(breaks: Array, spans: int, kinks: Array) -> Array:
-    """Return the ends of nearly equal spans, at given breaks where there are some nearby, and at all kinks."""
+    """Return the ends of nearly equal spans: all kinks, and given breaks within 0.4 of a span of even spacing."""
     even = np.linspace(breaks[0], breaks[-1], spans + 1)
     step = even[1] - even[0]
     near = breaks[np.abs(even[:, None] - breaks).argmin(axis=1)]
@@ -209,19 +229,37 @@ def _place_knots(breaks: Array, spans: int, kinks: Array) -> Array:
     return np.unique(np.concatenate([fixed, t[clear]]))
 
 
-def _build_quintic_basis(t: Array, repeats: Array, *, closed: bool) -> Curve:
-    """Return all quintic B-splines with knots t, all but the last repeated, as one curve; periodic ones if closed."""
-    knots = t[:-1].repeat(repeats)
+def _list_multiplicities(multiplicities: Array, kinks: Array, t: Array) -> Array:
+    """Return the multiplicities of knots at breaks t, the last one left out: given at kinks, 1 elsewhere."""
+    result = np.ones(len(t) - 1, dtype=int)
+    result[np.searchsorted(t, kinks)] = multiplicities
+    return result
+
+
+def _build_quintic_basis(t: Array, multiplicities: Array, *, closed: bool) -> Curve:
+    """Return all quintic B-splines as one curve; periodic ones if closed.
+
+    Parameters
+    ----------
+    t
+        (n + 1,) breaks.
+    multiplicities
+        (n,) of the knots at all breaks but the last. Unless closed, the ends are clamped.
+    closed
+        Whether the knots go on periodically.
+    """
+    knots = t[:-1].repeat(multiplicities)
     if not closed:
         knots = np.concatenate([t[:1].repeat(6), knots[1:], t[-1:].repeat(6)])
         return Curve.from_bspline(5, knots, np.eye(len(knots) - 6))
-    count, first = len(knots), int(repeats[0])
+    count, first = len(knots), int(multiplicities[0])
     index = np.arange(first - 6, count + 6)  # the domain starts at the last one of the first knots
     long = knots[index % count] + (t[-1] - t[0]) * (index // count)
     return Curve.from_bspline(5, long, np.eye(count)[np.arange(len(long) - 6) % count])
 
 
-CHEBYSHEV_POINTS = 8  # Chebyshev points of a piece from which derivatives at its ends are taken; more only add rounding
+PIECE_POINTS = 8
+"""Chebyshev points of a piece from which the derivatives at its ends are computed; more only add rounding."""
 
 
 def approximate_to_rounding(
@@ -252,14 +290,14 @@ def approximate_to_rounding(
     >>> bool(abs(wave(1.234) - np.sin(3.702)) < 1e-13)
     True
     """
-    x = (1 - np.cos(np.pi * np.arange(CHEBYSHEV_POINTS) / (CHEBYSHEV_POINTS - 1))) / 2
-    poles = np.linalg.inv(evaluate_basis(CHEBYSHEV_POINTS - 1, 1 - x, x).T)  # from values to Bernstein coefficients
+    x = (1 - np.cos(np.pi * np.arange(PIECE_POINTS) / (PIECE_POINTS - 1))) / 2
+    poles = np.linalg.inv(evaluate_basis(PIECE_POINTS - 1, 1 - x, x).T)  # from values to Bernstein coefficients
     count = 16
     best: tuple[float, Curve] | None = None
     while True:
         t = np.linspace(*domain, count + 1)
         nodes = t[:-1] + x[:, None] * np.diff(t)
-        coefs = np.einsum("pk,knd->pnd", poles, function(nodes.ravel()).reshape(CHEBYSHEV_POINTS, count, -1))
+        coefs = np.einsum("pk,knd->pnd", poles, function(nodes.ravel()).reshape(PIECE_POINTS, count, -1))
         sides = []
         for k in range(4):
             sides.append(np.stack([coefs[0], coefs[-1]]) / (t[1] - t[0]) ** k)

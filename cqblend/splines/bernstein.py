@@ -3,8 +3,7 @@
 Every function takes coefficients with the degree axis first and the batch of pieces last, and is a sum of products of
 weights of one sign as long as parameters stay inside the pieces: that is why nothing here loses digits, at degree 48 as
 at degree 3. Arrays may hold float64, or Python objects (``fractions.Fraction``, ``mpmath.mpf``): run on those, the same
-code is its own oracle (all but `reduce`). This module must not know breaks, knots, curves, or which component is a
-weight.
+code is its own oracle (all but `reduce_degree`). Depends on NumPy only; which component is a weight plays no part.
 """
 
 import itertools
@@ -29,7 +28,10 @@ PowerSeries: TypeAlias = Sequence[Array]
 
 @lru_cache(maxsize=512)
 def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
-    """Tensor of products of binomials C(p1, i1) C(p2, i2) .., with `trailing` axes of length one; cached, read-only."""
+    """Tensor of products of binomials C(p1, i1) C(p2, i2) ..; cached, read-only.
+
+    `trailing` axes of length one are appended; `exact` gives Python integers in place of float64.
+    """
     table = np.array(1, dtype=object)
     for degree in degrees:
         table = np.multiply.outer(table, np.array([comb(degree, i) for i in range(degree + 1)], dtype=object))
@@ -40,20 +42,20 @@ def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) ->
     return table
 
 
-def _binomial_weights(coefs: Array, directions: int = 1) -> Array:
+def _binomial_weights(coefs: Array, degree_axes: int = 1) -> Array:
     """Binomials that turn `coefs` into coefficients of the scaled basis t^i (1-t)^(p-i), ready to multiply."""
-    degrees = tuple(n - 1 for n in coefs.shape[:directions])
-    return _tabulate_binomials(degrees, coefs.ndim - directions, coefs.dtype == object)
+    degrees = tuple(n - 1 for n in coefs.shape[:degree_axes])
+    return _tabulate_binomials(degrees, coefs.ndim - degree_axes, coefs.dtype == object)
 
 
-def _convolve_scaled(a: Array, b: Array, directions: int = 1) -> Array:
+def _convolve_scaled(a: Array, b: Array, degree_axes: int = 1) -> Array:
     """Multiply in the scaled basis: plain convolution over the leading axes, broadcasting over the others."""
-    small, large = a.shape[:directions], b.shape[:directions]
+    small, large = a.shape[:degree_axes], b.shape[:degree_axes]
     if small > large:
         a, b, small, large = b, a, large, small
     if max(small) == 1:
         return np.asarray(a * b)
-    rest = np.broadcast(a[(0,) * directions], b[(0,) * directions]).shape
+    rest = np.broadcast(a[(0,) * degree_axes], b[(0,) * degree_axes]).shape
     out = np.zeros((*(m + n - 1 for m, n in zip(small, large, strict=True)), *rest), dtype=np.result_type(a, b))
     for index in itertools.product(*map(range, small)):
         window = tuple([slice(i, i + n) for i, n in zip(index, large, strict=True)])
@@ -61,7 +63,7 @@ def _convolve_scaled(a: Array, b: Array, directions: int = 1) -> Array:
     return out
 
 
-def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
+def multiply_polynomials(a: Array, b: Array, degree_axes: int = 1) -> Array:
     r"""Multiply Bernstein polynomials, of one variable or of two.
 
     .. math:: c_k = \binom{p+q}{k}^{-1} \sum_{i+j=k} \binom{p}{i} a_i \binom{q}{j} b_j
@@ -69,9 +71,9 @@ def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
     Parameters
     ----------
     a, b
-        Coefficients (p+1, ..) and (q+1, ..); with ``directions=2`` (p1+1, p2+1, ..) and (q1+1, q2+1, ..). The remaining
-        axes (components, pieces) broadcast against each other; both arrays have the same number of axes.
-    directions
+        Coefficients (p+1, ..) and (q+1, ..); with ``degree_axes=2`` (p1+1, p2+1, ..) and (q1+1, q2+1, ..). The
+        remaining axes (components, pieces) broadcast against each other; both arrays have the same number of axes.
+    degree_axes
         How many leading axes are degree axes.
 
     Returns
@@ -84,8 +86,8 @@ def multiply_polynomials(a: Array, b: Array, directions: int = 1) -> Array:
     >>> multiply_polynomials(np.array([[1.0], [0.0]]), np.array([[0.0], [1.0]])).ravel()  # (1 - t) t
     array([0. , 0.5, 0. ])
     """
-    out = _convolve_scaled(a * _binomial_weights(a, directions), b * _binomial_weights(b, directions), directions)
-    return np.asarray(out / _binomial_weights(out, directions))
+    out = _convolve_scaled(a * _binomial_weights(a, degree_axes), b * _binomial_weights(b, degree_axes), degree_axes)
+    return np.asarray(out / _binomial_weights(out, degree_axes))
 
 
 def elevate_degree(coefs: Array, amount: int) -> Array:

@@ -1,9 +1,9 @@
-"""Breaks of several curves over one domain, made common: those that nearly coincide become one.
+"""Common breaks of several curves over one domain: those that nearly coincide become one.
 
-Two breaks next to each other would leave a piece between them, of length h, whose derivatives are the rounding of poles
-over h. Bringing them together over a distance d costs what polynomials miss when they go on past their end: d to the
-power of the continuity and one. Where curves belong together and reach a break on different ways, or both rails of a
-blend cross knot lines at nearly one place, that is less by far.
+Two breaks close to each other would leave a piece of length h between them, in whose derivatives the rounding of poles
+is divided by h. To move a break over a distance d, pieces go on past their ends as polynomials, which errs by d to the
+power of continuity + 1. That is far less where curves of one ribbon have the same break, computed in different ways, or
+where both rails of a blend cross knot lines at nearly one parameter.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from cqblend.splines.tolerances import SPLINE_TOLERANCES
 
 
 def merge_breaks(*sets: Array, near: float = SPLINE_TOLERANCES.near_breaks) -> Array:
-    """Unite sets of parameters, ascending; of those that differ by less than ``near`` one stays, the ends for sure."""
+    """Unite sets of parameters, ascending; of those closer than ``near``, a share of the range, one stays."""
     t = np.unique(np.concatenate(sets))
     return _pick_from_clusters(t, np.zeros(len(t)), near * (t[-1] - t[0]))
 
 
 def _pick_from_clusters(t: Array, order: Array, near: float) -> Array:
-    """Choose one of each cluster of parameters (n,), ascending: the first of least order; the ends for sure."""
+    """Choose one of each cluster of ascending parameters (n,): the first of least order; both ends always stay."""
     apart = np.diff(t) > near
     if apart.all():
         return t
@@ -55,10 +55,11 @@ def align_breaks(curves: Sequence[Curve], near: float = SPLINE_TOLERANCES.near_b
 
 
 def cut_at_breaks(curve: Curve, breaks: Array) -> Curve:
-    """Cut at the breaks, to which its own ones next to them move: pieces go on as polynomials as far as that takes.
+    """Cut a curve at given breaks, after moving its own breaks to the nearest of them.
 
-    Pieces between own breaks that move to one place vanish. Over a distance d, going on errs by d to the power of the
-    continuity and one, and derivatives of order k by k powers less: a break that has moved keeps one order less.
+    Pieces go on past their ends as polynomials, and pieces between breaks that move to one place vanish. Moving a break
+    by d errs by d to the power of continuity + 1 in values, and by k powers less in derivatives of order k; a break
+    that has moved is known to one order of continuity less.
     """
     old = curve.breaks
     to = np.abs(old[:, None] - breaks).argmin(axis=1)
@@ -82,7 +83,7 @@ def cut_at_breaks(curve: Curve, breaks: Array) -> Curve:
 
 
 def _close_gaps(coefs: Array, moved: Array) -> None:
-    """Let pieces meet at breaks that have moved, but not those that jump: at creases, or what comes near to them."""
+    """Let pieces (in place) meet at breaks that have moved, unless their gap is so large that it is meant."""
     before, after = coefs[-1, :, :-1], coefs[0, :, 1:]
     jump = np.abs(after - before).max(axis=0, initial=0.0)
     meet = moved & (jump <= SPLINE_TOLERANCES.piece_gap * np.abs(coefs).max())

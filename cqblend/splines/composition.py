@@ -1,10 +1,10 @@
-"""Following a curve through the pieces of what it is composed with.
+"""Cutting a curve where it crosses the knot lines of the spline that it is composed with.
 
-A curve in the parameter plane crosses knot lines, touches them, runs along them, turns back, or stands still. `follow`
-cuts it so that every piece lies in one patch and says which; the rest of composition is arithmetic
-(`bernstein.compose`). Decisions are made on Bernstein coefficients with a tolerance of a few roundings, and every
-wrong side of that tolerance costs rounding only, because patches continue as polynomials. This module must not know
-what is composed.
+A curve in the parameter plane crosses knot lines, touches them, runs along them, turns back, or stands still.
+`cut_at_knot_lines` cuts it so that every piece lies in one patch and says which; the rest of composition is arithmetic
+(`bernstein.compose_patch`). Decisions are made on Bernstein coefficients with a tolerance of a few roundings, and a
+decision for the wrong side costs rounding only, because patches continue as polynomials. Depends on splines and roots
+only.
 """
 
 from bisect import bisect_left
@@ -79,7 +79,11 @@ def _merge_crossings(fixed: Array, candidates: Array, slack: Array) -> Array:
 
 
 def _assign_patches(coordinate: Array, weight: Array, lines: Array) -> Array:
-    """Find the interval between lines that each piece lies in; a piece on a line stays with its neighbour's."""
+    """Find the interval between lines that each piece lies in.
+
+    A piece that runs along a line takes the interval of the piece before it, or else after it, if it is next to the
+    line.
+    """
     inner = lines[1:-1]
     mean, mean_weight = coordinate.mean(axis=0), weight.mean(axis=0)
     index: Array = np.searchsorted(inner, mean / mean_weight, "right")
@@ -142,14 +146,14 @@ def cut_at_knot_lines(
     return cut, index, continuity
 
 
-def to_barycentric(cut: Spline, k: int, lines: Array, index: Array) -> tuple[Array, Array]:
-    """Barycentric coordinate functions (m+1, n) of coordinate k in the interval that each piece of `cut` runs through.
+def to_barycentric(cut: Spline, coordinate: int, lines: Array, index: Array) -> tuple[Array, Array]:
+    """Barycentric functions (m+1, n) of a coordinate in the interval of lines that each piece of `cut` runs through.
 
     A polynomial coordinate that is constant to rounding on every piece comes back with degree 0, which keeps
     isoparametric curves at the degree they have.
     """
     numerator, weight = _split_coordinates(cut)
-    u = numerator[:, k]
+    u = numerator[:, coordinate]
     if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * EPSILON * np.abs(u).max():
         u = u.mean(axis=0, keepdims=True)
     start, end = lines[index], lines[index + 1]

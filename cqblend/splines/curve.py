@@ -1,7 +1,7 @@
-"""Symbolic spline curves: evaluation, algebra, composition, and the way from and to B-splines.
+"""Symbolic spline curves: evaluation, algebra, composition, and conversion from and to B-splines.
 
-The class everything in the package that depends on one parameter is made of: rails in a parameter plane, space curves,
-weight and length functions. It must not know B-spline knots except at its door, nor any geometry kernel.
+Everything in the package that depends on one parameter is a curve of this class: rails in a parameter plane, space
+curves, weight and length functions. Depends on NumPy only.
 """
 
 from collections.abc import Sequence
@@ -39,8 +39,8 @@ class Curve(Spline):
     .. math:: f = \sum_i \binom{p}{i} (1-x)^{p-i} x^i\; c_{i \cdot j}
 
     and divided by its last component if rational. Splines are values: frozen, compared by content. ``+ - *`` and the
-    methods mean what they mean for the functions, exactly; numbers and vectors of dim numbers act as constants.
-    Operands need the same domain, not the same breaks, degree or rationality.
+    methods are those of functions, without approximation; numbers and vectors of dim numbers act as constants. Operands
+    need the same domain, not the same breaks, degree or rationality.
 
     Parameters
     ----------

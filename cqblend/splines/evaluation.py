@@ -1,7 +1,7 @@
-"""Where a parameter lies among the pieces, and how values and derivatives come out of homogeneous coefficients.
+"""Evaluation of pieces: which piece a parameter is in, and values and derivatives from homogeneous coefficients.
 
 Shared by curves and surfaces, on bare arrays. Derivatives are differences of coefficients first (so a plane has exactly
-zero second derivatives), then a contraction with Bernstein polynomials. This module must not know spline objects.
+zero second derivatives), then a contraction with Bernstein polynomials. Depends on the arithmetic of coefficients only.
 """
 
 from math import comb
@@ -47,14 +47,14 @@ def locate_pieces(breaks: Array, t: Array, side: BreakSide = "right") -> tuple[A
     return piece, (end - t) / length, (t - start) / length, length
 
 
-def build_design_matrix(breaks: Array, degree: int, t: Array, k: int) -> Array:
-    """Matrix (len(t), (degree + 1) n) from coefficients (p+1, n) of all pieces to k-th derivatives at t."""
+def build_design_matrix(breaks: Array, degree: int, t: Array, order: int) -> Array:
+    """Matrix (len(t), (p + 1) n) from coefficients (p+1, n) of all pieces of degree p to derivatives at t."""
     piece, s, x, length = locate_pieces(breaks, t)
     n = len(breaks) - 1
     out = np.zeros((len(t), degree + 1, n))
-    if k <= degree:
-        values = bernstein.evaluate_basis(degree - k, s, x)
-        for _ in range(k):  # transpose of taking differences
+    if order <= degree:
+        values = bernstein.evaluate_basis(degree - order, s, x)
+        for _ in range(order):  # transpose of taking differences
             wider = np.zeros((len(values) + 1, len(t)))
             wider[1:] += values
             wider[:-1] -= values

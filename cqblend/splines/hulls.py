@@ -1,9 +1,9 @@
-"""What the coefficients of functions prove about their values.
+"""Bounds of polynomials that their Bernstein coefficients prove, sharpened by subdivision.
 
 A polynomial lies in the convex hull of its Bernstein coefficients, and the hull closes in on it quadratically under
 subdivision. So a bound is sharpened by halving the pieces that it comes from, until a value nearby shows that there is
-no more to gain: the end coefficients of every part are values. Rounding is added to what is claimed. This module must
-not know what the functions mean.
+no more to gain: the end coefficients of every part are values. Rounding errors are added to the bounds. Depends on the
+arithmetic of coefficients only.
 """
 
 import numpy as np
@@ -30,9 +30,9 @@ def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple
     f
         (p+1, n) Bernstein coefficients of n pieces.
     ratio
-        What the end that is larger in absolute value may be, relative to a value that is taken.
+        Largest ratio of the bound that is larger in absolute value to a value that is taken.
     slack
-        By how much the coefficients may be off. It widens the interval, and nothing finer is looked for.
+        Error of the coefficients. It widens the interval, and bounds are not sharpened beyond it.
 
     Returns
     -------
@@ -50,10 +50,10 @@ def enclose_values(f: Array, *, ratio: float = 1.1, slack: float = 0.0) -> tuple
     low, high, taken = np.inf, -np.inf, 0.0
     while f.size:
         taken = max(taken, float(np.abs(f[[0, -1]]).max()))
-        open_ = np.abs(f).max(axis=0) > max(ratio * taken, taken + slack)
-        low = min(low, float(f[:, ~open_].min(initial=np.inf)))
-        high = max(high, float(f[:, ~open_].max(initial=-np.inf)))
-        f = _halve_pieces(f[:, open_])
+        unsettled = np.abs(f).max(axis=0) > max(ratio * taken, taken + slack)
+        low = min(low, float(f[:, ~unsettled].min(initial=np.inf)))
+        high = max(high, float(f[:, ~unsettled].max(initial=-np.inf)))
+        f = _halve_pieces(f[:, unsettled])
         slack += rounding
     return low - slack, high + slack
 
@@ -66,7 +66,7 @@ def find_value_below(f: Array, floor: float) -> tuple[int, float] | None:
     f
         (p+1, n) Bernstein coefficients.
     floor
-        The proof allows for rounding: a value that touches the floor is not below it.
+        Values within rounding of the floor do not count as below it.
 
     Returns
     -------
@@ -87,8 +87,8 @@ def find_value_below(f: Array, floor: float) -> tuple[int, float] | None:
             if below[end].any():
                 j = int(below[end].argmax())
                 return int(piece[j]), float(start[j] - end * width)
-        open_ = below.any(axis=0)
-        f, width = _halve_pieces(f[:, open_]), width / 2
-        piece, start = np.tile(piece[open_], 2), np.concatenate([start[open_], start[open_] + width])
+        unsettled = below.any(axis=0)
+        f, width = _halve_pieces(f[:, unsettled]), width / 2
+        piece, start = np.tile(piece[unsettled], 2), np.concatenate([start[unsettled], start[unsettled] + width])
         slack += rounding
     return None

@@ -1,7 +1,7 @@
 """Antiderivatives of functions of one variable, to rounding: Legendre series on cells as small as they must be.
 
-Exists because flattening is nothing but integrals (arc length, turning angle, position) whose values are wanted at any
-parameter, not only at the ends. Must not know what is integrated.
+Flattening is made of integrals (arc length, turning angle, position) whose values are needed at any parameter, not only
+at the ends. Depends on NumPy and the evaluation of pieces only.
 """
 
 from collections.abc import Callable
@@ -55,8 +55,8 @@ class Antiderivative:
 
     .. math:: F(t) = \int_{t_0}^t f
 
-    Every cell holds a Legendre series through the values at 16 Gauss points; cells are halved until what the series
-    leave out adds up to less than 1e-14 of the integral of \|f\|.
+    Every cell holds a Legendre series through the values at 16 Gauss points; cells are halved until the terms that the
+    series leave out add up to less than 1e-14 of the integral of \|f\|.
 
     Parameters
     ----------
@@ -71,6 +71,13 @@ class Antiderivative:
     ------
     GeometryError
         If a value is not finite; the message says where.
+
+    Attributes
+    ----------
+    cells
+        (m + 1,) ends of the cells.
+    values
+        (m + 1,) values of F there.
 
     Examples
     --------
@@ -97,15 +104,15 @@ class Antiderivative:
                 raise GeometryError(f"there is no direction or length at t = {bad:.9g}: the geometry is singular there")
             size = weights @ np.abs(values) * width
             left_out = np.abs(series[-3:] @ values).max(axis=0) * width
-            open_ = (left_out > SPLINE_TOLERANCES.integral * max(settled + size.sum(), scale)) & (
+            unsettled = (left_out > SPLINE_TOLERANCES.integral * max(settled + size.sum(), scale)) & (
                 level < SPLINE_LIMITS.cell_halvings - 1
             )
-            done.append((start[~open_], end[~open_], integral @ values[:, ~open_] * width[~open_]))
-            settled += size[~open_].sum()
-            if not open_.any():
+            done.append((start[~unsettled], end[~unsettled], integral @ values[:, ~unsettled] * width[~unsettled]))
+            settled += size[~unsettled].sum()
+            if not unsettled.any():
                 break
-            middle = (start[open_] + end[open_]) / 2
-            start, end = np.concatenate([start[open_], middle]), np.concatenate([middle, end[open_]])
+            middle = (start[unsettled] + end[unsettled]) / 2
+            start, end = np.concatenate([start[unsettled], middle]), np.concatenate([middle, end[unsettled]])
         starts = np.concatenate([part[0] for part in done])
         order = np.argsort(starts)
         coefs = np.concatenate([part[2] for part in done], axis=1)[:, order]

@@ -194,18 +194,32 @@ def _solve_tridiagonal(matrix: Array, right: Array) -> Array:
     return np.asarray(right / middle[:, None])
 
 
-def _solve_break_derivatives(h: Array, values: Array, k: int, periodic: bool, sign: int, given: Array | None) -> Array:
-    """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k."""
-    n, dim = len(h), values.shape[1]
+def _solve_break_derivatives(
+    lengths: Array, values: Array, k: int, periodic: bool, sign: int, end_derivatives: Array | None
+) -> Array:
+    """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k.
+
+    Parameters
+    ----------
+    lengths
+        (n,) lengths of the pieces.
+    values
+        (n + 1, dim) at the breaks.
+    k, periodic, sign
+        As for :func:`interpolate`.
+    end_derivatives
+        Derivatives 1..k at both ends, (k, 2, dim); None for not-a-knot, or periodic.
+    """
+    n, dim = len(lengths), values.shape[1]
     table = _tabulate_end_derivatives(k)
     # unknowns and equations of comparable size: f^(m) at a break times the m-th power of a length there
-    around = np.concatenate([h[-1:], h, h[:1]] if periodic else [h[:1], h, h[-1:]])
+    around = np.concatenate([lengths[-1:], lengths, lengths[:1]] if periodic else [lengths[:1], lengths, lengths[-1:]])
     size = np.sqrt(around[:-1] * around[1:])
     powers = np.arange(1, k + 1)
     # derivative r of piece j at end e: sum over its data end d and order m of table[e, r, d, m] h^(m-r) f^(m)
     ends = np.stack([size[:-1], size[1:]], axis=1)
-    high = (ends / h[:, None])[:, :, None] ** np.arange(2 * k + 2)  # (n, 2, p+1)
-    low = (h[:, None] / ends)[:, :, None] ** np.arange(k + 1)  # (n, 2, k+1)
+    high = (ends / lengths[:, None])[:, :, None] ** np.arange(2 * k + 2)  # (n, 2, p+1)
+    low = (lengths[:, None] / ends)[:, :, None] ** np.arange(k + 1)  # (n, 2, k+1)
     piece = table[None] * high[:, :, :, None, None] * low[:, None, None]  # (n, 2, p+1, 2, k+1)
     columns = np.arange((n + 1) * k).reshape(n + 1, k)
     matrix = np.zeros(((n + 1) * k, (n + 1) * k))
@@ -213,7 +227,10 @@ def _solve_break_derivatives(h: Array, values: Array, k: int, periodic: bool, si
     chord = np.diff(values, axis=0)
 
     def add_smoothness_rows(rows: Array, left: Array, after: Array, orders: slice, factor: float = 1.0) -> None:
-        """Write rows that let no derivative in `orders` jump from the ends of pieces `left` to the starts of others."""
+        """Write equations: derivatives where pieces `left` end, times a factor, are those where pieces `after` start.
+
+        The factor is -1 at the seam of a function that returns with the opposite sign.
+        """
         for sense, index, end in ((1.0, after, 0), (-factor, left, 1)):
             for data_end in (0, 1):
                 block = sense * piece[index, end, orders, data_end, 1:]
@@ -226,10 +243,10 @@ def _solve_break_derivatives(h: Array, values: Array, k: int, periodic: bool, si
         last, first = np.array([n - 1]), np.array([0])
         add_smoothness_rows(columns[:1], last, first, slice(k + 1, 2 * k + 1), sign)
         matrix[columns[n], columns[n]], matrix[columns[n], columns[0]] = 1.0, -sign
-    elif given is not None:
+    elif end_derivatives is not None:
         fixed = columns[[0, n]]
         matrix[fixed, fixed] = 1.0
-        right[fixed] = np.swapaxes(given, 0, 1) * (size[[0, n], None] ** powers)[..., None]
+        right[fixed] = np.swapaxes(end_derivatives, 0, 1) * (size[[0, n], None] ** powers)[..., None]
     else:
         outer = np.arange(k)
         add_smoothness_rows(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))

@@ -1,10 +1,9 @@
-"""The door between B-splines and Bernstein pieces: extraction from full knot vectors, and re-assembly.
+"""Conversion of B-splines with full knot vectors to Bernstein pieces and back.
 
 Inside the package splines are Bernstein pieces; knot vectors exist only here. Extraction is two triangular sweeps of
 convex combinations over all spans at once, so it loses nothing. Re-assembly reads each pole as a blossom value of the
 one piece that has to be extrapolated least, and keeps a knot more often than the known continuity asks for where
-removing it would amplify rounding by more than `AMPLIFICATION`. This module must not know weights or objects: poles
-have any number of trailing axes.
+removing it would amplify rounding too much. Poles have any number of trailing axes; the last may be a weight.
 """
 
 import numpy as np
@@ -15,7 +14,7 @@ from cqblend.splines.bernstein import Array, evaluate_blossom
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
 SMOOTH = 1 << 20
-"""Continuity order of a break where both pieces are one and the same polynomial: a break that no function asked for."""
+"""Continuity order of a break at which both pieces are the same polynomial, so that it can be removed."""
 
 
 def check_knot_vector(degree: object, knots: Array, count: int) -> int:
@@ -133,7 +132,7 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
 
     Each pole is the blossom of a piece in its support at the pole's knot window; of those pieces the one is read whose
     extrapolation amplifies rounding least. Up to C1 joints no arithmetic is done at all: the poles are coefficients. C2
-    joints amplify by 3 at most, whatever the lengths of the pieces. Where the factor exceeds `AMPLIFICATION` (high
+    joints amplify by 3 at most, whatever the lengths of the pieces. Where the factor exceeds 50 (high
     degree and high continuity: a B-spline basis has condition 2^p) knots are kept with a higher multiplicity.
 
     Parameters

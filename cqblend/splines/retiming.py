@@ -1,7 +1,7 @@
 """The same curve at another speed: composition with a change of parameter, and changes that have given end speeds.
 
 A change of parameter t(r) is allowable if it runs once through the curve's domain, without turning back. That is proven
-from the coefficients of t', not sampled. This module must not know what moves along the curve.
+from the coefficients of t', not sampled. Depends on curves only.
 
 References
 ----------
@@ -29,7 +29,7 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
         C, of any dim.
     change
         t(r), a continuous curve of dim 1, polynomial or rational, that runs from the start of the domain of C to its
-        end and never decreases. It may stand still.
+        end and never decreases. Its derivative may be zero.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def reparameterise(curve: Curve, change: Curve) -> Curve:
     InputError
         If the change is not of dim 1, jumps, does not run from end to end, or has a weight that is not positive.
     GeometryError
-        If the change turns back; the message says at which r.
+        If the change decreases somewhere; the message says at which r.
 
     References
     ----------
@@ -103,7 +103,7 @@ def change_of_parameter(
     Parameters
     ----------
     start, end
-        dt/dr at the two ends, not negative. Zero stands still there: a motion that starts, or ends, slowly.
+        dt/dr at the two ends, not negative; 0 for a motion that starts, or ends, at rest.
     domain
         Interval of r.
     onto
@@ -141,12 +141,12 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
 
     .. math:: \|C'(t(r))\| \; t'(r) = \text{speed}
 
-    at both ends; in between the change of parameter is as even as :func:`change_of_parameter` makes it.
+    at both ends; in between the change of parameter is that of :func:`change_of_parameter`.
 
     Parameters
     ----------
     curve
-        Of any dim; it must not stand still at its ends.
+        Of any dim; its derivative must not be zero at its ends.
     start, end
         Length of the derivative there, not negative, in units of length over units of the new parameter.
     domain
@@ -157,7 +157,7 @@ def with_end_speeds(curve: Curve, start: float = 1.0, end: float = 1.0, *, domai
     InputError
         If a speed is negative or not finite.
     GeometryError
-        If the curve stands still at an end.
+        If the curve's derivative is zero at an end.
 
     References
     ----------

@@ -1,8 +1,9 @@
 """Sign changes of Bernstein polynomials in (0, 1), many at a time, to full precision.
 
-Needed to cut a curve where it crosses the knot lines of a surface. Isolation is Descartes' rule on the control polygon,
-subdividing eight-fold; then safeguarded Newton. A coefficient within the tolerance counts as zero, which is what lets
-tangencies, curves along a line and rounding noise come to an end. This module must not know what the polynomials mean.
+Needed to cut a curve where it crosses the knot lines of a surface. Roots are isolated by Descartes' rule on the control
+polygon under eight-fold subdivision, then found by Newton's method in a bracket. A coefficient within the tolerance
+counts as zero, so that subdivision ends at tangencies, at curves that run along a line, and at rounding noise. Depends
+on the arithmetic of coefficients only.
 """
 
 from functools import lru_cache

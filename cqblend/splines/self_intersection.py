@@ -1,6 +1,6 @@
 """Whether a spline curve meets itself, in any dimension, decided on control polygons rather than samples.
 
-Needed because a rail that crosses itself makes a blend that does. Knows curves and nothing they are used for.
+A rail that crosses itself would make a blend that does. Depends on curves only.
 """
 
 from __future__ import annotations
@@ -92,6 +92,7 @@ def find_self_crossing(curve: Curve) -> tuple[float, float] | None:
 
 
 _CHILD_PAIRS = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])
+"""The four pairs of a half of one piece and a half of another."""
 
 
 def _halve_pieces(coefs: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:

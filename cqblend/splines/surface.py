@@ -1,7 +1,6 @@
-"""Symbolic spline surfaces: evaluation, algebra, composition with curves, and the way from and to B-splines.
+"""Symbolic spline surfaces: evaluation, algebra, composition with curves, and conversion from and to B-splines.
 
-Primary surfaces, ribbons and blends are made of this class. It must not know B-spline knots except at its door, nor any
-geometry kernel.
+Primary surfaces, ribbons and blends are surfaces of this class. Depends on NumPy only.
 """
 
 from collections.abc import Sequence

@@ -97,6 +97,9 @@ class SplineLimits:
     fit_pieces: int = 4096
     """Largest number of pieces of a spline that reproduces a function to rounding."""
 
+    initial_spans: int = 16
+    """Number of nearly equal spans that a least-squares fit of a curve starts with."""
+
     shortest_span: float = 1 / 4096
     """Shortest span of a least-squares fit, as a share of the domain."""
 

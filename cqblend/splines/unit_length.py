@@ -1,10 +1,9 @@
 r"""Vector fields of a prescribed length: T times a scalar spline M close to 1/\|T\|, the error proven.
 
-Cross-boundary tangents, normals and velocities come out of symbolic computation with whatever length they have; no
-spline has the right one, so it is approximated. A rational field N/w needs no treatment of its own: with M close to
-1/\|N\| the product M N is what is asked for, and polynomial. The error is read off the coefficients of the product,
-not of what it was made from, so that nothing has to be believed about the approximation. This module must not know what
-the fields are for.
+Cross-boundary tangents, normals and velocities that are computed symbolically have varying length. No spline has a
+prescribed length exactly, so it is approximated. A rational field N/w needs no treatment of its own: with M close to
+1/\|N\| the product M N has the wanted length, and is polynomial. The error is bounded by the coefficients of the
+product, so that the bound rests on no assumption about the approximation. Depends on curves only.
 
 References
 ----------
@@ -40,6 +39,7 @@ FACTOR_CONTINUITY = 2
 
 
 _CHEBYSHEV_POINTS = 33
+"""Points of an interval from which the degree is estimated that a polynomial needs there."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def normalise(
         T, of any dim; polynomial, or rational with positive weights. Where it is C1 so is the result, and M is C2
         from degree 5 on.
     tolerance
-        Absolute, in the unit of the length. ``math.inf`` takes what comes.
+        Absolute, in the unit of the length; ``math.inf`` for no bound on the error.
     method
         ``"hermite"``: M meets 1/\|T\| with its derivatives at the ends of its pieces and at points between that make
         the error nearly as small as its degree allows. Degree and pieces are those that give the fewest poles, and the
@@ -123,7 +123,7 @@ def normalise(
     return Normalised(factor * length, unit * length, error * reach)
 
 
-# -- what is asked
+# -- arguments
 
 
 def _check_arguments(field: object, tolerance: object, method: object, knots: object) -> float:
@@ -152,7 +152,7 @@ def _check_arguments(field: object, tolerance: object, method: object, knots: ob
 
 
 def _bound_length(field: Curve, length: float | Curve) -> float:
-    """Bound the length asked for from above."""
+    """Return an upper bound of the absolute value of the wanted length."""
     if isinstance(length, Curve):
         if length.dim != 1:
             raise InputError(f"a length has dim 1, not {length.dim}")
@@ -223,7 +223,7 @@ def _bound_length_error(unit: Curve, misses: Array) -> float:
     return float(max(1 - np.sqrt(max(1 + low, 0.0)), np.sqrt(1 + high) - 1)) + rounding
 
 
-# -- high order
+# -- method hermite
 
 
 def _fit_fewest_poles(direction: Curve, tolerance: float) -> tuple[Curve, Curve, float]:
@@ -275,35 +275,36 @@ def _choose_breaks_and_degree(direction: Curve, tolerance: float) -> tuple[Array
     if lengths.max() <= (1 + tolerance) * lengths.min():
         return direction.breaks[[0, -1]], 0
     real = direction.continuity < SMOOTH
-    roots = direction.breaks[np.concatenate([[True], real, [True]])]
+    fixed = direction.breaks[np.concatenate([[True], real, [True]])]
+    # least_need: the smallest degree that sufficed for an interval or for one that contains it
     order = np.minimum(FACTOR_CONTINUITY, (_DEGREES - 1) // 2)
     shared = (np.minimum.outer(direction.continuity[real], order) + 1).sum(axis=0)
-    start, end, above = roots[:-1], roots[1:], np.full(len(roots) - 1, _DEGREES[-1] + 1)
+    start, end, least_need = fixed[:-1], fixed[1:], np.full(len(fixed) - 1, _DEGREES[-1] + 1)
     settled, possible = np.zeros(len(_DEGREES), dtype=int), np.ones(len(_DEGREES), dtype=bool)
     levels = []
     while True:
         need = _estimate_degrees(direction, start, end, tolerance)
-        leaf = (need[:, None] <= _DEGREES) & (above[:, None] > _DEGREES)
+        leaf = (need[:, None] <= _DEGREES) & (least_need[:, None] > _DEGREES)
         levels.append((start, leaf))
         settled += leaf.sum(axis=0)
-        above = np.minimum(above, need)
-        open_ = (above[:, None] > _DEGREES).sum(axis=0)
-        pieces = settled + 2 * open_
-        poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(roots) + 1) * (order + 1) - shared
-        done = possible & (open_ == 0)
+        least_need = np.minimum(least_need, need)
+        unsettled = (least_need[:, None] > _DEGREES).sum(axis=0)
+        pieces = settled + 2 * unsettled
+        poles = pieces * (direction.degree + _DEGREES + 1) - (pieces - len(fixed) + 1) * (order + 1) - shared
+        done = possible & (unsettled == 0)
         possible &= done | (poles < poles[done].min(initial=SPLINE_LIMITS.factor_pieces * (direction.degree + 2)))
-        worth = possible & ~done
-        if not worth.any():
+        promising = possible & ~done
+        if not promising.any():
             break
-        split = above > _DEGREES[worth].min()
+        split = least_need > _DEGREES[promising].min()
         middle = (start[split] + end[split]) / 2
         start, end = np.concatenate([start[split], middle]), np.concatenate([middle, end[split]])
-        above = np.tile(above[split], 2)
+        least_need = np.tile(least_need[split], 2)
     if not done.any():
         raise _unreachable_error(direction, tolerance)
     best = int(np.where(done, poles, np.iinfo(int).max).argmin())
     starts = np.sort(np.concatenate([first[leaf[:, best]] for first, leaf in levels]))
-    return np.append(starts, roots[-1]), int(_DEGREES[best])
+    return np.append(starts, fixed[-1]), int(_DEGREES[best])
 
 
 @lru_cache(maxsize=64)
@@ -368,7 +369,7 @@ def _differentiate_reciprocal_length(jets: Array) -> Array:
     return np.stack(f)
 
 
-# -- the paper's
+# -- method schoenberg
 
 
 def _refine_schoenberg(direction: Curve, tolerance: float, knots: int | None) -> tuple[Curve, Curve, float]:

@@ -1,1 +1,1 @@
-"""Surfaces as a blend sees them: points, normals and derivatives in their own parameters, and exact splines of them."""
+"""Primary surfaces of blends: points and derivatives in their own parameters, and exact splines of rails on them."""

@@ -18,7 +18,7 @@ def shift_to_period(value: Array, near: Array, period: float) -> Array:
 
 
 def unwrap_parameters(uv: Array, periods: tuple[float | None, float | None]) -> Array:
-    """Take the jumps by whole periods out of parameters (n, 2) along a curve."""
+    """Remove jumps by whole periods from native parameters (n, 2) of consecutive points of a curve."""
     out = uv.copy()
     for axis, period in enumerate(periods):
         if period is not None:
@@ -42,5 +42,5 @@ def multiply_quaternions(p: Array, q: Array) -> Array:
     return np.column_stack([real, p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + cross_product(p[:, 1:], q[:, 1:])])
 
 
-# Coefficients of (a^2 - b^2, 2ab, a^2 + b^2), the circle, as a symmetric bilinear form (3, 2, 2).
 CIRCLE_FORM = np.array([[[1, 0], [0, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1]]], float)
+"""Coefficients (3, 2, 2) of the circle (a^2 - b^2, 2ab, a^2 + b^2) as a symmetric bilinear form in (a, b)."""

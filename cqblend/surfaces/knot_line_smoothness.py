@@ -6,7 +6,8 @@ of the place in it. With both patches as Taylor series (x, y, z)(u, v) in a comm
 
     z(u, v) = sum of a[i, j] x(u, v)^i y(u, v)^j,  1 <= i + j <= 4,
 
-are a linear system for each; as many orders as agree, so smooth is the shape. Knows patches, and nothing of blends.
+are a linear system for each patch. The shape is C^k, with k the highest total order up to which these coefficients
+agree. Depends on NumPy only.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ import numpy as np
 
 from cqblend.splines.bernstein import Array
 
-HIGHEST_ORDER = 4  # up to which smoothness is counted
-SERIES_EXPONENTS = [(i, k - i) for k in range(1, HIGHEST_ORDER + 1) for i in range(k, -1, -1)]  # exponents, by order
+HIGHEST_ORDER = 4
+"""Highest order of continuity that is told apart: a smoother surface counts as C4."""
+
+SERIES_EXPONENTS = [(i, k - i) for k in range(1, HIGHEST_ORDER + 1) for i in range(k, -1, -1)]
+"""Exponents (i, j) of the terms of a power series in two variables, by total order, without the constant."""
 
 
 def expand_patches(patches: Array, pairs: tuple[Array, Array], rates: tuple[Array, Array]) -> Array:
@@ -34,7 +38,7 @@ def expand_patches(patches: Array, pairs: tuple[Array, Array], rates: tuple[Arra
     Returns
     -------
     Array
-        (ORDER + 1, ORDER + 1, 3, n), in space; zero above the total order.
+        (HIGHEST_ORDER + 1, HIGHEST_ORDER + 1, 3, n), in space; zero above the total order.
     """
     rows = _expand_in_powers(patches, pairs[0], rates[0])
     both = np.stack([_expand_in_powers(row, pairs[1], rates[1]) for row in rows])
@@ -43,7 +47,7 @@ def expand_patches(patches: Array, pairs: tuple[Array, Array], rates: tuple[Arra
 
 
 def _expand_in_powers(coefs: Array, pair: Array, rate: Array) -> Array:
-    """Expand Bernstein coefficients (p+1, .., n) along pair + x rate in powers of x, (ORDER + 1, .., n)."""
+    """Expand Bernstein coefficients (p+1, .., n) along pair + x rate in powers of x, (HIGHEST_ORDER + 1, .., n)."""
     p = len(coefs) - 1
     out = np.zeros((HIGHEST_ORDER + 1, *coefs.shape[1:]))
     moved = coefs
@@ -58,7 +62,7 @@ def _expand_in_powers(coefs: Array, pair: Array, rate: Array) -> Array:
 
 
 def _multiply_series(a: Array, b: Array) -> Array:
-    """Multiply power series in two variables, (ORDER + 1, ORDER + 1, ..)."""
+    """Multiply power series in two variables, (HIGHEST_ORDER + 1, HIGHEST_ORDER + 1, ..)."""
     out = np.zeros(np.broadcast_shapes(a.shape, b.shape))
     for i, j in [(0, 0), *SERIES_EXPONENTS]:
         out[i:, j:] += a[i, j] * b[: HIGHEST_ORDER + 1 - i, : HIGHEST_ORDER + 1 - j]
@@ -66,7 +70,7 @@ def _multiply_series(a: Array, b: Array) -> Array:
 
 
 def _divide_series(a: Array, b: Array) -> Array:
-    """Divide power series."""
+    """Divide power series in two variables, a / b; the constant of b is not zero."""
     out = np.zeros_like(a)
     for i, j in [(0, 0), *SERIES_EXPONENTS]:
         out[i, j] = (a[i, j] - _multiply_series(out, b)[i, j]) / b[0, 0]
@@ -79,7 +83,7 @@ def measure_shape_continuity(before: Array, after: Array, axis: int, tolerance: 
     Parameters
     ----------
     before, after
-        Their Taylor series, (ORDER + 1, ORDER + 1, 3, n), in units of their own spans.
+        Their Taylor series, (HIGHEST_ORDER + 1, HIGHEST_ORDER + 1, 3, n), in units of their own spans.
     axis
         Which of the parameters is across the line.
     tolerance
@@ -88,17 +92,17 @@ def measure_shape_continuity(before: Array, after: Array, axis: int, tolerance: 
     Returns
     -------
     order, crease
-        (n,) each: to which order they agree, at most ``HIGHEST_ORDER``, and the angle between their normals, rad.
+        (n,) each: the order up to which they agree, at most ``HIGHEST_ORDER``, and the angle between normals, rad.
     """
     across, along = ((1, 0), (0, 1))[axis], ((0, 1), (1, 0))[axis]
     shorter = np.where(np.linalg.norm(before[across], axis=0) < np.linalg.norm(after[across], axis=0), 0, 1)
     chosen = np.where(shorter == 0, before, after)
     first, second = chosen[across], chosen[along]
-    normals = [np.cross(one[1, 0], one[0, 1], axis=0) for one in (before, after)]
+    normals = [np.cross(series[1, 0], series[0, 1], axis=0) for series in (before, after)]
     frame = np.stack([first, second, np.cross(first, second, axis=0)], axis=1)  # (3, 3, n), one vector a column
     frame[:, 2] /= np.maximum(np.linalg.norm(frame[:, 2], axis=0), np.finfo(float).tiny)
     inverse = np.linalg.inv(frame.transpose(2, 0, 1))
-    heights = [_expand_height(np.einsum("nij,kljn->klin", inverse, one)) for one in (before, after)]
+    heights = [_expand_height(np.einsum("nij,kljn->klin", inverse, series)) for series in (before, after)]
     jump = np.abs(heights[0] - heights[1])  # (terms, n)
     orders = np.array([i + j for i, j in SERIES_EXPONENTS])
     order = np.full(jump.shape[1], HIGHEST_ORDER)
@@ -114,8 +118,8 @@ def measure_shape_continuity(before: Array, after: Array, axis: int, tolerance: 
 def _expand_height(series: Array) -> Array:
     """Return the coefficients (terms, n) of z as a function of x and y, all three given as power series."""
     x, y, z = (series[:, :, i].copy() for i in range(3))
-    for one in (x, y, z):
-        one[0, 0] = 0
+    for coordinate in (x, y, z):
+        coordinate[0, 0] = 0
     powers = {(0, 0): np.ones_like(x)}
     powers[0, 0][...] = 0
     powers[0, 0][0, 0] = 1

@@ -1,10 +1,10 @@
-"""Primary surfaces as a blend sees them: numerically in their own parameters, symbolically through lifted ones.
+"""The interface of primary surfaces, from which a blend leaves: evaluated as numbers, and composed with rails exactly.
 
 A blend needs two things of the surface it leaves from. Numbers, for the solvers: position and derivatives at many
-points, in the *native* parameters (u, v) of the CAD surface (angles on a cylinder). And symbols, for the result: the
+points, in the *native* parameters (u, v) of the CAD surface (angles on a cylinder). And splines, for the result: the
 exact spline S(c(t)) of a rail and the exact tangent field along it.
 
-The symbols use *lifted* parameters, homogeneous coordinates c in which the surface is a polynomial map P into
+The splines are made in *lifted* parameters, homogeneous coordinates c in which the surface is a polynomial map P into
 homogeneous 4-space and has neither seams nor knot lines that its geometry does not have:
 
 ===============  =====================================  ========================
@@ -20,8 +20,8 @@ spline (p, q)    barycentric pairs of u and of v        3 (p + q)
 
 *Every* curve c(t) of lifted coordinates lies on the surface, and with *every* lifted direction d(t) the field DP(c) d
 is tangent to it: approximation errors in c and d move a rail or turn a direction, never take the blend off the tangent
-plane. A component of d along c itself is the scalar gauge of a rational Hermite blend; :meth:`Primary.lift_directions`
-chooses it so that the weight starts flat.
+plane. Adding a multiple of c to d changes no direction in space, only the derivative dw/dv of the homogeneous weight
+across the rail (the *gauge* of the direction); :meth:`Primary.lift_directions` chooses it so that dw/dv = 0 there.
 
 The interface is here; the kinds of surface are in :mod:`~cqblend.surfaces.quadrics`,
 :mod:`~cqblend.surfaces.tensor_surface` and :mod:`~cqblend.surfaces.revolved_surfaces`.
@@ -40,34 +40,36 @@ from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
-# Order of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv.
 JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+"""Orders by u and v of the partial derivatives in a native jet: S, Su, Sv, Suu, Suv, Svv."""
 
 
 class KnotCrossing(NamedTuple):
-    """Where a rail crosses a knot line: at t, the line native parameter ``axis`` = ``value``.
-
-    ``continuity`` is that of the surface at this very point, ``shape_continuity`` that of its shape, which may be
-    smooth where parameters have a kink; both counted up to 4. ``crease`` is the angle by which its normal turns there,
-    rad.
-    """
+    """A point at which a rail crosses a knot line of its surface."""
 
     t: float
+    """Parameter of the rail."""
     axis: int
+    """Which native parameter is constant along the knot line: 0 for u, 1 for v."""
     value: float
+    """Its value there."""
     continuity: int
+    """Order of continuity of the parametrisation at this very point, up to 4."""
     shape_continuity: int
+    """Order of continuity of the shape, up to 4: it may be smooth where its parameters have a kink."""
     crease: float
+    """Angle by which the normal turns there, rad."""
 
     def is_parametric_kink(self, order: int) -> bool:
-        """Whether jets of an order have a kink here that is one of the parameters alone, at least in part."""
+        """Whether derivatives up to an order have a kink here to which the parametrisation contributes."""
         return self.continuity <= order and self.continuity < self.shape_continuity
 
 
 class Primary(ABC):
-    """A surface that a blend leaves from. ``periods`` are those of the native parameters, None where there is none."""
+    """A surface that a blend leaves from."""
 
     periods: tuple[float | None, float | None] = (None, None)
+    """Periods of the native parameters, None where there is none."""
 
     @abstractmethod
     def jet(self, uv: Array) -> Array:
@@ -75,20 +77,31 @@ class Primary(ABC):
 
     @abstractmethod
     def lift_points(self, uv: Array) -> Array:
-        """Lift native parameters (n, 2), continuous along a curve, to (n, k), continuous along it and of weight 1."""
+        """Lift native parameters (n, 2) to points c (n, k) such that the homogeneous weight of P(c) is 1.
+
+        Where the parameters are consecutive points of a continuous curve, so are the lifted ones.
+        """
 
     @abstractmethod
     def lift_directions(self, uv: Array, c: Array, rs: Array) -> Array:
-        """Lift the directions r Su + s Sv, (n, 2), at lifted points c (n, k), with the gauge that keeps the weight."""
+        """Lift the directions r Su + s Sv, (n, 2), at lifted points c (n, k), such that dw/dv = 0 for P(c + v d)."""
 
     @abstractmethod
     def unlift_points(self, c: Array, near: Array) -> Array:
-        """Return the native parameters (n, 2) of lifted points (n, k), in the period next to ``near`` (n, 2)."""
+        """Return the native parameters (n, 2) of lifted points c (n, k).
+
+        Parameters
+        ----------
+        c
+            Lifted points.
+        near
+            (n, 2) native parameters: of all periods, the one next to these is taken.
+        """
 
     @property
     @abstractmethod
     def weight_exponents(self) -> Array:
-        """Exponents (k,) with P(w^powers c) = w P(c): by them lifted points are scaled to a homogeneous weight."""
+        """Exponents e (k,) such that P(w^e c) = w P(c), by which lifted points are scaled to a homogeneous weight."""
 
     @abstractmethod
     def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
@@ -113,7 +126,8 @@ class Primary(ABC):
     def compose_normal(self, c: Curve) -> Curve:
         """Return a normal of the tangent plane along a rail: an exact spline (dim 3), of any sign and length.
 
-        It is worked out beside the rail, so that its rounding does not grow with the distance from the origin.
+        It is computed from coefficients about a centre near the rail, which limits cancellation: the rounding does not
+        grow with the distance from the origin.
 
         Parameters
         ----------
@@ -133,12 +147,12 @@ class Primary(ABC):
         """Return the inner knot lines of a native parameter."""
         return np.empty(0)
 
-    def find_knot_crossings(self, c: Curve, most: int) -> list[KnotCrossing]:
-        """Return where a rail crosses knot lines at points where the surface is C``most`` or less, along the rail."""
+    def find_knot_crossings(self, c: Curve, highest_continuity: int) -> list[KnotCrossing]:
+        """Return where a lifted rail crosses knot lines at points of at most this continuity, in the order of t."""
         return []
 
     def has_exact_pcurves(self) -> bool:
-        """Whether a rail's native curve is the lifted one, so that a pcurve can be taken from it without fitting."""
+        """Whether native parameters are quotients of lifted ones, so that a rail's pcurve needs no fit."""
         return False
 
     def evaluate_normals(self, uv: Array) -> Array:

@@ -54,7 +54,7 @@ class Quadric(Primary):
         """Return Q and L."""
 
     def _place_form(self, local: Array) -> Array:
-        """Turn forms (4, ...) whose rows are (x, y, z, w) in the frame into global ones."""
+        """Map forms (4, ...) with rows (x, y, z, w) from the frame's coordinates to global ones."""
         xyz = np.tensordot(self.frame.axes.T, local[:3], 1)
         return np.concatenate([xyz + np.multiply.outer(self.frame.origin, local[3]), local[3:]])
 
@@ -190,7 +190,7 @@ class Cone(Quadric):
 
     radius: float = 1.0
     half_angle: float = 0.5
-    nappe: float = 1.0  # the sign of rho on the part of the cone that is meant
+    nappe: float = 1.0  # sign of rho on the half of the double cone that the face is on
     periods = (2 * np.pi, None)
 
     def _build_forms(self) -> tuple[Array, Array]:
@@ -252,14 +252,14 @@ class Sphere(Quadric):
     """S(u, v) = O + R n, n = cos v (cos u X + sin u Y) + sin v Z. Lifted: a quaternion that turns ``pole`` into n.
 
     ``pole`` is a global unit vector. The quaternion is that of the shortest turn, whose one singular point is -pole:
-    take the pole from the middle of the rail. With ``spinning``, for rails around the frame's Z axis, which must be the
-    pole, it is followed by half a turn by -u about the pole: on circles of latitude it is then linear in the half-angle
-    pair.
+    take the pole from the middle of the rail. With ``follows_latitude``, for rails around the frame's Z axis, which
+    must be the pole, it is combined with a turn about the pole that depends on u, so that on circles of latitude it is
+    linear in the half-angle pair.
     """
 
     radius: float = 1.0
     pole: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    spinning: bool = False
+    follows_latitude: bool = False
     periods = (2 * np.pi, None)
 
     def _build_forms(self) -> tuple[Array, Array]:
@@ -304,11 +304,10 @@ class Sphere(Quadric):
         if not np.all(real > SURFACE_TOLERANCES.antipode):
             raise GeometryError("the rail runs through the point of a sphere opposite to its own middle")
         q = np.column_stack([real, cross_product(self.pole, n)]) / np.sqrt(2 * real)[:, None]
-        if not self.spinning:
+        if not self.follows_latitude:
             return q
-        spin = to_half_angle_pair(
-            uv[:, 0] * np.sign(np.linalg.det(self.frame.axes))
-        )  # u turns the other way if left-handed
+        handedness = np.sign(np.linalg.det(self.frame.axes))  # u turns the other way in a left-handed frame
+        spin = to_half_angle_pair(uv[:, 0] * handedness)
         return multiply_quaternions(q, np.column_stack([spin[:, 0], spin[:, 1:] * self.pole]))
 
     def lift_directions(self, uv: Array, c: Array, rs: Array) -> Array:

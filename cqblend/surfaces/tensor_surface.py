@@ -179,7 +179,7 @@ class TensorSurface(Primary):
     def _compose_partial(
         self, patches: Array, pairs: tuple[Array, Array, Array, Array], axis: int, breaks: Array
     ) -> Curve:
-        """Differentiate P along a rail by u or v, or by the angle; up to a positive factor."""
+        """Return the derivative of P by a native parameter along a rail, up to a positive factor."""
         p = patches.shape[axis] - 1
         first, last = (patches.take(range(i, i + p), axis) for i in (0, 1))
         if not self.is_angular[axis]:
@@ -191,7 +191,7 @@ class TensorSurface(Primary):
         )
 
     def _list_crossable_lines(self, c: Curve, axis: int) -> tuple[Array, Array]:
-        """Return the knot lines that the rail may cross, ends included, periodically repeated, and their continuity."""
+        """Return the knot values of all periods that a rail spans, ends included, and the continuity at inner ones."""
         breaks, orders = self.breaks[axis], np.asarray(self.knot_continuity[axis])
         period = self.periods[axis]
         if period is None:
@@ -199,18 +199,18 @@ class TensorSurface(Primary):
         pair = c.coefs[:, 2 * axis : 2 * axis + 2]
         value = pair[:, 1] / pair.sum(1)
         first, last = (int(np.floor((x - breaks[0]) / period)) for x in (value.min(), value.max()))
-        laps = range(first, last + 1)
+        laps = range(first, last + 1)  # numbers of the periods
         lines = np.concatenate([breaks[:-1] + lap * period for lap in laps] + [breaks[-1:] + last * period])
-        joint = [self.seam_continuity[axis]]
-        return lines, np.concatenate([orders, *([*joint, *orders] for _ in laps[1:])])
+        seam = [self.seam_continuity[axis]]
+        return lines, np.concatenate([orders, *([*seam, *orders] for _ in laps[1:])])
 
-    def find_knot_crossings(self, c: Curve, most: int) -> list[KnotCrossing]:
+    def find_knot_crossings(self, c: Curve, highest_continuity: int) -> list[KnotCrossing]:
         found = []
         for axis in (0, 1):
             if self.is_angular[axis]:
                 continue
             lines, orders = self._list_crossable_lines(c, axis)
-            if not (orders <= most).any():
+            if not (orders <= highest_continuity).any():
                 continue
             x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
             cut, (index,), _ = cut_at_knot_lines(
@@ -219,7 +219,7 @@ class TensorSurface(Primary):
             steps = [
                 (j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _lines_between(index[j], index[j + 1])
             ]
-            steps = [(j, i) for j, i in steps if orders[i - 1] <= most]
+            steps = [(j, i) for j, i in steps if orders[i - 1] <= highest_continuity]
             if not steps:
                 continue
             piece, line = np.array(steps).T
@@ -229,14 +229,29 @@ class TensorSurface(Primary):
             smooth, shape, crease = self.measure_smoothness(uv, axis)
             axes = [axis] * len(t)
             found += [
-                KnotCrossing(*one) for one in zip(t.tolist(), axes, value.tolist(), smooth, shape, crease, strict=True)
+                KnotCrossing(*fields)
+                for fields in zip(t.tolist(), axes, value.tolist(), smooth, shape, crease, strict=True)
             ]
-        return sorted(one for one in found if one.continuity <= most)
+        return sorted(crossing for crossing in found if crossing.continuity <= highest_continuity)
 
     def measure_smoothness(self, uv: Array, axis: int) -> tuple[list[int], list[int], list[float]]:
-        """Return the continuity at points (n, 2) of knot lines, that of the shape, and the crease (rad).
+        """Measure the continuity of the surface at points of knot lines, up to 4.
 
-        Points may be smoother than coefficients tell, and the shape smoother than the parameters.
+        The surface may be smoother at a point than it is along the whole line, and its shape smoother than its
+        parametrisation.
+
+        Parameters
+        ----------
+        uv
+            (n, 2) native parameters of the points.
+        axis
+            Which native parameter is constant along the knot lines.
+
+        Returns
+        -------
+        continuity, shape_continuity, creases
+            Of n each: the continuity of the parametrisation, that of the shape, and the angle by which the normal
+            turns, rad.
         """
         uv, breaks = self.wrap_parameters(uv), self.breaks[axis]
         uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
@@ -247,7 +262,7 @@ class TensorSurface(Primary):
         return continuity.tolist(), np.maximum(shape, continuity).tolist(), crease.tolist()
 
     def _expand_beside_knot(self, uv: Array, axis: int, step: int) -> Array:
-        """Expand the patches beside knot lines at points (n, 2) of them: those before (-1) or after (0) in the axis."""
+        """Return Taylor series at points (n, 2) of knot lines, of the patches before (step -1) or after (0) them."""
         index, pairs, rates = [], [], []
         for k in (0, 1):
             value, breaks, ones = uv[:, k], self.breaks[k], np.ones(len(uv))
@@ -267,7 +282,7 @@ class TensorSurface(Primary):
         return expand_patches(self.patches[..., index[0], index[1]], (pairs[0], pairs[1]), (rates[0], rates[1]))
 
     def _measure_continuity(self, uv: Array, axis: int) -> Array:
-        """Return the continuity of the parametrisation at points (n, 2) of knot lines."""
+        """Return the order of continuity of the parametrisation, (n,), at points (n, 2) of knot lines."""
         before, after = uv.copy(), uv.copy()
         start, end = self.breaks[axis][[0, -1]]
         if self.periods[axis] is not None:
@@ -283,10 +298,14 @@ class TensorSurface(Primary):
         return smooth
 
     def _cut_at_knots(self, c: Curve) -> tuple[Curve, Array, list[tuple[Array, Array] | None], Array]:
-        """Cut the rail at knot lines.
+        """Cut a lifted rail at the knot lines that it crosses.
 
-        Returns the rail; the patch under each piece, (p+1, q+1, 4, n); per direction the interval that each piece lies
-        in, None if angular; and the surface's continuity where the rail crosses from one patch to another.
+        Returns
+        -------
+        c, patches, spans, crossed
+            The rail, in n pieces; the patch under each piece, (p+1, q+1, 4, n); for each native parameter the interval
+            of knots, two (n,), in which each piece lies, None for an angle; and the surface's continuity, (n - 1,),
+            where the rail passes from piece to piece.
         """
         axes = [axis for axis in (0, 1) if not self.is_angular[axis]]
         if not axes:
@@ -306,7 +325,7 @@ class TensorSurface(Primary):
         return c, self.patches[..., index[0], index[1]], spans, crossed
 
     def _localise_pairs(self, c: Curve, spans: list[tuple[Array, Array] | None]) -> tuple[Array, Array, Array, Array]:
-        """Return the barycentric pairs of lifted points or directions, local to each piece's patch, four (m+1, n).
+        """Return lifted points or directions as barycentric pairs of each piece's own patch, four (m+1, n).
 
         Pairs that are constant on all pieces have degree 0, which keeps isoparametric rails at the degree they have.
         """
@@ -348,21 +367,34 @@ class SplineSurface(TensorSurface):
 
 
 def _lines_between(first: int, second: int) -> range:
-    """Return the numbers of the lines between two of the intervals that they bound, in either order."""
+    """Return the indices of the lines that separate two intervals, given by their indices in either order."""
     return range(min(first, second) + 1, max(first, second) + 1)
 
 
 def has_weight_kinks(orders: Sequence[Array]) -> bool:
-    """Whether a rational spline is less than C2 somewhere: its weight may have kinks that the surface has not."""
+    """Whether a rational spline is less than C2 at a break: its weight may have kinks that its shape has not."""
     return any((np.asarray(order) < 2).any() for order in orders)
 
 
 def _level_weight(jets: Sequence[Curve]) -> tuple[Curve, ...]:
-    """Multiply a homogeneous ribbon by a scalar function lambda(t, v) that makes its weight one, and level, at breaks.
+    """Multiply homogeneous jets of a ribbon by a scalar spline lambda(t, v) that makes their weight 1 at breaks.
 
-    There, lambda is 1/w to the order of the jets in v and to first order in t, second for jets of order 2; between
-    breaks, a Hermite interpolant. It changes nothing in space, but lets the homogeneous jets be as smooth as those in
-    space are, where the weight of the surface has kinks. No more than continuity is claimed.
+    Parameters
+    ----------
+    jets
+        By order in v: homogeneous curves of dim 4, the weight last.
+
+    Returns
+    -------
+    tuple of Curve
+        The same points and derivatives in space; at breaks the weight is 1 and its derivatives are 0. Where the weight
+        function of the surface has kinks, homogeneous jets so become as smooth as those in space are, although only
+        C0 is claimed.
+
+    Notes
+    -----
+    At breaks lambda is 1/w, to the order of the jets in v and to first order in t (second for jets of order 2 or more);
+    between breaks it is a Hermite interpolant.
     """
     breaks, smooth = jets[0].breaks, 1 if len(jets) < 3 else 2
 
@@ -386,7 +418,7 @@ def _level_weight(jets: Sequence[Curve]) -> tuple[Curve, ...]:
 
 
 def _measure_seam_continuity(surface: Surface, axis: int) -> int:
-    """Return the continuity, up to 2, with which a closed surface meets itself."""
+    """Return the order of continuity, up to 2, with which a surface that is closed in a parameter meets itself."""
     low, high = surface.domain[axis]
     other = np.linspace(*surface.domain[1 - axis], 17)
     size = float(np.abs(surface.coefs).max())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cqblend.errors import GeometryError
-from cqblend.splines.approximation import approximate_curve, approximate_to_rounding
+from cqblend.splines.approximation import Kinks, approximate_curve, approximate_to_rounding
 
 DENSE = np.linspace(0, 2 * np.pi, 5001)
 
@@ -42,7 +42,7 @@ def test_kinks_of_every_order(order):
 
     with pytest.raises(GeometryError, match="spline of 64 spans errs by"):
         approximate_curve(kinked, [0, 5], 1e-12, most=64)
-    curve = approximate_curve(kinked, [0, 5], 1e-12, kinks=[2.2], orders=[order])
+    curve = approximate_curve(kinked, [0, 5], 1e-12, kinks=Kinks([2.2], [order]))
     assert np.abs(curve(np.linspace(0, 5, 3001)) - kinked(np.linspace(0, 5, 3001))).max() <= 2e-12
     assert curve.continuity[np.searchsorted(curve.breaks, 2.2) - 1] == order
 
@@ -51,7 +51,7 @@ def test_a_closed_function_may_have_its_kink_at_the_start():
     def kinked(t):
         return np.abs(np.sin(t / 2))[:, None] ** 3
 
-    curve = approximate_curve(kinked, [0, 2 * np.pi], 1e-10, closed=True, kinks=[0], orders=[2])
+    curve = approximate_curve(kinked, [0, 2 * np.pi], 1e-10, closed=True, kinks=Kinks([0], [2]))
     np.testing.assert_allclose(curve(DENSE), kinked(DENSE), atol=2e-10)
     for k in range(3):
         np.testing.assert_allclose(curve(0.0, k), curve(2 * np.pi, k), atol=1e-8)
@@ -59,7 +59,7 @@ def test_a_closed_function_may_have_its_kink_at_the_start():
 
 def test_kinks_that_differ_by_rounding_are_one_and_those_of_smooth_functions_move_to_breaks():
     curve = approximate_curve(
-        wave, [0, 1, 2 * np.pi], 1e-3, kinks=[1 + 1e-12, 1 - 1e-12, 2.0, 0.99], orders=[2, 3, 4, 4]
+        wave, [0, 1, 2 * np.pi], 1e-3, kinks=Kinks([1 + 1e-12, 1 - 1e-12, 2.0, 0.99], [2, 3, 4, 4])
     )
     near = curve.breaks[np.abs(curve.breaks - 1) < 0.05]
     assert near.tolist() == [1.0]

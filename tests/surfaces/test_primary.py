@@ -35,7 +35,7 @@ def rail(pair: Pair, spans: int = 6) -> Curve:
     draw = seeded_random(pair)
     angle = np.linspace(0, 4, spans + 1) + draw.uniform(0, 6)
     uv = pair.uv(0.5 + 0.45 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1))
-    if isinstance(pair.primary, Sphere) and not pair.primary.spinning:
+    if isinstance(pair.primary, Sphere) and not pair.primary.follows_latitude:
         # stay within the hemisphere of the pole
         x, y, z = pair.primary.frame.axes @ pair.primary.pole
         uv = np.array([math.atan2(y, x), math.asin(z)]) + 0.5 * np.stack([np.cos(angle), np.sin(1.3 * angle)], -1)
@@ -134,7 +134,7 @@ def test_lifted_points_come_back_and_have_weight_one(pair):
 def test_lift_is_continuous_over_more_than_a_turn(pair):
     n = 4000
     uv = pair.uv(np.stack([np.linspace(0, 1, n), np.full(n, 0.62)], -1))
-    if isinstance(pair.primary, Sphere) and not pair.primary.spinning:
+    if isinstance(pair.primary, Sphere) and not pair.primary.follows_latitude:
         uv = uv[: n // 8]  # its lift is singular opposite to the pole
     step = np.diff(pair.primary.lift_points(uv), axis=0)
     assert np.abs(step).max() < 40 / n

@@ -24,7 +24,7 @@ from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
-from cqblend.splines.approximation import approximate_curve
+from cqblend.splines.approximation import Kinks, approximate_curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
 from cqblend.splines.knots import extract_pieces
@@ -164,8 +164,7 @@ class FilledSection(ABC):
                     sample,
                     breaks,
                     self.tolerance / 4,
-                    kinks=attempt.kinks,
-                    orders=attempt.orders,
+                    kinks=Kinks(attempt.kinks, attempt.orders),
                     closed=self.closed,
                     most=attempt.most_spans,
                 )

@@ -253,7 +253,7 @@ def _reorient_sphere(sphere: Sphere, points: Array, *, around: bool) -> Sphere:
     x /= np.linalg.norm(x)
     y = np.cross(axis, x) * np.linalg.det(sphere.frame.axes)  # of the same handedness, so that normals agree
     frame = LocalFrame(sphere.frame.origin, np.array([x, y, axis]))
-    return replace(sphere, frame=frame, pole=axis if around else sphere.pole, spinning=around)
+    return replace(sphere, frame=frame, pole=axis if around else sphere.pole, follows_latitude=around)
 
 
 def _find_basis_curve(surface: Geom_SweptSurface) -> Geom_Curve:

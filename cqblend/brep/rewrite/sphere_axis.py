@@ -59,7 +59,7 @@ def realign_sphere(side: SupportFace, rail: Ribbon, blended: Sequence[TopoDS_Edg
     not run around its axis.
     """
     sphere = side.primary
-    if not isinstance(sphere, Sphere) or not sphere.spinning:
+    if not isinstance(sphere, Sphere) or not sphere.follows_latitude:
         return None
     own = [*find_seam_edges(side.face), *blended]
     for use in explore_subshapes(side.face, TopAbs_EDGE):

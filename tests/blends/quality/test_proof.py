@@ -30,7 +30,7 @@ def ribbon(pair: Pair, order: int = 2) -> Ribbon:
     """A ribbon across a rail that turns through a window, with any second direction at all."""
     low, high = np.transpose(pair.window)
     middle, reach = (low + high) / 2, np.minimum(0.3 * (high - low), 0.5)
-    if isinstance(pair.primary, Sphere) and not pair.primary.spinning:
+    if isinstance(pair.primary, Sphere) and not pair.primary.follows_latitude:
         x, y, z = pair.primary.frame.axes @ pair.primary.pole
         middle = np.array([np.arctan2(y, x), np.arcsin(z)])
     t = np.linspace(0, 1, 6)

@@ -209,7 +209,7 @@ def test_a_sphere_whose_edge_runs_around_turns_about_the_edges_axis():
     side = read_support_face(face_of(body, "SPHERE"), points, around=True)
     axis = side.primary.frame.axes[2]
     assert np.ptp(points @ axis) < 1e-12
-    assert side.primary.spinning
+    assert side.primary.follows_latitude
 
 
 def test_a_surface_that_cannot_be_read_is_a_typed_error_or_read():
