@@ -90,13 +90,23 @@ def test_most_functions_are_named_by_more_than_one_word():
     assert sum("_" in name for name in names) > 0.55 * len(names)
 
 
+def find_constants(path):
+    """Yield the names of a module's constants, without leading underscores, and the source of their values."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            pairs = [(target, node.value)]
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                pairs = list(zip(target.elts, node.value.elts, strict=True))
+            for name, value in pairs:
+                if isinstance(name, ast.Name) and name.id.strip("_").isupper():
+                    yield name.id.strip("_"), ast.unparse(value)
+
+
 def test_constants_mean_one_thing():
     """No two modules have a constant of one name with two values."""
-    values: dict[str, set[str]] = {}
+    values = {}
     for path in modules().values():
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                name = node.targets[0].id.strip("_")
-                if name.isupper():
-                    values.setdefault(name, set()).add(ast.unparse(node.value))
+        for name, value in find_constants(path):
+            values.setdefault(name, set()).add(value)
     assert {name: found for name, found in values.items() if len(found) > 1} == {}
