@@ -22,13 +22,13 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blend_options import BlendOptions
-from cqblend.brep.measure.edge_continuity import measure_continuity_between
-from cqblend.brep.measure.edge_sides import find_edge_sides
+from cqblend.brep.measurement.edge_continuity import measure_continuity_between
+from cqblend.brep.measurement.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
-from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.edge_blend import blend_shape
+from cqblend.solid_blends.blend_pipeline import blend_shape
 
 SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
 REPEATS = 3  # of an operation, to take the median of its times

@@ -53,7 +53,7 @@ def ring(radius: float, height: float, slope: float, waves: int) -> cqblend.Boun
 
 def speed() -> None:
     """Print times: of the solution alone, and of whole blends."""
-    from cqblend.blends.pde.problem import PdeSettings, SideSetup
+    from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 
     sides = ring(2, 0, 3, 6), ring(1.4, 2, 2, 6)
     problem = PdeSettings((4, 4, 4), (1.0, 2.0, 1.0), terms=12, modes=8)

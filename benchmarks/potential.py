@@ -21,7 +21,7 @@ from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.blends.potential.intersection_branches import trace_branches
 from cqblend.blends.potential.swept_blend import sweep_branch
 from cqblend.blends.potential.swept_section import SweptSection
-from cqblend.brep.read import spline_arrays
+from cqblend.brep.conversion import spline_arrays
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 REPEATS = 5

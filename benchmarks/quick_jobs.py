@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from pieces_cases import gores, lattice
 from wavy_rails import wavy_pair
 
-from cqblend.blends.quality.proof import prove_blend
+from cqblend.blends.quality.smoothness_proof import prove_blend
 from cqblend.blends.sections.blend_surface import blend_ribbons
 from cqblend.patterns.outline.overlap import find_overlap
 from cqblend.patterns.stock.labels import place_labels

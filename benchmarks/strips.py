@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cqblend import teapot
-from cqblend.patterns.strips.division import divide_surface
+from cqblend.patterns.strips.surface_division import divide_surface
 from cqblend.splines import Surface
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import wrapt
 
-from cqblend import cadquery_plugin, errors, installation
+from cqblend import cadquery_plugin, errors, installation_check
 from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
 from cqblend.errors import CqblendError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern, unroll
     from cqblend.api.pde_surface import PdeBlend, pde_blend
     from cqblend.api.potential_surface import PotentialBlend, potential_blend, reshape
-    from cqblend.api.solid_blend import (
+    from cqblend.api.solid_functions import (
         BlendResult,
         blend_edges,
         continuity,
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     from cqblend.blends.potential.relations import BezierRelation, Conic, Relation
     from cqblend.blends.potential.surface_family import Family
     from cqblend.blends.rails.rail import Rail
-    from cqblend.brep.measure.edge_continuity import Continuity
-    from cqblend.brep.verification.soundness import Verification
+    from cqblend.brep.measurement.edge_continuity import Continuity
+    from cqblend.brep.verification.solid_verification import Verification
     from cqblend.splines.curve import Curve
-    from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
+    from cqblend.splines.field_normalisation import Normalised, normalise
+    from cqblend.splines.reparametrisation import change_of_parameter, reparameterise, with_end_speeds
     from cqblend.splines.surface import Surface
-    from cqblend.splines.unit_length import Normalised, normalise
 
 __version__ = "0.1.0"
 
@@ -99,42 +99,42 @@ _HOME = {
     # the module, below cqblend, that defines each public name
     "BezierRelation": "blends.potential.relations",
     "Blend": "api.surface_blend",
-    "BlendResult": "api.solid_blend",
+    "BlendResult": "api.solid_functions",
     "Boundary": "blends.pde.boundary_data",
     "Combination": "api.cross_derivatives",
     "Conic": "blends.potential.relations",
-    "Continuity": "brep.measure.edge_continuity",
+    "Continuity": "brep.measurement.edge_continuity",
     "Curve": "splines.curve",
     "Family": "blends.potential.surface_family",
     "Guide": "api.cross_derivatives",
-    "Normalised": "splines.unit_length",
+    "Normalised": "splines.field_normalisation",
     "Pattern": "api.flat_pattern",
     "PdeBlend": "api.pde_surface",
     "PotentialBlend": "api.potential_surface",
     "Rail": "blends.rails.rail",
     "Relation": "blends.potential.relations",
     "Surface": "splines.surface",
-    "Verification": "brep.verification.soundness",
-    "blend_edges": "api.solid_blend",
-    "change_of_parameter": "splines.retiming",
-    "continuity": "api.solid_blend",
+    "Verification": "brep.verification.solid_verification",
+    "blend_edges": "api.solid_functions",
+    "change_of_parameter": "splines.reparametrisation",
+    "continuity": "api.solid_functions",
     "curve_on": "api.surface_blend",
     "hermite_blend": "api.surface_blend",
-    "insert_blend": "api.solid_blend",
-    "max_size": "api.solid_blend",
-    "normalise": "splines.unit_length",
+    "insert_blend": "api.solid_functions",
+    "max_size": "api.solid_functions",
+    "normalise": "splines.field_normalisation",
     "pde_blend": "api.pde_surface",
     "potential_blend": "api.potential_surface",
     "projected": "api.surface_blend",
-    "reparameterise": "splines.retiming",
+    "reparameterise": "splines.reparametrisation",
     "reshape": "api.potential_surface",
-    "to_curve": "api.solid_blend",
-    "to_edge": "api.solid_blend",
-    "to_face": "api.solid_blend",
-    "to_surface": "api.solid_blend",
+    "to_curve": "api.solid_functions",
+    "to_edge": "api.solid_functions",
+    "to_face": "api.solid_functions",
+    "to_surface": "api.solid_functions",
     "unroll": "api.flat_pattern",
-    "verify": "api.solid_blend",
-    "with_end_speeds": "splines.retiming",
+    "verify": "api.solid_functions",
+    "with_end_speeds": "splines.reparametrisation",
 }
 
 
@@ -150,5 +150,5 @@ def __dir__() -> list[str]:
     return sorted(set(globals()) | set(__all__))
 
 
-installation.explain_clash()
+installation_check.explain_clash()
 wrapt.when_imported("cadquery")(cadquery_plugin.register_methods)

@@ -23,7 +23,7 @@ from typing import Any, get_args
 from cqblend import __version__
 from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
-from cqblend.installation import build_interpreter_command
+from cqblend.installation_check import build_interpreter_command
 from cqblend.option_records import collect_options
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Method, UnrollOptions
 
@@ -164,7 +164,7 @@ def _stop_child(child: "subprocess.Popen[bytes]", signal_number: int) -> int:
 
 def _remove_unfinished(options: argparse.Namespace, process: int) -> None:
     """Remove the unfinished files of a process beside the files that a command was to write."""
-    from cqblend.whole_files import remove_unfinished
+    from cqblend.atomic_files import remove_unfinished
 
     for path in (getattr(options, name, None) for name in ("output", "strips")):
         if path is not None:
@@ -354,9 +354,9 @@ def _attach_points(arguments: Sequence[str]) -> list[str]:
 
 
 def _run_blend(options: argparse.Namespace) -> None:
-    from cqblend.brep.select.nearest import find_nearest_edge
+    from cqblend.brep.selection.nearest_shapes import find_nearest_edge
     from cqblend.brep.step_files import read_step, write_step
-    from cqblend.solid_blends.edge_blend import blend_shape
+    from cqblend.solid_blends.blend_pipeline import blend_shape
 
     section = "potential" if options.potential else "hermite" if options.order is None else "pde"
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
@@ -376,8 +376,8 @@ def _run_blend(options: argparse.Namespace) -> None:
 
 
 def _run_continuity(options: argparse.Namespace) -> None:
-    from cqblend.brep.measure.edge_continuity import measure_continuity
-    from cqblend.brep.select.nearest import find_nearest_edge
+    from cqblend.brep.measurement.edge_continuity import measure_continuity
+    from cqblend.brep.selection.nearest_shapes import find_nearest_edge
     from cqblend.brep.step_files import read_step
 
     with _announce_step(f"reading {options.input}"):
@@ -391,9 +391,9 @@ def _run_continuity(options: argparse.Namespace) -> None:
 
 def _run_unroll(options: argparse.Namespace) -> None:
     from cqblend.api.flat_pattern import unroll_with_options
-    from cqblend.brep.select.nearest import find_nearest_face
+    from cqblend.brep.selection.nearest_shapes import find_nearest_face
     from cqblend.brep.step_files import read_step, write_step
-    from cqblend.patterns.write.pattern_files import check_pattern_path
+    from cqblend.patterns.files.pattern_files import check_pattern_path
 
     check_pattern_path(options.output)
     if options.tab_width is not None and not options.tabs:
@@ -461,7 +461,7 @@ def _run_demo(options: argparse.Namespace) -> None:
 
 def _check_step_path(path: Path) -> None:
     """Raise InputError or FileError if a STEP file cannot be written to a path."""
-    from cqblend.whole_files import check_target
+    from cqblend.atomic_files import check_target
 
     check_target(path, _STEP_SUFFIXES, "STEP files")
 

@@ -3,7 +3,7 @@
 `BlendOptions` holds the options of `cqblend.blend_edges` as a caller gives them: their names, defaults and
 documentation stand there, and nowhere else. `BlendOptions.to_request` checks them and returns a `BlendRequest`, in
 which every field has one form, so that no later stage meets a text for a radius, and no option is ignored. Whether a
-radius fits the shape is not checked here. Depends on `cqblend.checks` only: it is loaded by ``import cqblend``.
+radius fits the shape is not checked here. Light, since ``import cqblend`` loads it.
 """
 
 import math
@@ -12,7 +12,7 @@ from functools import partial
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal
 
-from cqblend.checks import (
+from cqblend.argument_checks import (
     check_angle,
     check_choice,
     check_count_or_auto,

@@ -9,15 +9,15 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from cqblend.argument_checks import check_callback
 from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
-from cqblend.checks import check_callback
 from cqblend.errors import SelectionError
 from cqblend.option_records import collect_options, document_options
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
 
 if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern
-    from cqblend.api.solid_blend import BlendResult
+    from cqblend.api.solid_functions import BlendResult
 
 
 @document_options(BlendOptions)
@@ -77,7 +77,7 @@ def blend(
     1
     """
     options = collect_options(BlendOptions, locals())
-    from cqblend.api.solid_blend import blend_with_options
+    from cqblend.api.solid_functions import blend_with_options
 
     check_callback("report", report, "the result")
     edges = self.edges().vals()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from cqblend.errors import InputError, shown
 
 if TYPE_CHECKING:
-    from cqblend.blends.quality.proof import Proof
+    from cqblend.blends.quality.smoothness_proof import Proof
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]

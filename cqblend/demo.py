@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cqblend import picture, teapot
-from cqblend.api.solid_blend import BlendResult, blend_edges
+from cqblend.api.solid_functions import BlendResult, blend_edges
 from cqblend.picture import ShadedFaces, View
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cqblend.atomic_files import write_atomically
 from cqblend.errors import InstallationError
-from cqblend.whole_files import write_atomically
 
 if TYPE_CHECKING:
     import cadquery

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cqblend.api.solid_blend import to_face
+from cqblend.api.solid_functions import to_face
 from cqblend.splines import Surface
 
 if TYPE_CHECKING:

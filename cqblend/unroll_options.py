@@ -1,14 +1,14 @@
 """The options of a pattern: one record that ``cqblend.unroll``, ``Workplane.unroll`` and the command line share.
 
-Names, defaults and documentation of the options stand in `UnrollOptions`, and nowhere else. Depends on `cqblend.checks`
-only: it is loaded by ``import cqblend``.
+Names, defaults and documentation of the options stand in `UnrollOptions`, and nowhere else. Depends on
+`cqblend.argument_checks` only: it is loaded by ``import cqblend``.
 """
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, get_args
 
-from cqblend.checks import check_choice, check_flag, check_positive, refuse_ignored_options
+from cqblend.argument_checks import check_choice, check_flag, check_positive, refuse_ignored_options
 
 Method = Literal["longest", "elber", "curvature"]
 Direction = Literal["auto", "rings", "u", "v"]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import cqblend
 from cqblend import Pattern, demo, picture
-from cqblend.brep.write.pattern_shapes import sew_strip_faces
+from cqblend.brep.conversion.pattern_shapes import sew_strip_faces
+from cqblend.patterns.files import drawing
+from cqblend.patterns.files.drawing import Layer
 from cqblend.patterns.stock import sheets
-from cqblend.patterns.write import drawing
-from cqblend.patterns.write.drawing import Layer
 from cqblend.picture import Colour, Polylines, ShadedFaces, View
 
 DOCS = Path(__file__).resolve().parent

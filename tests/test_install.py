@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from places import ROOT
 
-from cqblend.installation import REPAIR_COMMAND, is_ocp_overwritten
+from cqblend.installation_check import REPAIR_COMMAND, is_ocp_overwritten
 
 BINARY = "OCP/OCP.cpython-311-x86_64-linux-gnu.so"
 

@@ -1,1 +1,1 @@
-"""The front doors: what scripts, CadQuery, build123d and the command line call."""
+"""Public functions: what scripts, CadQuery, build123d and the command line call."""

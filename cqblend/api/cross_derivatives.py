@@ -12,15 +12,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from cqblend.api.tolerances import BLEND_TOLERANCES
-from cqblend.blend_options import (
-    BLEND_DEFAULTS,
-    G0_HAS_NO_CROSS_FIELD,
-)
-from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
-from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
-from cqblend.blends.rails.regularity import sample_stations
-from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.checks import (
+from cqblend.argument_checks import (
     call_user_function,
     check_angle,
     check_integer,
@@ -29,6 +21,14 @@ from cqblend.checks import (
     refuse_ignored_options,
     to_float_array,
 )
+from cqblend.blend_options import (
+    BLEND_DEFAULTS,
+    G0_HAS_NO_CROSS_FIELD,
+)
+from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
+from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
+from cqblend.blends.rails.regularity import sample_stations
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from cqblend.api.host_shapes import collect_unroll_shapes, wrap_like
+from cqblend.api.cad_shapes import collect_unroll_shapes, wrap_like
 from cqblend.api.pattern_report import Report
-from cqblend.checks import (
+from cqblend.argument_checks import (
     check_callback,
     check_choice,
     check_flag,
@@ -24,16 +24,16 @@ from cqblend.checks import (
 )
 from cqblend.errors import InputError, SelectionError, UnrollError, shown
 from cqblend.option_records import collect_options, document_options
-from cqblend.patterns import assembly
+from cqblend.patterns import unrolling
+from cqblend.patterns.files import pattern_files
+from cqblend.patterns.files.pdf_file import resolve_paper_size
 from cqblend.patterns.outline.pieces import Piece, Pieces, Seam
 from cqblend.patterns.stock import sheets, split_pieces
-from cqblend.patterns.stock.limits import LABEL_LIMITS
+from cqblend.patterns.stock.stock_proportions import LABEL_LIMITS
 from cqblend.patterns.stock.tab_options import TabOptions, TabStyle
 from cqblend.patterns.stock.tabs import Tabs, fit_tabs
-from cqblend.patterns.trim.bare_surface import make_surface_shell
+from cqblend.patterns.trimming.surface_shell import make_surface_shell
 from cqblend.patterns.unroll_result import UnrollResult
-from cqblend.patterns.write import pattern_files
-from cqblend.patterns.write.pdf_file import resolve_paper_size
 from cqblend.splines.surface import Surface
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
 
@@ -99,7 +99,7 @@ class Pattern:
         tabs : bool
             Whether the tabs, if there are any, belong to them.
         """
-        from cqblend.brep.write.pattern_shapes import make_planar_faces
+        from cqblend.brep.conversion.pattern_shapes import make_planar_faces
 
         if check_flag("tabs", tabs) and self.tabs is None:
             raise InputError("the pattern has no tabs: make them by with_tabs, or leave tabs out")
@@ -108,7 +108,7 @@ class Pattern:
 
     def strips_3d(self) -> Any:
         """Return the strips in space: ruled faces and planes, trimmed and sewn, in the library of the input."""
-        from cqblend.brep.write.pattern_shapes import sew_strip_faces
+        from cqblend.brep.conversion.pattern_shapes import sew_strip_faces
 
         trims = [source.to_trimmed_surface() for source in self._unrolled.sources]
         return wrap_like(self._host_shape, sew_strip_faces(trims, SEWING_RATIO * self.report.tolerance))
@@ -118,7 +118,7 @@ class Pattern:
 
         As in figure 3 of the paper. Where strips were trimmed, rails are whole.
         """
-        from cqblend.brep.write.pattern_shapes import make_formers
+        from cqblend.brep.conversion.pattern_shapes import make_formers
 
         strips = (source.unrolled_strip for source in self._unrolled.sources)
         rails = [rail for strip in strips if strip is not None for rail in strip.rails]
@@ -366,7 +366,7 @@ def unroll_with_options(
 
         host_shape, shell = cadquery.Compound.makeCompound([]), make_surface_shell(shape)
     else:
-        from cqblend.brep.read.trimmed_patches import read_patches
+        from cqblend.brep.conversion.patch_reading import read_patches
 
         given = collect_unroll_shapes(shape)
         host_shape = given.model
@@ -374,7 +374,7 @@ def unroll_with_options(
             shell = read_patches(given.shapes, numbered_shape=given.solid, sewing_tolerance=options.flat)
         except SelectionError:  # the faces are not those of the solid in the chain
             shell = read_patches(given.shapes, sewing_tolerance=options.flat)
-    unrolled = assembly.unroll_patches(shell, options, progress)
+    unrolled = unrolling.unroll_patches(shell, options, progress)
     if options.developable:
         _check_rulings_paired(unrolled)
     pattern = Pattern(unrolled.pieces, Report.from_unroll_result(unrolled, options), None, unrolled, host_shape)

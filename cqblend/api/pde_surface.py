@@ -1,7 +1,7 @@
 """Public function that blends surfaces along rails, or boundary data, by partial differential equations.
 
 The method is You and Zhang's. The arguments are checked here; the equations are solved by
-:mod:`cqblend.blends.pde.problem`.
+:mod:`cqblend.blends.pde.pde_settings`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from cqblend.api.cross_derivatives import Amount, CrossDerivativeOptions, CrossLength, Tangents, prepare_rails
 from cqblend.api.surface_blend import Blend
 from cqblend.api.tolerances import BLEND_TOLERANCES
+from cqblend.argument_checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
     FORMS,
@@ -24,13 +25,12 @@ from cqblend.blend_options import (
 )
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.equations import ShapeParameters
-from cqblend.blends.pde.problem import BASIS_NAMES, PdeSettings, SideSetup
+from cqblend.blends.pde.pde_settings import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import is_periodic
 from cqblend.certificate import Certificate
-from cqblend.checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -69,7 +69,7 @@ class PdeBlend(Blend):
         On boundary data, the angle is that to the plane of their first derivatives, the jump that to the curvature of
         their second derivatives; nan where these are not given.
         """
-        from cqblend.brep.verification.certify import certify_surfaces
+        from cqblend.brep.verification.blend_certification import certify_surfaces
 
         certificate = certify_surfaces(self, self.traces)
         records = tuple(

@@ -16,6 +16,16 @@ from numpy.typing import ArrayLike
 
 from cqblend.api.surface_blend import Blend
 from cqblend.api.tolerances import BLEND_TOLERANCES
+from cqblend.argument_checks import (
+    check_angle,
+    check_choice,
+    check_number,
+    check_positive,
+    is_default,
+    refuse_ignored_options,
+    to_finite_array,
+    to_point,
+)
 from cqblend.blend_options import BLEND_DEFAULTS, EXACT_FORM_IS_EXACT, FORMS
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch, find_nearest_approach, trace_branches
@@ -29,16 +39,6 @@ from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections import blend_surface
-from cqblend.checks import (
-    check_angle,
-    check_choice,
-    check_number,
-    check_positive,
-    is_default,
-    refuse_ignored_options,
-    to_finite_array,
-    to_point,
-)
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -185,8 +185,8 @@ def reshape(
     """
     outward = 1.0
     if not isinstance(surface, Surface):
-        from cqblend.api.host_shapes import to_topods_face
-        from cqblend.brep.read.spline_conversion import find_outward_sign, to_surface
+        from cqblend.api.cad_shapes import to_topods_face
+        from cqblend.brep.conversion.spline_conversion import find_outward_sign, to_surface
 
         face = to_topods_face(surface, "surface")
         surface, outward = to_surface(face), find_outward_sign(face)

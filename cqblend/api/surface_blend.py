@@ -12,6 +12,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from cqblend.api.cross_derivatives import Amount, CrossDerivativeOptions, CrossLength, Tangents, prepare_rails
+from cqblend.argument_checks import check_angle, check_choice, check_pair, check_positive, refuse_ignored_options
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
     CONTINUITIES,
@@ -23,13 +24,6 @@ from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.sections import blend_surface
 from cqblend.certificate import Certificate
-from cqblend.checks import (
-    check_angle,
-    check_choice,
-    check_pair,
-    check_positive,
-    refuse_ignored_options,
-)
 from cqblend.splines import Curve, Surface
 
 if TYPE_CHECKING:
@@ -56,7 +50,7 @@ class Blend(blend_surface.BlendSurface):
     @cached_property
     def certificate(self) -> Certificate:
         """How exactly the blend meets its surfaces, measured by OCCT, and proven from the splines' coefficients."""
-        from cqblend.brep.verification.certify import certify_surfaces
+        from cqblend.brep.verification.blend_certification import certify_surfaces
 
         return certify_surfaces(self, self.traces)
 
@@ -67,7 +61,7 @@ class Blend(blend_surface.BlendSurface):
 
     def face(self) -> TopoDS_Face:
         """Return the face that covers the blend, with the same parameters. Wrap it with ``cadquery.Face(...)``."""
-        from cqblend.brep.read.spline_conversion import to_face
+        from cqblend.brep.conversion.spline_conversion import to_face
 
         return to_face(self.surface)
 
@@ -178,8 +172,8 @@ def curve_on(face: Any, edge: Any) -> Curve:
     GeometryError
         Its curve in the parameter plane cannot be followed.
     """
-    from cqblend.api.host_shapes import to_topods_edge, to_topods_face
-    from cqblend.brep.read import pcurves
+    from cqblend.api.cad_shapes import to_topods_edge, to_topods_face
+    from cqblend.brep.conversion import pcurves
 
     return pcurves.read_edge_pcurve(to_topods_face(face, "face"), to_topods_edge(edge))
 
@@ -199,8 +193,8 @@ def projected(surface: Any, curve: Any, *, tolerance: float = 1e-7) -> Curve:
     GeometryError
         A point of the curve has no foot inside the surface; the message names t.
     """
-    from cqblend.api.host_shapes import to_topods_edge, to_topods_face
-    from cqblend.brep.read import pcurves, spline_conversion
+    from cqblend.api.cad_shapes import to_topods_edge, to_topods_face
+    from cqblend.brep.conversion import pcurves, spline_conversion
 
     if not isinstance(surface, Surface):
         surface = spline_conversion.to_surface(to_topods_face(surface, "surface"))

@@ -1,4 +1,4 @@
-"""Tolerances of blends between surfaces: accuracy that is asked of curves and sections, and default accuracies."""
+"""Tolerances and limits of blends between surfaces."""
 
 from dataclasses import dataclass
 

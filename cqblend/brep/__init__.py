@@ -7,6 +7,6 @@ The rooms below do not depend on OCCT, and those above need not import it.
 try:
     import OCP.Standard  # noqa: F401  (fails here, in one place, if the binding is missing or cannot be loaded)
 except ImportError as error:
-    from cqblend.installation import explain_import_failure
+    from cqblend.installation_check import explain_import_failure
 
     raise explain_import_failure(error) from error

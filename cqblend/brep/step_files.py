@@ -31,10 +31,10 @@ from OCP.TopAbs import TopAbs_ShapeEnum
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
+from cqblend.atomic_files import write_atomically
 from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import DamagedFileWarning, StepError, shown, warn
-from cqblend.installation import build_interpreter_command
-from cqblend.whole_files import write_atomically
+from cqblend.installation_check import build_interpreter_command
 
 _GEOMETRY_PREFIXES: Final = ("StepShape_", "StepGeom_")
 """Prefixes of OCCT's classes of STEP entities without which a shape is incomplete, unlike notes or colours."""

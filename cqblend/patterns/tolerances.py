@@ -1,4 +1,4 @@
-"""Tolerances and limits of assembling pieces, and of judging the divisions that they come from."""
+"""Tolerances and limits of unrolling pieces and of judging divisions."""
 
 from dataclasses import dataclass
 

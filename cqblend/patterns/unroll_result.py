@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from cqblend.errors import Failure
-from cqblend.patterns.flatten.flat_face import UnrolledStrip
+from cqblend.patterns.flattening.flat_face import UnrolledStrip
 from cqblend.patterns.outline.pieces import Pieces
-from cqblend.patterns.trim.trimmed_patch import Patch, TrimmedSurface
+from cqblend.patterns.trimming.trimmed_patch import Patch, TrimmedSurface
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 

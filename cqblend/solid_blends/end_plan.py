@@ -15,9 +15,9 @@ import numpy as np
 
 from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
-from cqblend.brep.rewrite.end_curve import BlendEndError
-from cqblend.brep.rewrite.face_edits import CapParameters
-from cqblend.brep.select.edge_joint import Joint
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.face_edits import CapParameters
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES

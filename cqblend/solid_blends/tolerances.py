@@ -1,4 +1,4 @@
-"""Tolerances and limits of blending edges of solids, in one place."""
+"""Tolerances and limits of blending edges of solids."""
 
 from __future__ import annotations
 

@@ -6,11 +6,11 @@ gives a vector field a length, `reparameterise` and `with_end_speeds` a curve an
 """
 
 from cqblend.splines.curve import Curve
+from cqblend.splines.field_normalisation import Normalised, normalise
 from cqblend.splines.interpolation import hermite, interpolate
 from cqblend.splines.knots import SMOOTH
-from cqblend.splines.retiming import change_of_parameter, reparameterise, with_end_speeds
+from cqblend.splines.reparametrisation import change_of_parameter, reparameterise, with_end_speeds
 from cqblend.splines.surface import Surface
-from cqblend.splines.unit_length import Normalised, normalise
 
 __all__ = [
     "SMOOTH",

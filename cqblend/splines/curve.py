@@ -10,12 +10,12 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.checks import check_integer, check_interval, to_finite_array, to_float_array
+from cqblend.argument_checks import check_integer, check_interval, to_finite_array, to_float_array
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
 from cqblend.splines.evaluation import BLOCK_SIZE, BreakSide, check_break_side, dehomogenise_derivatives, locate_pieces
+from cqblend.splines.knot_line_cuts import cut_at_knot_lines, to_barycentric
 from cqblend.splines.knots import (
     SMOOTH,
     assemble_bspline,

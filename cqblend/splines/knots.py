@@ -8,7 +8,7 @@ removing it would amplify rounding too much. Poles have any number of trailing a
 
 import numpy as np
 
-from cqblend.checks import check_integer, to_float_array
+from cqblend.argument_checks import check_integer, to_float_array
 from cqblend.errors import InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES

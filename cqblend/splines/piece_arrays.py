@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.checks import to_float_array
+from cqblend.argument_checks import to_float_array
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import EPSILON, Array

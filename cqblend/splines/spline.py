@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.checks import check_integer, check_number, to_finite_array
+from cqblend.argument_checks import check_integer, check_number, to_finite_array
 from cqblend.errors import GeometryError, InputError, OperandError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import EPSILON, Array

@@ -9,11 +9,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cqblend.checks import check_integer, check_interval, check_number, to_finite_array, to_float_array, unpack_pair
+from cqblend.argument_checks import (
+    check_integer,
+    check_interval,
+    check_number,
+    to_finite_array,
+    to_float_array,
+    unpack_pair,
+)
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.composition import cut_at_knot_lines, to_barycentric
 from cqblend.splines.curve import Curve
 from cqblend.splines.evaluation import (
     BLOCK_SIZE,
@@ -23,6 +29,7 @@ from cqblend.splines.evaluation import (
     dehomogenise_derivatives,
     locate_pieces,
 )
+from cqblend.splines.knot_line_cuts import cut_at_knot_lines, to_barycentric
 from cqblend.splines.knots import (
     SMOOTH,
     assemble_bspline,

@@ -1,4 +1,4 @@
-"""Tolerances and limits of spline arithmetic, with their units and what they decide."""
+"""Tolerances and limits of spline arithmetic."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 """Plane, cylinder, cone and sphere as primary surfaces: one quadratic map of their lifted coordinates each.
 
-Depends on splines and on the interface in :mod:`cqblend.surfaces.primary` only.
+Depends on splines and on the interface in :mod:`cqblend.surfaces.primary_surface` only.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from cqblend.surfaces.angles import (
     shift_to_period,
     to_half_angle_pair,
 )
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 from cqblend.surfaces.vectors import LocalFrame, cross_product
 

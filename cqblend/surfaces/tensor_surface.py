@@ -1,7 +1,7 @@
 """Tensor-product splines as primary surfaces: rails composed patch by patch, and where rails cross knot lines.
 
 Also what surfaces of revolution share with them, one of whose parameters is an angle. Depends on splines and on the
-interface in :mod:`cqblend.surfaces.primary` only.
+interface in :mod:`cqblend.surfaces.primary_surface` only.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 from cqblend.splines import SMOOTH, Curve, Surface, bernstein, interpolation
 from cqblend.splines.bernstein import EPSILON, Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.composition import cut_at_knot_lines
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
+from cqblend.splines.knot_line_cuts import cut_at_knot_lines
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.angles import half_angle_velocity, shift_to_period, to_half_angle_pair
 from cqblend.surfaces.knot_line_smoothness import expand_patches, measure_shape_continuity
-from cqblend.surfaces.primary import JET_ORDERS, KnotCrossing, Primary
+from cqblend.surfaces.primary_surface import JET_ORDERS, KnotCrossing, Primary
 from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 
 

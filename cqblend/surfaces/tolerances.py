@@ -1,4 +1,4 @@
-"""Tolerances of primary surfaces, with their units and what they decide."""
+"""Tolerances and limits of primary surfaces."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from shapely.geometry import Polygon
 
 import cqblend
 from cqblend.errors import GeometryError
-from cqblend.patterns.trim.domain_cells import CutLines, DomainSide, cut_domain
+from cqblend.patterns.trimming.domain_cells import CutLines, DomainSide, cut_domain
 
 
 def lens(width: float, height: float) -> cq.Workplane:

@@ -207,6 +207,6 @@ def test_every_bound_holds_on_solids(name, away):
 
 def source_face(source):
     """The strip or plane of a piece, trimmed, as a face of its own."""
-    from cqblend.brep.write.pattern_shapes import sew_strip_faces
+    from cqblend.brep.conversion.pattern_shapes import sew_strip_faces
 
     return sew_strip_faces([source.to_trimmed_surface()], 1e-6)

@@ -15,10 +15,10 @@ from unroll_witness import distance, is_drawn_well, links_are_sound, polygon, se
 
 import cqblend
 from cqblend.errors import InputError, PatternWarning, UnrollError, VerificationError
+from cqblend.patterns.files import drawing
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock import sheets
-from cqblend.patterns.write import drawing
 from cqblend.splines import Surface
 
 

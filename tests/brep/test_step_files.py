@@ -30,7 +30,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Shape
 from places import CASES
 
-from cqblend.brep.read import spline_arrays
+from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.step_files import read_step, write_step
 from cqblend.errors import DamagedFileWarning, StepError
 

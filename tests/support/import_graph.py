@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -19,8 +19,8 @@ MAP = re.compile(r"(?<=first lines of the modules -->\n).*?(?=<!-- end of the ma
 
 ROOMS = (
     ("errors",),
-    ("checks", "option_records"),
-    ("installation", "whole_files", "unroll_options"),
+    ("argument_checks", "option_records"),
+    ("installation_check", "atomic_files", "unroll_options"),
     ("splines",),
     ("surfaces",),
     ("blends",),
@@ -31,19 +31,18 @@ ROOMS = (
     ("blends.quality",),
     ("blend_options", "certificate"),
     ("patterns.outline",),
-    ("patterns.trim",),
+    ("patterns.trimming",),
     ("patterns.strips",),
-    ("patterns.flatten",),
+    ("patterns.flattening",),
     ("patterns",),
     ("patterns.stock",),
-    ("patterns.write",),
+    ("patterns.files",),
     ("brep",),
-    ("brep.read",),
-    ("brep.measure",),
-    ("brep.select",),
-    ("brep.rewrite",),
+    ("brep.conversion",),
+    ("brep.measurement",),
+    ("brep.selection",),
+    ("brep.shell_editing",),
     ("brep.verification",),
-    ("brep.write",),
     ("solid_blends",),
     ("api",),
     ("picture",),
@@ -108,7 +107,7 @@ def room_imports() -> dict[str, set[str]]:
     return graph
 
 
-def find_reachable(graph: dict[str, set[str]], start: Iterable[str]) -> set[str]:
+def find_reachable(graph: Mapping[str, Iterable[str]], start: Iterable[str]) -> set[str]:
     """Return all that can be reached from some nodes, these included."""
     found, todo = set(), list(start)
     while todo:
@@ -119,14 +118,28 @@ def find_reachable(graph: dict[str, set[str]], start: Iterable[str]) -> set[str]
     return found
 
 
+def find_folders(room: str, folders: set[str]) -> set[str]:
+    """Return the folders that a room imports, directly or by modules of the top level."""
+    found = set()
+    for other in room_imports()[room]:
+        found |= {other} if other in folders else find_folders(other, folders) - {room}
+    return found - {room}
+
+
 def draw_chart() -> str:
-    """Return the graph of rooms as a Mermaid flow chart: an arrow for each import that no longer way implies."""
-    graph = {room: imported - {"errors"} for room, imported in room_imports().items() if room != "errors"}
+    """Return the graph of folders as a Mermaid flow chart: an arrow for each import that no longer way implies."""
+    used = {other for imported in room_imports().values() for other in imported}
+    folders = {
+        room
+        for room, imported in room_imports().items()
+        if modules()[room].name == "__init__.py" and room != "__init__" and (imported or room in used)
+    }
+    graph = {room: sorted(find_folders(room, folders)) for room in sorted(folders)}
     lines = ["flowchart BT"]
     for room in TopologicalSorter(graph).static_order():
-        lines.append(f'    {_identify(room)}["{room.replace("__init__", "cqblend")}"]')
-        for other in sorted(graph[room]):
-            if other not in find_reachable(graph, graph[room] - {other}):
+        lines.append(f'    {_identify(room)}["{room}"]')
+        for other in graph[room]:
+            if other not in find_reachable(graph, set(graph[room]) - {other}):
                 lines.append(f"    {_identify(room)} --> {_identify(other)}")
     return "\n".join(lines) + "\n"
 

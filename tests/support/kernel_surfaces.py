@@ -29,7 +29,7 @@ from OCP.TColStd import (
 )
 
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
 from cqblend.surfaces.tensor_surface import TensorSurface

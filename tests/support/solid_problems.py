@@ -1,6 +1,6 @@
 """What is wrong with a solid, as a list of lines."""
 
-from cqblend.brep.verification.soundness import check_solid
+from cqblend.brep.verification.solid_verification import check_solid
 
 
 def list_problems(*arguments, **options):

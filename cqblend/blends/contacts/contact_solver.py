@@ -18,7 +18,7 @@ from cqblend.blends.contacts.surface_normals import differentiate_normal_uncheck
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 BOTH_SIDES = (0, 1)

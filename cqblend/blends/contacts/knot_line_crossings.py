@@ -16,7 +16,7 @@ from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import solve_in_brackets
 from cqblend.surfaces.angles import shift_to_period
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 
 

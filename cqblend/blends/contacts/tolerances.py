@@ -1,4 +1,4 @@
-"""Tolerances and limits of the search for contacts, each with its unit, in one place."""
+"""Tolerances and limits of the search for contacts."""
 
 from __future__ import annotations
 

@@ -13,10 +13,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from cqblend.argument_checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.blends.pde.tolerances import PDE_TOLERANCES
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_to_rounding

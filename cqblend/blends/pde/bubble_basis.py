@@ -1,4 +1,4 @@
-r"""Polynomials across a blend, in v from 0 to 1: those that carry boundary data, and those that vanish with it.
+r"""Polynomials across a blend: Hermite functions for the boundary data, and bubbles that vanish at both rails.
 
 A polynomial is given by its derivatives 0 .. h - 1 at both ends, and by coefficients of the *bubbles*
 

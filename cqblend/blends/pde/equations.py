@@ -21,8 +21,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cqblend.argument_checks import check_number
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
-from cqblend.checks import check_number
 from cqblend.errors import InputError, shown
 from cqblend.splines.bernstein import Array
 

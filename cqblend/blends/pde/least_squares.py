@@ -27,8 +27,8 @@ from cqblend.blends.pde.equations import Equation
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
 from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.errors import InputError
+from cqblend.splines.antiderivative import gauss_rule
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import gauss_rule
 
 Minimise: TypeAlias = Literal["residual", "energy"]
 CollocationCounts: TypeAlias = tuple[int | None, int | None]

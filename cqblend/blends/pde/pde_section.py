@@ -13,8 +13,8 @@ import numpy as np
 
 from cqblend.blends.pde.bubble_basis import evaluate_bubbles
 from cqblend.blends.pde.solution import Solution
+from cqblend.blends.sections.filled_section import FilledSection
 from cqblend.blends.sections.hermite_section import Jets
-from cqblend.blends.sections.interior import FilledSection
 from cqblend.splines.bernstein import Array
 
 

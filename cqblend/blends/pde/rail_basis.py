@@ -1,4 +1,4 @@
-"""Functions g_j(w) along a blend, in which its boundary data and its interior are expanded.
+"""Bases along the rails, functions g_j(w), in which the boundary data and the interior of a PDE blend are expanded.
 
 Waves on closed rails; on open ones splines or polynomials, whose outermost coefficients can be prescribed. Depends on
 splines only.
@@ -14,8 +14,8 @@ import numpy as np
 
 from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.splines import Curve
+from cqblend.splines.antiderivative import gauss_rule
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import gauss_rule
 
 LEAST_SPLINE_DEGREE = 5  # of splines along: with simple knots they are C4
 

@@ -13,8 +13,8 @@ import numpy as np
 from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.splines import Curve
+from cqblend.splines.antiderivative import Antiderivative
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import Antiderivative
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Tolerances and limits of blends by partial differential equations, with their units and what they decide."""
+"""Tolerances and limits of blends by partial differential equations."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cqblend.argument_checks import check_number
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.potential.surface_family import (
     AmountFunction,
@@ -23,13 +24,12 @@ from cqblend.blends.potential.surface_family import (
     split_by_group,
 )
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
-from cqblend.checks import check_number
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 

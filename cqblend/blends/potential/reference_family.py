@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from cqblend.argument_checks import call_user_function, check_number, to_float_array
 from cqblend.blends.potential.surface_family import (
     AmountFunction,
     Course,
@@ -26,7 +27,6 @@ from cqblend.blends.potential.surface_family import (
     split_by_group,
 )
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
-from cqblend.checks import call_user_function, check_number, to_float_array
 from cqblend.errors import InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_to_rounding

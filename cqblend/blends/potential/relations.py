@@ -18,8 +18,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.argument_checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
-from cqblend.checks import call_user_function, check_number, to_finite_array, to_float_array
 from cqblend.errors import CqblendError, InputError, shown
 from cqblend.splines import Curve
 from cqblend.splines.approximation import approximate_to_rounding

@@ -21,13 +21,13 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from cqblend.argument_checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
-from cqblend.checks import call_user_function, check_integer, check_number, to_float_array
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_to_rounding
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import SplineSurface
 
 AmountFunction = Callable[[Array], Any]

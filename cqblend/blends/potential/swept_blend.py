@@ -15,17 +15,17 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
+from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
-from cqblend.blends.contacts.unwrapped_solvers import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
 from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
-from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
-from cqblend.blends.rails.exact_rails import fit_straight_ribbons
-from cqblend.blends.rails.fit_errors import TooManySpansError
+from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
+from cqblend.blends.rails.fit_exceptions import TooManySpansError
+from cqblend.blends.rails.line_and_arc_ribbons import fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError

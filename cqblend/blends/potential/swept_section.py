@@ -12,12 +12,12 @@ from typing import ClassVar, Protocol, TypeVar
 import numpy as np
 
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
-from cqblend.blends.rails.fit_errors import TooManySpansError
+from cqblend.blends.rails.fit_exceptions import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
+from cqblend.blends.sections.filled_section import FilledSection
 from cqblend.blends.sections.hermite_section import Jets, build_section
-from cqblend.blends.sections.interior import FilledSection
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
 

@@ -1,4 +1,4 @@
-"""Tolerances and limits of potential blends, with their units and what they decide."""
+"""Tolerances and limits of potential blends."""
 
 from __future__ import annotations
 

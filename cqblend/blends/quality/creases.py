@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cqblend.blends.quality.tolerances import CREASE_TOLERANCES
+from cqblend.blends.rails.direction_steering import RequiredTurn, find_required_turns
 from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, evaluate_space_jets
-from cqblend.blends.rails.steering import RequiredTurn, find_required_turns
 from cqblend.blends.rails.steering_advice import round_up_to_two_digits, suggest_remedy
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface

@@ -13,8 +13,8 @@ import numpy as np
 
 from cqblend.blends.quality.tolerances import FAIRNESS_SAMPLING
 from cqblend.splines import Surface
+from cqblend.splines.antiderivative import gauss_rule
 from cqblend.splines.bernstein import Array
-from cqblend.splines.integral import gauss_rule
 from cqblend.surfaces.vectors import cross_product
 
 

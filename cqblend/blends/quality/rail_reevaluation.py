@@ -1,4 +1,4 @@
-"""The primary along a rail, recomputed for the proof of a blend: on pieces of its own, relative to a point near it.
+"""Recomputes a surface along a rail in local coordinates, so that the proof loses no digits.
 
 Nothing is taken from the blend. Breaks are where the rail crosses knot lines, however close together; derivatives along
 the rail come from its velocity, and derivatives into the blend from their directions, not from differences: so they are
@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from cqblend.blends.quality.rounding import RoundingBounds, bound_rounding
+from cqblend.blends.quality.evaluation_rounding import RoundingBounds, bound_rounding
 from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.knots import extract_pieces
 from cqblend.splines.surface import BSplineSurface
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.quadrics import Quadric
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse, RevolvedSpline
 from cqblend.surfaces.tensor_surface import SplineSurface

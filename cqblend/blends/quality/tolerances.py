@@ -1,4 +1,4 @@
-"""Tolerances and limits of what is measured and proven of a finished blend, with their units and what they decide."""
+"""Tolerances and limits of what is measured and proven of a finished blend."""
 
 from __future__ import annotations
 

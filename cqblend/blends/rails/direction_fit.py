@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData, add_third_points, interpolate_with_corners
-from cqblend.blends.rails.knot_line_bends import ParametricKinks
+from cqblend.blends.rails.direction_steering import Steering, find_pins
+from cqblend.blends.rails.parametric_kinks import ParametricKinks
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import Ribbon, SampledRail, dehomogenise_jets
-from cqblend.blends.rails.steering import Steering, find_pins
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array

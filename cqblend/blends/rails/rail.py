@@ -16,9 +16,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cqblend.argument_checks import to_finite_array, to_point
 from cqblend.blends.rails import regularity
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
-from cqblend.checks import to_finite_array, to_point
 from cqblend.errors import GeometryError, InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array

@@ -18,7 +18,7 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 
 BREAK_SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
 """Both sides of a break, that with the smaller parameters first."""

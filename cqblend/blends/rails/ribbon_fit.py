@@ -14,15 +14,15 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData
-from cqblend.blends.rails.cross_fields import CrossField, RailStations, compute_unit_directions, perpendicular_field
+from cqblend.blends.rails.cross_directions import CrossField, RailStations, compute_unit_directions, perpendicular_field
 from cqblend.blends.rails.direction_fit import DirectionMethod, fit_directions
-from cqblend.blends.rails.knot_line_bends import ParametricKinks
+from cqblend.blends.rails.direction_steering import Steering
+from cqblend.blends.rails.parametric_kinks import ParametricKinks
 from cqblend.blends.rails.ribbon import Ribbon, SampledRail, dehomogenise_jets
-from cqblend.blends.rails.steering import Steering
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 Domain = tuple[float, float]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cqblend.blends.rails.steering import RequiredTurn
+from cqblend.blends.rails.direction_steering import RequiredTurn
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 
 

@@ -1,4 +1,4 @@
-"""Tolerances and limits of rails and of the cross directions along them, each with its unit, in one place."""
+"""Tolerances and limits of rails and of the cross directions along them."""
 
 from __future__ import annotations
 

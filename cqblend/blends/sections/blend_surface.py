@@ -19,8 +19,8 @@ from typing import Literal
 
 import numpy as np
 
+from cqblend.blends.rails.direction_steering import RequiredTurn, find_required_turns
 from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, dehomogenise_jets, is_faded
-from cqblend.blends.rails.steering import RequiredTurn, find_required_turns
 from cqblend.blends.rails.steering_advice import suggest_remedy
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.compact_form import compact_jets

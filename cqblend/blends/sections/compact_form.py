@@ -23,7 +23,7 @@ import numpy as np
 
 from cqblend.blends.sections.exact_jets import JUMP_ERRORS, ExactJets, collect_exact_jets
 from cqblend.blends.sections.hermite_section import Jets
-from cqblend.blends.sections.stretch_fit import (
+from cqblend.blends.sections.quintic_fit import (
     COMPACT_DEGREE,
     MOST_SHARED_DERIVATIVES,
     MultipleKnot,

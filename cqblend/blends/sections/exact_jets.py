@@ -1,4 +1,4 @@
-"""The exact jets of two ribbons, and how far a fit of them may be and is from them.
+"""Exact jets (derivatives across) of two ribbons, and the tolerances and errors of a fit to them.
 
 The compact form (:mod:`cqblend.blends.sections.compact_form`) approximates these jets within tolerances in position, in
 the tangent plane and in curvature, which are measured here.

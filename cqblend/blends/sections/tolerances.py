@@ -1,4 +1,4 @@
-"""Tolerances and limits of blend surfaces, each with its unit, in one place."""
+"""Tolerances and limits of blend surfaces."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_OUT
 from OCP.TopoDS import TopoDS_Face
 
-from cqblend.brep.measure.measuring_places import find_knot_lines
-from cqblend.brep.measure.surface_evaluation import evaluate_face_normals
+from cqblend.brep.measurement.edge_parameters import find_knot_lines
+from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
 from cqblend.splines.bernstein import Array
 
 

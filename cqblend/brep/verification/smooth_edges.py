@@ -9,8 +9,8 @@ from OCP.LocalAnalysis import LocalAnalysis_SurfaceContinuity
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from cqblend.brep.measure.edge_samples import choose_sample_parameters, sample_edge_side
-from cqblend.brep.measure.edge_sides import EdgeSide, get_two_sides
+from cqblend.brep.measurement.edge_samples import choose_sample_parameters, sample_edge_side
+from cqblend.brep.measurement.edge_sides import EdgeSide, get_two_sides
 from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 

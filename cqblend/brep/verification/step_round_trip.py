@@ -12,7 +12,7 @@ from OCP.gp import gp_Pln
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
-from cqblend.brep.measure.edge_sides import get_two_sides
+from cqblend.brep.measurement.edge_sides import get_two_sides
 from cqblend.brep.step_files import read_step, write_step
 from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
 from cqblend.brep.verification.brep_check import is_valid

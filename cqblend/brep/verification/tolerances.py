@@ -1,4 +1,4 @@
-"""Tolerances, sample counts and limits of the verification of finished shapes, in one place."""
+"""Tolerances and limits of the verification of finished shapes."""
 
 from dataclasses import dataclass
 

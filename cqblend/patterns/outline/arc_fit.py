@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cqblend.checks import check_millimetres
-from cqblend.patterns.outline.parallel_path import PathByLength, signed_angles
+from cqblend.argument_checks import check_millimetres
+from cqblend.patterns.outline.path_by_length import PathByLength, signed_angles
 from cqblend.patterns.outline.plane_path import Path, solve_bulges
 from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.splines.bernstein import Array

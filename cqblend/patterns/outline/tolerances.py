@@ -1,4 +1,4 @@
-"""Tolerances of plane outlines, gathered so that each of them has one name, one unit and one meaning."""
+"""Tolerances and limits of plane outlines."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Connecting strips: pieces of their own that are glued underneath both sides of a seam, without the stair of a tab.
+"""Connecting strips: separate pieces glued underneath both sides of a seam, without the step that a tab leaves.
 
 A strip follows the seam where both of its sides have the same curve in the plane; else it is straight, and short.
 Depends on flaps.
@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from cqblend.patterns.outline.overlap import find_winding_errors
-from cqblend.patterns.outline.parallel_path import PathByLength
+from cqblend.patterns.outline.path_by_length import PathByLength
 from cqblend.patterns.outline.pieces import Fold, Piece, Pieces, Run, Score, Seam
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.flaps import Flap, FlapFitter, make_flap_top
-from cqblend.patterns.stock.limits import TAB_LIMITS
+from cqblend.patterns.stock.stock_proportions import TAB_LIMITS
 
 
 def has_same_curve(fitter: FlapFitter, seam: Seam) -> bool:

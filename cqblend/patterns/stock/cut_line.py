@@ -6,10 +6,10 @@ Depends on outlines only.
 import numpy as np
 
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.outline.parallel_path import PathByLength
+from cqblend.patterns.outline.path_by_length import PathByLength
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.limits import CUTTING_LIMITS
+from cqblend.patterns.stock.stock_proportions import CUTTING_LIMITS
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
 

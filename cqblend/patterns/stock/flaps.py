@@ -15,10 +15,10 @@ import numpy as np
 import shapely
 
 from cqblend.patterns.outline.overlap import to_polygon
-from cqblend.patterns.outline.parallel_path import PathByLength, signed_angles
+from cqblend.patterns.outline.path_by_length import PathByLength, signed_angles
 from cqblend.patterns.outline.pieces import Pieces, Place
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.limits import TAB_LIMITS
+from cqblend.patterns.stock.stock_proportions import TAB_LIMITS
 from cqblend.patterns.stock.tab_options import TabOptions
 from cqblend.splines.bernstein import Array
 

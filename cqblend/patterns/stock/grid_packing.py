@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import shapely
 
-from cqblend.patterns.outline.bounding_boxes import find_convex_hull, measure_rotated_extents
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.pieces import Piece
+from cqblend.patterns.outline.rotated_boxes import find_convex_hull, measure_rotated_extents
 from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
-from cqblend.patterns.stock.limits import PACKING_LIMITS
-from cqblend.patterns.stock.placement import Placement, SheetSize
+from cqblend.patterns.stock.sheet_placement import Placement, SheetSize
+from cqblend.patterns.stock.stock_proportions import PACKING_LIMITS
 from cqblend.splines.bernstein import Array
 
 TRIED_WIDTHS = (0.7, 0.85, 1.05, 1.25)

@@ -1,4 +1,4 @@
-"""Compensates the kerf: cuts are moved outwards by half the width that the beam takes away.
+"""Compensates the kerf: cuts are moved outwards by half of it.
 
 Offset curves have round convex corners, so that the corners of the part that is left stay sharp. Depends on plane paths
 only.
@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import shapely
 
-from cqblend.checks import check_millimetres
+from cqblend.argument_checks import check_millimetres
 from cqblend.errors import SizeError
 from cqblend.patterns.outline.arc_fit import fit_arcs
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.limits import CUTTING_LIMITS
+from cqblend.patterns.stock.stock_proportions import CUTTING_LIMITS
 
 
 def compensate_kerf(outlines: Sequence[Path], kerf: float, tolerance: float, *, name: str) -> tuple[Path, ...]:

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import shapely
 
-from cqblend.checks import check_millimetres
+from cqblend.argument_checks import check_millimetres
 from cqblend.errors import InputError
 from cqblend.patterns.outline.overlap import to_polygon
-from cqblend.patterns.outline.parallel_path import PathByLength, rotate_vectors
+from cqblend.patterns.outline.path_by_length import PathByLength, rotate_vectors
 from cqblend.patterns.outline.pieces import Piece, Seam
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock.limits import LABEL_LIMITS
+from cqblend.patterns.stock.stock_proportions import LABEL_LIMITS
 from cqblend.patterns.stock.stroke_font import CAPITAL_UNITS, make_text_strokes, measure_text_width
 from cqblend.splines.bernstein import Array
 

@@ -11,15 +11,15 @@ from typing import Literal
 import numpy as np
 import shapely
 
-from cqblend.checks import check_millimetres
+from cqblend.argument_checks import check_millimetres
 from cqblend.errors import InputError, SizeError, VerificationError, shown
-from cqblend.patterns.outline.bounding_boxes import find_fitting_angle, find_flattest_angle, measure_rotated_extents
 from cqblend.patterns.outline.overlap import to_polygon
 from cqblend.patterns.outline.pieces import Piece, Pieces
-from cqblend.patterns.stock import nesting
+from cqblend.patterns.outline.rotated_boxes import find_fitting_angle, find_flattest_angle, measure_rotated_extents
+from cqblend.patterns.stock import spyrrow_packing
 from cqblend.patterns.stock.grid_packing import PieceShape, pack_one_sheet, pack_sheets
-from cqblend.patterns.stock.limits import PACKING_LIMITS
-from cqblend.patterns.stock.placement import SheetSize
+from cqblend.patterns.stock.sheet_placement import SheetSize
+from cqblend.patterns.stock.stock_proportions import PACKING_LIMITS
 
 Packer = Literal["grid", "spyrrow"]
 """By what pieces are packed: the grid of cells, or the optional library."""
@@ -111,7 +111,7 @@ def arrange_pieces(
     usable = None if sheet is None else subtract_margins(sheet, margin)
     turns = [_choose_turn(shape, usable) for shape in shapes]
     if packer == "spyrrow":
-        placed = nesting.pack_with_spyrrow([shape.polygon for shape in shapes], turns, usable, gap, seconds)
+        placed = spyrrow_packing.pack_with_spyrrow([shape.polygon for shape in shapes], turns, usable, gap, seconds)
     else:
         placed = pack_sheets(shapes, turns, usable, gap) if usable else pack_one_sheet(shapes, turns, gap)
     lower = np.full(2, margin)

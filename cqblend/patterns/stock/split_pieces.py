@@ -14,21 +14,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from cqblend.checks import check_millimetres
+from cqblend.argument_checks import check_millimetres
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError
-from cqblend.patterns.outline.bounding_boxes import (
+from cqblend.patterns.outline.overlap import to_polygon
+from cqblend.patterns.outline.path_by_length import PathByLength
+from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Score, Seam, close_loop
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.outline.rotated_boxes import (
     find_convex_hull,
     find_fitting_angle,
     find_flattest_angle,
     measure_rotated_extents,
 )
-from cqblend.patterns.outline.overlap import to_polygon
-from cqblend.patterns.outline.parallel_path import PathByLength
-from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Score, Seam, close_loop
-from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.stock.cut_line import CutLine
-from cqblend.patterns.stock.lettering import add_letters, make_cut_labels, reletter_names
-from cqblend.patterns.stock.limits import CUTTING_LIMITS
+from cqblend.patterns.stock.part_names import add_letters, make_cut_labels, reletter_names
+from cqblend.patterns.stock.stock_proportions import CUTTING_LIMITS
 from cqblend.splines.bernstein import Array
 
 TRIED_OFFSETS = np.array([0.0, *(sign * k * 0.03 for k in range(1, 7) for sign in (1, -1))])

@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from cqblend.errors import InputError
-from cqblend.patterns.outline.parallel_path import PathByLength
+from cqblend.patterns.outline.path_by_length import PathByLength
 from cqblend.patterns.outline.pieces import Place, Seam
 from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
 from cqblend.patterns.stock.connecting_strips import has_same_curve
 from cqblend.patterns.stock.flaps import Flap, FlapFitter, FlapZone, fit_flaps
-from cqblend.patterns.stock.limits import TAB_LIMITS
+from cqblend.patterns.stock.stock_proportions import TAB_LIMITS
 from cqblend.splines.bernstein import Array
 
 

@@ -5,9 +5,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from cqblend.checks import check_millimetres
+from cqblend.argument_checks import check_millimetres
 from cqblend.errors import InputError, shown
-from cqblend.patterns.stock.limits import TAB_LIMITS
+from cqblend.patterns.stock.stock_proportions import TAB_LIMITS
 
 TabStyle = Literal["one", "alternating", "both", "strips", "allowance"]
 """Tabs on one side of each seam, teeth on either side in turn, flanges on both sides, separate connecting strips from

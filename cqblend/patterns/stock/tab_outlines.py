@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cqblend.patterns.outline.parallel_path import PathByLength
+from cqblend.patterns.outline.path_by_length import PathByLength
 from cqblend.patterns.outline.pieces import Place, Score
 from cqblend.patterns.outline.plane_path import Path
 from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES

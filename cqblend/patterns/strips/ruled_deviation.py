@@ -29,7 +29,7 @@ from cqblend.errors import GeometryError
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import EPSILON, Array, evaluate_basis, multiply_polynomials, restrict_pieces
-from cqblend.splines.hulls import find_value_below
+from cqblend.splines.coefficient_bounds import find_value_below
 
 _INNER_FRACTIONS = np.arange(1, 12) / 12
 """Of the interval of v of a band, at which its deviation is sampled."""

@@ -1,4 +1,4 @@
-"""Tolerances of division and of rulings, gathered so that each of them has one name, one unit and one meaning."""
+"""Tolerances and limits of dividing a surface into strips and of pairing rulings."""
 
 from dataclasses import dataclass
 

@@ -30,7 +30,7 @@ from cqblend.blends.contacts.contact_solver import (
 )
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines import Surface
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Sphere
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 from cqblend.surfaces.tensor_surface import TensorSurface

@@ -7,7 +7,7 @@ import pytest
 from proof_witness import LongCurve, LongSurface, measure
 
 from cqblend import Rail, hermite_blend
-from cqblend.brep.measure.measuring_places import find_knot_crossings, spread_samples
+from cqblend.brep.measurement.edge_parameters import find_knot_crossings, spread_samples
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.breaks import align_breaks, merge_breaks
@@ -127,7 +127,7 @@ def test_samples_lie_in_every_span(apart):
 
 
 def test_crossings_are_found_to_rounding_however_close():
-    from cqblend.brep.read.spline_arrays import surface_from_arrays
+    from cqblend.brep.conversion.spline_arrays import surface_from_arrays
 
     surface = surface_from_arrays(*sheet((0.5, 0.5 + 1e-9), [0, 0, 0], degree=5).to_bspline())
     rail = Curve.bezier([(0.1, 0.2), (0.2, 0.4), (0.9, 0.9)])

@@ -9,9 +9,9 @@ import pytest
 from kernel_surfaces import Pair, bulges, kernel_surface, pairs, wavy
 
 from cqblend.blends.contacts.contact_solver import Contacts
-from cqblend.blends.contacts.unwrapped_solvers import unwrap_open_solver
-from cqblend.blends.rails.cubic_rails import fit_cubic_ribbons
-from cqblend.blends.rails.exact_rails import fit_straight_ribbons
+from cqblend.blends.contacts.parameter_unwrapping import unwrap_open_solver
+from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
+from cqblend.blends.rails.line_and_arc_ribbons import fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons

@@ -21,7 +21,7 @@ from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, interpolation
-from cqblend.surfaces.primary import Primary
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 
 sys.path.insert(0, str(BENCHMARKS))

@@ -11,9 +11,9 @@ import shapely
 from cqblend.errors import GeometryError, InputError, InstallationError, SizeError, VerificationError
 from cqblend.patterns.outline.pieces import Piece, Pieces, Run
 from cqblend.patterns.outline.plane_path import Path
-from cqblend.patterns.stock import nesting
-from cqblend.patterns.stock.limits import PACKING_LIMITS
+from cqblend.patterns.stock import spyrrow_packing
 from cqblend.patterns.stock.sheets import Sheets, arrange_pieces, verify_spacing
+from cqblend.patterns.stock.stock_proportions import PACKING_LIMITS
 
 ALL = [cases.box, cases.cylinder, cases.tower, cases.frustum, cases.cone, cases.gores, cases.lattice]
 
@@ -131,20 +131,20 @@ def test_spyrrow_packs(sheet):
 
 
 def test_spyrrow_is_asked_for_by_name(monkeypatch):
-    monkeypatch.setattr(nesting, "find_spec", lambda name: None)
+    monkeypatch.setattr(spyrrow_packing, "find_spec", lambda name: None)
     with pytest.raises(InstallationError, match=r"cqblend\[nesting\]"):
         arrange_pieces(cases.box(), packer="spyrrow")
 
 
 def test_failures_of_the_other_process_are_told(monkeypatch, tmp_path):
-    monkeypatch.setattr(nesting, "find_spec", lambda name: name)
+    monkeypatch.setattr(spyrrow_packing, "find_spec", lambda name: name)
     worker = tmp_path / "worker.py"
-    monkeypatch.setattr(nesting, "WORKER", worker)
+    monkeypatch.setattr(spyrrow_packing, "WORKER", worker)
     worker.write_text("raise RuntimeError('no luck')")
     with pytest.raises(GeometryError, match="no luck"):
         arrange_pieces(cases.box(), packer="spyrrow")
     worker.write_text("import time; time.sleep(60)")
-    monkeypatch.setattr(nesting, "PACKING_LIMITS", replace(PACKING_LIMITS, grace_seconds=0.2))
+    monkeypatch.setattr(spyrrow_packing, "PACKING_LIMITS", replace(PACKING_LIMITS, grace_seconds=0.2))
     with pytest.raises(GeometryError, match="did not end"):
         arrange_pieces(cases.box(), packer="spyrrow", seconds=0.3)
     with pytest.raises(InputError, match="seconds"):

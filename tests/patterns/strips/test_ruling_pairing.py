@@ -5,7 +5,7 @@ import pytest
 from developable_strips import CYLINDER, EDGE, SADDLE, moved, tangent_strip
 
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.flatten.flat_strip import flatten_rails
+from cqblend.patterns.flattening.flat_strip import flatten_rails
 from cqblend.patterns.strips.developability import bound_twist, classify_strip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.splines import Curve, change_of_parameter, reparameterise

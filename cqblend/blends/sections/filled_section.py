@@ -1,0 +1,291 @@
+r"""Adds an interior to the section between two rails, as splines that leave the joints at both rails exact.
+
+All boundary data are in the Hermite section of the ribbons' exact jets. What is added,
+
+.. math:: H(t, v) = \text{section}(t, v) + I(t, v),
+
+vanishes at both rails with its derivatives, and so does any approximation of it. Here that consists of splines in v, of
+a degree that OCCT evaluates well, and in t. In homogeneous coordinates they approximate the product of I with the
+weight of the section. What I is, a solution of partial differential equations or the difference to a swept surface, is
+up to subclasses.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from cqblend.blends.rails.fit_exceptions import TooManySpansError
+from cqblend.blends.sections.hermite_section import Jets, SectionInterior, build_section, evaluate_weights
+from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
+from cqblend.errors import GeometryError
+from cqblend.splines import Curve, Surface, bernstein
+from cqblend.splines.approximation import Kinks, approximate_curve
+from cqblend.splines.bernstein import Array
+from cqblend.splines.breaks import align_breaks
+from cqblend.splines.knots import extract_pieces
+
+Sampler = Callable[[Array], Array]
+"""A function from parameters t (n,) to values there, (n, ..)."""
+
+
+class _SampledInterior(NamedTuple):
+    """An interior at points across, and a basis across that holds it.
+
+    ``evaluate`` and ``evaluate_weighted`` return (n, m, 3) at t (n,), without and with the weight of the section;
+    ``size`` is the largest coordinate of the latter.
+    """
+
+    evaluate: Sampler
+    evaluate_weighted: Sampler
+    size: float
+    across: _AcrossBasis
+
+
+class _FitAttempt(NamedTuple):
+    """Where splines along may have kinks, of which continuity, and how many spans."""
+
+    kinks: Array
+    orders: Array
+    most_spans: int
+
+
+@dataclass(frozen=True)
+class FilledSection(ABC):
+    """Builds the surface between jets, with an interior that is approximated within a tolerance (mm).
+
+    ``conditions`` is how many jets x, y and z take from each rail, ``points`` at how many points across the interior is
+    sampled. ``kinks`` are the parameters t at which the interior is not smooth, ``orders`` its continuity there.
+    """
+
+    conditions: tuple[int, int, int]
+    points: int
+    tolerance: float
+    closed: bool
+    kinks: Array
+    orders: Array
+
+    kinks_are_certain: ClassVar[bool] = False
+    """Whether the kinks are known to exist, so that smooth splines need not be tried."""
+
+    most_spans_along: ClassVar[int] = 512
+
+    advice: ClassVar[tuple[str, str]] = (
+        "fewer terms, or parameters whose layers along the rails are less thin (a smaller b)",
+        "fewer modes",
+    )
+    """What the caller can do about too many spans across, and along."""
+
+    @abstractmethod
+    def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Sampler:
+        """Return what is added to the section at v (m,), as a function of t (n,) to (n, m, 3)."""
+
+    def __call__(self, sides: tuple[Jets, Jets]) -> Surface:
+        """Return the blend surface between the jets of both ribbons.
+
+        Raises
+        ------
+        GeometryError
+            If the tolerance takes more spans than there may be.
+        """
+        taken = min(map(len, sides))
+        return build_section(
+            sides, None if min(self.conditions) == taken else self.conditions, self.fit_interior(sides)
+        )
+
+    def fit_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
+        """Return the interior as splines, None if it is within the tolerance of zero."""
+        jets = align_breaks([*sides[0], *sides[1]])
+        breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
+        sampled = self._sample_interior(sides, breaks)
+        if sampled is None:
+            return None
+        across = sampled.across
+
+        def sample_coefficients(t: Array) -> Array:
+            return across.fit_coefficients(sampled.evaluate_weighted(t))
+
+        tolerance = max(
+            SECTION_TOLERANCES.coefficient_share * sampled.size, SECTION_TOLERANCES.polynomial_share * self.tolerance
+        )
+        curve = _fit_on_pieces(sample_coefficients, breaks, degree, tolerance)
+        if curve is None:
+            weight = _common_weight(sides)
+            if weight is None:
+                curve = self._fit_along(sample_coefficients, breaks, None if _has_unit_weight(sides) else jets)
+            else:  # fitted without the weight, whose kinks need no approximation then
+                unweighted = self._fit_along(lambda t: across.fit_coefficients(sampled.evaluate(t)), breaks, None)
+                curve = unweighted * weight
+        return SectionInterior(curve, across.tables, across.breaks, across.continuity)
+
+    def _sample_interior(self, sides: tuple[Jets, Jets], breaks: Array) -> _SampledInterior | None:
+        """Sample the interior across, at as many points as it takes; None if it is within the tolerance of zero."""
+        for points in (self.points, SECTION_TOLERANCES.finer_points_factor * self.points):
+            v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
+            evaluate = self.make_interior_function(sides, v)
+            evaluate_weighted = evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
+            spread = np.linspace(breaks[0], breaks[-1], SECTION_TOLERANCES.size_samples)
+            values = evaluate_weighted(np.union1d(spread, (breaks[:-1] + breaks[1:]) / 2))
+            size = float(np.abs(values).max())
+            if size <= self.tolerance / 4:
+                return None
+            across = self._choose_across_basis(v, values)
+            if across is not None:
+                return _SampledInterior(evaluate, evaluate_weighted, size, across)
+        raise TooManySpansError(
+            f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
+            f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans across",
+            f"ask for a larger tolerance, or {self.advice[0]}",
+        )
+
+    def _fit_along(self, sample: Sampler, breaks: Array, weighted_jets: list[Curve] | None) -> Curve:
+        """Approximate coefficients of the interior along: C4 if possible, else with C1 kinks, else with all kinks.
+
+        Jets with a weight add their own breaks to the kinks.
+        """
+        kinks, orders = self.kinks, self.orders
+        if weighted_jets is not None:
+            kinks = np.concatenate([kinks, breaks[1:-1]])
+            orders = np.concatenate([orders, np.min([jet.continuity for jet in weighted_jets], axis=0)])
+        smooth, at_least_c1 = orders >= SECTION_TOLERANCES.smooth_continuity, np.maximum(orders, 1)
+        most_smooth, most = SECTION_TOLERANCES.most_smooth_spans, self.most_spans_along
+        with_c1_kinks = _FitAttempt(kinks, at_least_c1, most if self.kinks_are_certain else most_smooth)
+        attempts = [] if self.kinks_are_certain else [_FitAttempt(kinks[smooth], orders[smooth], most_smooth)]
+        if not (at_least_c1 == orders).all():
+            attempts.append(with_c1_kinks)
+        attempts.append(_FitAttempt(kinks, orders, most))
+        for attempt in attempts:
+            try:
+                return approximate_curve(
+                    sample,
+                    breaks,
+                    self.tolerance / 4,
+                    kinks=Kinks(attempt.kinks, attempt.orders),
+                    closed=self.closed,
+                    most=attempt.most_spans,
+                )
+            except GeometryError as error:
+                last = error
+        raise TooManySpansError(
+            "the interior between the rails cannot be approximated along them",
+            f"{last}; ask for a larger tolerance, or {self.advice[1]}",
+        ) from last
+
+    def _choose_across_basis(self, v: Array, values: Array) -> _AcrossBasis | None:
+        """Choose the fewest functions across that hold values (n, m, 3) at v (m,) within a quarter of the tolerance.
+
+        None if none do.
+        """
+        for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * len(v)):
+            across = _AcrossBasis.from_spans(self.conditions, degree, spans, v)
+            fitted = across.evaluate_at_points(across.fit_coefficients(values))
+            if np.abs(fitted - values).max() <= self.tolerance / 4:
+                return across
+        return None
+
+
+def _multiply_by_weight(evaluate: Sampler, sides: tuple[Jets, Jets], v: Array) -> Sampler:
+    """Return an interior at v (m,) multiplied by the weight of the section."""
+
+    def evaluate_weighted(t: Array) -> Array:
+        values, weight = evaluate(t), evaluate_weights(sides, t, v)
+        return values if weight is None else values * weight[..., None]
+
+    return evaluate_weighted
+
+
+def _iterate_spaces(conditions: tuple[int, int, int], most_spans: float) -> Iterator[tuple[int, int]]:
+    """Yield degrees across and numbers of spans: polynomials first, then splines."""
+    most_degree = SECTION_TOLERANCES.most_interior_degree
+    yield from ((degree, 1) for degree in range(2 * max(conditions), most_degree + 1))
+    spans = 2
+    while spans <= most_spans:
+        yield most_degree, spans
+        spans += max(1, spans // 2)
+
+
+@dataclass(frozen=True)
+class _AcrossBasis:
+    """B-splines across that vanish at both ends, as often as each component needs it.
+
+    ``tables`` (3, degree + 1, m, spans) are the Bernstein coefficients of the m functions of all components together,
+    on the spans between ``breaks``; ``components`` (m,) says which component each of them belongs to. ``point_values``
+    (n, m) are their values at n points, and ``least_squares`` (m, n) the matrix from values there to coefficients.
+    """
+
+    tables: Array
+    breaks: Array
+    continuity: Array
+    point_values: Array
+    least_squares: Array
+    components: Array
+
+    @classmethod
+    def from_spans(cls, conditions: tuple[int, int, int], degree: int, spans: int, v: Array) -> _AcrossBasis:
+        """Return the B-splines on equal spans, without those that do not vanish as often as ``conditions`` asks for."""
+        breaks = np.linspace(0, 1, spans + 1)
+        knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
+        _, coefs, continuity = extract_pieces(degree, knots, np.eye(spans + degree))
+        values = Curve(breaks, coefs)(v)
+        kept = [np.arange(count, spans + degree - count) for count in conditions]
+        components = np.repeat([0, 1, 2], [len(indices) for indices in kept])
+        chosen = np.concatenate(kept)
+        tables = np.where(components[:, None] == np.arange(3)[:, None, None, None], coefs[:, chosen], 0.0)
+        least_squares = np.concatenate([np.linalg.pinv(values[:, indices]) for indices in kept])
+        return cls(tables, breaks, continuity, values[:, chosen], least_squares, components)
+
+    def fit_coefficients(self, values: Array) -> Array:
+        """Return the coefficients (n, m) of the fit to values (n, points, 3)."""
+        parts = [values[..., i] @ self.least_squares[self.components == i].T for i in range(3)]
+        return np.concatenate(parts, axis=1)
+
+    def evaluate_at_points(self, coefs: Array) -> Array:
+        """Return values (n, points, 3) of coefficients (n, m)."""
+        parts = [coefs[:, self.components == i] @ self.point_values[:, self.components == i].T for i in range(3)]
+        return np.stack(parts, axis=-1)
+
+
+def _has_unit_weight(sides: tuple[Jets, Jets]) -> bool:
+    """Whether the weight of a section is 1, or there is none."""
+    if sides[0][0].dim == 3:
+        return True
+    return all(
+        bool(np.abs(jet.coefs[:, 3] - (k == 0)).max() <= SECTION_TOLERANCES.coefficient_share)
+        for jets in sides
+        for k, jet in enumerate(jets)
+    )
+
+
+def _common_weight(sides: tuple[Jets, Jets]) -> Curve | None:
+    """Return the weight of a section if it is the same at all v, and not 1."""
+    if _has_unit_weight(sides):
+        return None
+    first, *others = (jet[3] for jets in sides for jet in jets[:1])
+    higher = [jet.coefs[:, 3] for jets in sides for jet in jets[1:]]
+    same = all(np.array_equal(one.breaks, first.breaks) and one.degree == first.degree for one in others)
+    if not same or any(np.abs(one.coefs - first.coefs).max() > SECTION_TOLERANCES.coefficient_share for one in others):
+        return None
+    return first if all(np.abs(one).max() <= SECTION_TOLERANCES.coefficient_share for one in higher) else None
+
+
+def _fit_on_pieces(sample: Sampler, breaks: Array, degree: int, tolerance: float) -> Curve | None:
+    """Return an interior as polynomials on the section's own pieces, of its degree; None if it is not that.
+
+    It is that between planes, and around axes.
+    """
+    if degree > SECTION_TOLERANCES.most_simple_degree:
+        return None
+    nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
+    steps = np.diff(breaks)
+    values = sample((breaks[:-1] + nodes[:, None] * steps).ravel()).reshape(degree + 1, len(steps), -1)
+    matrix = np.linalg.inv(bernstein.evaluate_basis(degree, 1 - nodes, nodes).T)
+    values[-1, :-1] = values[0, 1:]  # the same points, but for rounding
+    coefs = np.einsum("pk,knd->pdn", matrix, values)
+    coefs[0], coefs[-1] = values[0].T, values[-1].T
+    curve = Curve(breaks, coefs, continuity=np.zeros(len(steps) - 1, dtype=int))
+    between = (breaks[:-1] + np.array([0.13, 0.41, 0.77])[:, None] * steps).ravel()
+    return curve if np.abs(curve(between) - sample(between)).max() <= tolerance else None

@@ -1,0 +1,1 @@
+"""Between OCCT and symbolic splines: faces, edges, curves and patterns, in and out."""

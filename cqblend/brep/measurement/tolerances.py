@@ -1,0 +1,40 @@
+"""Tolerances and limits of measurements on finished shapes."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class MeasureTolerances:
+    """Tolerances and sample counts of the modules in :mod:`cqblend.brep.measurement`."""
+
+    smooth_edge_angle: float = 1e-3
+    """Radians: largest angle between normals at an edge of the kind 'smooth', 0.06 degrees."""
+
+    knot_line: float = 1e-7
+    """Relative to the surface's domain: a pcurve that stays this near to a knot line runs along it. Those read from
+    STEP files do stray."""
+
+    knot_line_step: float = 1e-14
+    """Relative to the surface's domain: step off a knot line to evaluate one side of it. OCCT tells sides apart down
+    to 1e-15."""
+
+    degenerate_ratio: float = 1e-7
+    """|Su x Sv| below this share of its largest value along the edge is mostly rounding: the normal is nan."""
+
+    shortest_span: float = 64 * 2.0**-52
+    """Relative to the parameters: a span that is shorter holds no parameters inside."""
+
+    resampling_rounds: int = 2
+    """How often it is measured again, more densely, around the largest values."""
+
+    worst_count: int = 4
+    """Around how many of the largest values."""
+
+    crossing_samples: int = 1025
+    """Number of points of a pcurve between which crossings with knot lines are looked for."""
+
+    crossing_iterations: int = 40
+    """Largest number of regula falsi steps to find such a crossing."""
+
+
+MEASURE_TOLERANCES = MeasureTolerances()

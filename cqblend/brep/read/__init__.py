@@ -1,1 +1,0 @@
-"""Out of OCCT: faces, edges and their curves as symbolic splines and arrays."""

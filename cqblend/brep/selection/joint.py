@@ -1,0 +1,300 @@
+"""Find joints: edges between two faces of a solid, checked, and read as a spine and two support faces.
+
+A joint is the input of :mod:`cqblend.solid_blends.blend_pipeline`: which solid, which edges, which faces on which side,
+and the queries about them that need the topology.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.gp import gp_Pnt, gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+
+from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
+from cqblend.brep.conversion.support_face import SupportFace, read_support_face
+from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.selection.spine import EdgeSpine, chain_edges
+from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.shape_kinds import find_shape_kind
+from cqblend.brep.topology import (
+    CONFUSION,
+    AncestorMap,
+    ShapeIndex,
+    explore_subshapes,
+    find_end_vertices,
+    find_outgoing_tangent,
+    find_vertex_uv,
+    is_among,
+    locate_vertex,
+)
+from cqblend.certificate import SkippedKind
+from cqblend.errors import SelectionError, TopologyError
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary_surface import Primary
+
+
+class NothingToBlendError(SelectionError):
+    """There is nothing to blend at an edge; ``kind`` tells why: it is smooth already, a seam, or degenerate."""
+
+    kind: SkippedKind
+
+
+@dataclass(frozen=True)
+class Joint:
+    """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
+
+    ``edge_number`` and ``face_numbers`` are numbers in the maps of the *input* shape, for messages and certificates;
+    ``lookup_number`` returns those of other faces, edges and vertices, 0 if they are not in the input. ``is_backward``
+    tells that the picked edge has the sense opposite to the spine's.
+    """
+
+    solid: TopoDS_Shape
+    spine: EdgeSpine
+    sides: tuple[SupportFace, SupportFace]
+    edge_number: int
+    face_numbers: tuple[int, int]
+    lookup_number: Callable[[TopoDS_Shape], int] | None = None
+    is_backward: bool = False
+
+    @property
+    def name(self) -> str:
+        """What messages call the edge: by its number in the input."""
+        return f"edge {self.edge_number}"
+
+    @property
+    def primaries(self) -> tuple[Primary, Primary]:
+        """The two primary surfaces."""
+        return self.sides[0].primary, self.sides[1].primary
+
+    @cached_property
+    def tolerance(self) -> float:
+        """The largest tolerance of the edges (mm)."""
+        return float(max(BRep_Tool.Tolerance_s(edge) for edge in self.spine.edges))
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether blending removes material."""
+        return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
+
+    @cached_property
+    def extent(self) -> float:
+        """The diagonal of the solid's bounding box (mm)."""
+        box = Bnd_Box()
+        BRepBndLib.Add_s(self.solid, box)
+        return float(np.sqrt(box.SquareExtent()))
+
+    def locate_stations(self, t: Array) -> Stations:
+        """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
+        return self.spine.extend_along_circle(self.spine.locate_stations(t, self.sides), self.sides)
+
+    def to_face_parameters(self, contacts: Contacts) -> list[Array]:
+        """Return contacts in the own parameters (n, 2) of both faces, in their windows."""
+        return [
+            side.wrap_to_window(side.to_face_parameters(uv)) for side, uv in zip(self.sides, contacts.uv, strict=True)
+        ]
+
+    def classify_contacts(self, contacts: Contacts, side_index: int) -> Array:
+        """Return which contacts (n,) of one side, 0 or 1, are inside its face."""
+        side = self.sides[side_index]
+        classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.contact_boundary)
+        found = []
+        for point in side.wrap_to_window(side.to_face_parameters(contacts.uv[side_index])):
+            state = classifier.Perform(gp_Pnt2d(*point.tolist()))
+            found.append(state == TopAbs_IN or (state == TopAbs_ON and side.is_at_seam(point)))
+        return np.array(found)
+
+    def name_part(self, part: TopoDS_Shape) -> str:
+        """Return the name of a face, edge or vertex in messages: kind and number in the input, or "a new" kind."""
+        number = 0 if self.lookup_number is None else self.lookup_number(part)
+        return f"{find_shape_kind(part)} {number}" if number else f"a new {find_shape_kind(part)}"
+
+    def choose_rail_start(self, contacts: Contacts) -> float:
+        """Return the t, of contacts around a closed joint, that is farthest from seams and knot lines of both faces."""
+        clearance = np.full(len(contacts.t), np.inf)
+        for side, uv in zip(self.sides, self.to_face_parameters(contacts), strict=True):
+            for axis, width in enumerate(np.ptp(side.bounds, axis=1)):
+                lines = np.append(side.bounds[axis], side.face_primary.inner_knot_lines(axis))
+                clearance = np.minimum(clearance, np.abs(uv[:, axis, None] - lines).min(axis=1) / width)
+        return float(contacts.t[np.argmax(clearance)])
+
+    def find_vertex_number(self, end: int) -> int:
+        """Return the number in the input of the vertex at t = ``end``, 0 or 1; 0 if it is new."""
+        return 0 if self.lookup_number is None else self.lookup_number(self.spine.vertices[end])
+
+    def name_end(self, end: int) -> str:
+        """Return the name in messages of the vertex at t = ``end``, 0 or 1, with the other faces that meet there."""
+        vertex = self.spine.vertices[end]
+        x, y, z = locate_vertex(vertex).tolist()
+        others = [self.name_part(face) for face in find_neighbour_faces(self.solid, vertex, self.sides)]
+        beside = f", beside {', '.join(others)}" if others else ""
+        return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
+
+    def find_end_plane(self, end: int) -> tuple[Array, Array]:
+        """Return point and normal of the one face on which a blend can end at t = ``end``, 0 or 1.
+
+        Raises
+        ------
+        TopologyError
+            If there is not exactly one.
+        """
+        vertex = self.spine.vertices[end]
+        corner = locate_vertex(vertex)
+        across = find_end_face(self.solid, self.spine, end, self.sides)
+        side = read_support_face(across, corner[None])
+        return corner, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]
+
+    def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
+        """Check that a blend can end in a flat cap at the one t of contacts and stations, towards ``end`` (0 or 1).
+
+        Each border of the cap, from the edge to a contact, must be inside its face or, at the end of the edge, along a
+        border of the face. Behind the cap there must be material if the edge is convex, none if it is concave.
+
+        Raises
+        ------
+        TopologyError
+            If the cap is not possible.
+        """
+        vertex, direction = self.spine.vertices[end], stations.tangents[0]
+        at_end = contacts.t[0] == end
+        legs = np.zeros(3)
+        for side, number, uv, foot in zip(self.sides, self.face_numbers, contacts.uv, stations.uv, strict=True):
+            corner = side.primary.jet(uv)[0, 0]
+            legs += corner - stations.points[0]
+            if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
+                continue
+            classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.face_boundary)
+            on_edge = self.spine.evaluate_pcurves(contacts.t, side.face)
+            start, stop = (
+                side.unwrap_near(side.to_face_parameters(foot), on_edge),
+                side.unwrap_near(side.to_face_parameters(uv), on_edge),
+            )
+            for share in (0.05, 0.25, 0.5, 0.75, 1.0):
+                for point in (start + share * (stop - start)).tolist():
+                    if classifier.Perform(gp_Pnt2d(*point)) != TopAbs_IN:
+                        raise TopologyError(f"a wall across the edge leaves face {number}")
+        behind = (
+            stations.points[0]
+            + SELECT_TOLERANCES.cap_probe_share * legs
+            + SELECT_TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
+        )
+        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
+        if classifier.State() != (TopAbs_IN if self.is_convex else TopAbs_OUT):
+            raise TopologyError(
+                f"behind a cap there, the solid {'has no material' if self.is_convex else 'is in the way'}"
+            )
+
+
+def find_joint(
+    shape: TopoDS_Shape,
+    edges: Sequence[TopoDS_Edge],
+    edge_number: int,
+    face_numbers: tuple[int, int],
+    *,
+    swap: bool,
+    lookup_number: Callable[[TopoDS_Shape], int] | None = None,
+) -> Joint:
+    """Return the joint of the first of some edges, with all edges that continue it between the same two faces.
+
+    ``edge_number``, ``face_numbers`` and ``lookup_number`` are those of :class:`Joint`. ``swap`` makes the second face,
+    by the solid's order, side 1.
+
+    Raises
+    ------
+    NothingToBlendError
+        If there is nothing to blend at the edge: it is degenerate, a seam, or smooth all along.
+    SelectionError
+        If it is no sharp joint of two faces of a closed solid for another reason.
+    """
+    name, edge = f"edge {edge_number}", edges[0]
+    solids = [
+        solid for solid in explore_subshapes(shape, TopAbs_SOLID) if ShapeIndex(solid, TopAbs_EDGE).find_number(edge)
+    ]
+    if len(solids) != 1:
+        many = f"part of {len(solids)} solids: take them apart first" if solids else "not part of a solid"
+        raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
+    solid = solids[0]
+    faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
+    pair = faces_at(edge)
+    if BRep_Tool.Degenerated_s(edge):
+        raise NothingToBlendError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
+    if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
+        raise NothingToBlendError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
+    if len(pair) != 2:
+        raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
+    pair.sort(key=ShapeIndex(solid, TopAbs_FACE).find_number, reverse=swap)
+    between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
+    ordered, closed = chain_edges(_grow_joint(between, pair, faces_at, solid), pair[0])
+    spine = EdgeSpine(ordered, closed)
+    points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if closed else None])
+    edge_is_circular = closed or spine.measure_arc_angle() is not None
+    first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
+    joint = Joint(solid, spine, (first, second), edge_number, face_numbers, lookup_number)
+    _check_sharp(joint, name)
+    return joint
+
+
+def _is_same_pair(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:
+    return len(faces) == 2 and all(is_among(face, pair) for face in faces)
+
+
+def _grow_joint(
+    edges: list[TopoDS_Edge], pair: list[TopoDS_Face], faces_at: AncestorMap, solid: TopoDS_Shape
+) -> list[TopoDS_Edge]:
+    """Return the edges that continue the first one smoothly between the same pair of faces.
+
+    A vertex at which no other faces meet does not end the joint. The other given edges were picked as well: at their
+    vertices the joint continues along them even if other faces meet there.
+    """
+    edges_at, faces_around = (
+        AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE),
+        AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE),
+    )
+    grown, waiting = edges[:1], edges[:1]
+    while waiting:
+        for vertex in find_end_vertices(waiting.pop()):
+            is_picked = any(is_among(vertex, find_end_vertices(edge)) for edge in edges[1:])
+            if len(faces_around(vertex)) > 2 and not is_picked:
+                continue
+            passable = edges_at(vertex) if len(faces_around(vertex)) == 2 else edges
+            for edge in passable:
+                touches = is_among(vertex, find_end_vertices(edge)) and _is_tangent_continuation(vertex, edge, grown)
+                if touches and _is_same_pair(faces_at(edge), pair) and not is_among(edge, grown):
+                    grown.append(edge)
+                    waiting.append(edge)
+    return grown
+
+
+def _is_tangent_continuation(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: list[TopoDS_Edge]) -> bool:
+    """Whether an edge leaves a vertex in the direction in which one of the others arrives there."""
+    here = find_outgoing_tangent(vertex, edge)
+    before = [find_outgoing_tangent(vertex, other) for other in others if is_among(vertex, find_end_vertices(other))]
+    return any(np.linalg.norm(here + one) < SELECT_TOLERANCES.continuation_angle for one in before)
+
+
+def _check_sharp(joint: Joint, name: str) -> None:
+    """Refuse a joint that is smooth, or a knife edge, at any of some stations."""
+    stations = joint.locate_stations(np.linspace(0.02, 0.98, 17))
+    n1, n2 = (
+        side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
+    )
+    angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
+    if angle.max() < SELECT_TOLERANCES.smooth_angle:
+        raise NothingToBlendError(
+            f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
+            kind="smooth",
+            value=float(angle.max()),
+        )
+    if angle.min() < SELECT_TOLERANCES.smooth_angle:
+        raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
+    if angle.max() > np.pi - SELECT_TOLERANCES.smooth_angle:
+        raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")

@@ -1,0 +1,54 @@
+"""Tolerances and limits of selecting edges and of what a rail must stay clear of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SelectTolerances:
+    """Tolerances and limits of :mod:`cqblend.brep.selection`."""
+
+    smooth_angle: float = 1e-3
+    """rad: faces that meet at less are smooth already; at less from pi, a knife edge."""
+    continuation_angle: float = 1e-2
+    """rad: a joint goes on past a vertex only where it turns by less."""
+    sharpness_samples: int = 50
+    """Samples along an edge that tell whether it is sharp anywhere."""
+    spine_samples: int = 65
+    """Equidistant points along a spine that stand for it: for the axis of a sphere, for the sense of an edge."""
+    speed_samples: int = 65
+    """Entries of an edge's table of parameters by arc length."""
+    circle_samples: int = 33
+    """Points along a spine to which a circle is fitted."""
+    circle: float = 1e-9
+    """Deviation, relative to the radius, up to which a spine is an arc of a circle."""
+    full_turn: float = 1e-6
+    """rad: a closed arc that turns by less or more than that beside 2 pi is no full circle."""
+    contact_boundary: float = 1e-6
+    """In parameters: a contact this near to its face's boundary lies on it, and leaves nothing of the face."""
+    face_boundary: float = 1e-9
+    """In parameters: any other point this near to a face's boundary lies on it."""
+    cap_probe_share: float = 0.12
+    """Part of the sum of both legs of an end section: a point between them, which the cap cuts off."""
+    cap_probe_step: float = 1e-3
+    """Step from that point to behind the cap, along the edge, relative to the legs."""
+    opposite_cosine: float = -0.9
+    """Cosine between the outward normals of two faces below which these are the two sides of a wall."""
+    width_bisections: int = 40
+    """Bisections that find how far a face reaches."""
+    least_width: float = 1e-6
+    """Part of the way to a contact: a face that does not even reach that far has no width."""
+    border_samples: int = 65
+    """Points of the border at which the face beyond is looked for."""
+    reach_margin: float = 1.1
+    """Factor: how much further than its rails a blend may touch something."""
+    merged_area: float = 1e-4
+    """Relative difference of a merged face's area from the sum of its parts: OCCT integrates at few points."""
+    merged_samples: int = 9
+    """Samples along an edge at which two faces are compared that may be merged."""
+    parallel_angle: float = 1e-9
+    """rad, between the normals of planes, or the axes of cylinders, that are the same."""
+
+
+SELECT_TOLERANCES = SelectTolerances()

@@ -1,0 +1,188 @@
+"""Curves in which two surfaces meet, solved point by point and fitted: the ends of a blend, and edges around them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.blends.contacts.surface_normals import differentiate_normal
+from cqblend.brep.conversion import spline_arrays
+from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
+from cqblend.errors import CqblendError, TopologyError
+from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.vectors import to_tangent_coordinates
+
+
+class BlendEndError(CqblendError):
+    """One end of a blend cannot be built: ``end`` is 0 or 1, and ``cause`` is why."""
+
+    def __init__(self, end: int, cause: CqblendError) -> None:
+        super().__init__(str(cause), kind=cause.kind, place=float(end), value=cause.value)
+        self.end = end
+        self.cause = cause
+
+
+@dataclass(frozen=True)
+class EndCurveStart:
+    """Where the solution of an end curve starts: on the blend at t, on the other surface at ``uv``, which is ``point``.
+
+    That is near the end, not exactly on the curve.
+    """
+
+    t: float
+    uv: Array  # (2,)
+    point: Array  # (3,)
+
+
+def get_end_parameters(curve: Curve) -> tuple[float, float]:
+    """Return the t of the rails at which an end curve starts and stops."""
+    first, last = curve(np.array([0.0, 1.0]))[:, 0]
+    return float(first), float(last)
+
+
+def fit_solved_curve(solve_points: Callable[[Array], Array], measure_error: Callable[[Array, Array], float]) -> Curve:
+    """Interpolate a curve on [0, 1]: by one cubic if that is near enough, else by C2 cubics on enough spans.
+
+    ``solve_points`` returns values (n, k) at parameters (n,); ``measure_error`` returns how far (mm) the values of a
+    fitted curve, at such parameters, are from the surfaces that it is to lie on.
+    """
+    refinement = 1
+    while True:
+        v = np.linspace(0, 1, 6 * refinement + 1)
+        values = solve_points(v)
+        curve = _interpolate_cubic(values) if refinement == 1 else interpolation.interpolate(v[::2], values[::2])
+        is_near = measure_error(curve(v), v) <= REWRITE_TOLERANCES.curve_fit
+        if is_near or refinement >= REWRITE_TOLERANCES.max_fit_refinement:
+            return curve
+        refinement *= 2
+
+
+def _interpolate_cubic(values: Array) -> Curve:
+    """Return the cubic on [0, 1] through every other one of values (7, k) at 0, 1/6, .. 1."""
+    q = values[::2]
+    coefs = [
+        q[0],
+        (-5 * q[0] + 18 * q[1] - 9 * q[2] + 2 * q[3]) / 6,
+        (2 * q[0] - 9 * q[1] + 18 * q[2] - 5 * q[3]) / 6,
+        q[3],
+    ]
+    return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
+
+
+def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tangent_side: int | None = None) -> Curve:
+    """Return the end curve, in which the blend surface H meets the surface N that it ends on.
+
+    It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]. Where the support face on
+    ``tangent_side`` (0 or 1) is tangent to N, the blend touches N where its rail crosses over.
+
+    Raises
+    ------
+    TopologyError
+        If the blend does not meet N for all v.
+    """
+    size = float(np.linalg.norm(blend(start.t, 0.0) - blend(start.t, 1.0)))
+    touch, slope = None, 0.0
+    if tangent_side is not None:
+        touch, slope = _solve_tangent_contact(blend, target, start, tangent_side)
+        start = EndCurveStart(float(touch[0]), touch[1:], target.jet(touch[None, 1:])[0, 0])
+
+    def solve_curve_points(v: Array) -> Array:
+        """Return the curve's values (n, 7) at v (n,)."""
+
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            h = blend.jet(x[:, 0], v, 1)
+            n = target.jet(x[:, 1:])
+            jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
+            return h[0, 0] - n[0], jacobian, np.linalg.norm(jacobian, axis=1)
+
+        t = start.t + slope * (v - (tangent_side or 0))
+        offset = blend(t, v) - start.point
+        guess = start.uv + to_tangent_coordinates(target.jet(np.tile(start.uv, (len(v), 1))), offset)
+        x, good = solve_damped_newton(evaluate_system, np.column_stack([t, guess]), size, size)
+        if touch is not None:  # where the equations are singular, and the solution is known
+            x[v == tangent_side], good[v == tangent_side] = touch, True
+        if not good.all():
+            raise TopologyError("the blend does not meet the face there all across: the size is too large for it")
+        return np.column_stack([x[:, 0], v, x[:, 1:], target.jet(x[:, 1:])[0]])
+
+    def measure_error(values: Array, v: Array) -> float:
+        """Return how far (mm) points are from their images on both surfaces."""
+        on_blend, on_target = blend(values[:, 0], v), target.jet(values[:, 2:4])[0]
+        return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_target)))
+
+    return fit_solved_curve(solve_curve_points, measure_error)
+
+
+def _solve_tangent_contact(blend: Surface, target: Primary, start: EndCurveStart, side: int) -> tuple[Array, float]:
+    """Return (t, a, b) at which rail ``side`` (0 or 1) of a blend H touches N(a, b), and dt/dv of the end curve there.
+
+    The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the
+    second derivative of g vanishes, into the blend.
+    """
+    v = np.array([float(side)])
+
+    def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+        h, n = blend.jet(x[:, 0], v, 2), target.jet(x[:, 1:])
+        offset, rate = h[0, 0] - n[0], h[1, 0]
+        normal, normal_a, normal_b = differentiate_normal(n)
+        rows = [
+            [rate * n[1], offset * n[3] - n[1] * n[1], offset * n[4] - n[1] * n[2]],
+            [rate * n[2], offset * n[4] - n[1] * n[2], offset * n[5] - n[2] * n[2]],
+            [h[2, 0] * normal, rate * normal_a, rate * normal_b],
+        ]
+        residual = np.stack([(offset * n[1]).sum(1), (offset * n[2]).sum(1), (rate * normal).sum(1)], axis=1)
+        jacobian = np.stack([np.stack([entry.sum(1) for entry in row], axis=1) for row in rows], axis=1)
+        return residual, jacobian, np.linalg.norm(np.stack([rate, n[1], n[2]], axis=2), axis=1)
+
+    rate = blend.jet(np.array([start.t]), v, 1)[1, 0]
+    speed = float(np.linalg.norm(rate))
+    x, good = solve_damped_newton(evaluate_system, np.array([[start.t, *start.uv]]), speed**2, speed)
+    if not good.all():
+        raise TopologyError("the blend does not run out on the face there")
+    h, n = blend.jet(x[:, 0], v, 2), target.jet(x[:, 1:])
+    normal = differentiate_normal(n)[0]
+    tangents = [to_tangent_coordinates(n, h[1, 0])[0], to_tangent_coordinates(n, h[0, 1])[0]]
+    second_form = (np.array([[n[3], n[4]], [n[4], n[5]]])[:, :, 0] * normal).sum(axis=-1)
+
+    def evaluate_second_derivative(i: int, j: int) -> float:
+        """Return the derivative of g by the i-th and j-th of (t, v)."""
+        second = (h[2, 0], h[1, 1], h[0, 2])[i + j]
+        return float((second * normal).sum() - tangents[i] @ second_form @ tangents[j])
+
+    roots = np.roots(
+        [evaluate_second_derivative(0, 0), 2 * evaluate_second_derivative(0, 1), evaluate_second_derivative(1, 1)]
+    )
+    into_blend = [float(root) for root in roots.real if root * (0.5 - side) * (0.5 - start.t) > 0]
+    if np.iscomplex(roots).any() or not into_blend:
+        raise TopologyError("the blend does not run out on the face there")
+    return x[0], min(into_blend, key=abs)
+
+
+def make_end_edge(
+    blend_face: TopoDS_Face, curve: Curve, face: TopoDS_Face
+) -> tuple[TopoDS_Edge, tuple[TopoDS_Vertex, TopoDS_Vertex]]:
+    """Make the edge of an end curve, with its pcurves on the blend and on the face it ends on."""
+    first, last = curve(np.array([0.0, 1.0]))[:, 4:]
+    corners = (make_vertex(first), make_vertex(last))
+    return make_shared_edge(curve, corners, blend_face, face), corners
+
+
+def make_shared_edge(
+    curve: Curve,
+    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
+    first: TopoDS_Face,
+    second: TopoDS_Face,
+) -> TopoDS_Edge:
+    """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
+    degree, knots, poles, _ = curve.to_bspline()
+    edge = make_edge(spline_arrays.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
+    attach_pcurves(edge, first, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, :2]))
+    attach_pcurves(edge, second, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
+    return edge

@@ -1,0 +1,222 @@
+"""The edges next to a blend's ends: trimmed where the blend's corners lie on them, or extended to there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
+from OCP.gp import gp_Pnt, gp_Vec
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.brep.conversion.support_face import read_support_face
+from cqblend.brep.shell_editing.blend_placement import BlendPlacement
+from cqblend.brep.shell_editing.edge_tolerance import measure_deviation
+from cqblend.brep.shell_editing.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
+from cqblend.brep.shell_editing.face_edits import EdgeTrim, FaceEdit
+from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.topology import (
+    CONFUSION,
+    explore_subshapes,
+    find_end_vertices,
+    find_vertex_uv,
+    locate_vertex,
+    make_trimmed_copy,
+    orient_forward,
+    raise_vertex_tolerance,
+)
+from cqblend.errors import SizeError
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import shift_to_period
+from cqblend.surfaces.vectors import to_tangent_coordinates
+
+
+def trim_neighbour_edges(placement: BlendPlacement, trims: Iterable[EdgeTrim]) -> list[FaceEdit]:
+    """Trim the edges at the ends of the blended one where the blend's corners lie on them, or extend them to there.
+
+    Returns the edits of the faces that share these edges.
+
+    Raises
+    ------
+    BlendEndError, SizeError
+        If an edge is too short, or its faces do not go on meeting as far as it would be extended.
+    """
+    edits: list[FaceEdit] = []
+    trims_by_edge: dict[int, list[EdgeTrim]] = {}
+    for trim in trims:
+        trims_by_edge.setdefault(placement.edge_index.find_number(trim.edge), []).append(trim)
+    for number, edge_trims in trims_by_edge.items():
+        edge = TopoDS.Edge_s(orient_forward(placement.edge_index[number]))
+        pieces = _trim_edge(edge, edge_trims, placement)
+        for face in placement.faces_at_edge(edge):
+            borders = [
+                trim.cap_border
+                for trim in edge_trims
+                if trim.cap_border is not None and not face.IsSame(trim.trimmed_face)
+            ]
+            edits.append(FaceEdit(face, replaced_edges={number: [*pieces, *borders]}))
+    return edits
+
+
+def _trim_edge(edge: TopoDS_Edge, trims: Sequence[EdgeTrim], placement: BlendPlacement) -> list[TopoDS_Edge]:
+    """Return what remains of a FORWARD edge after its trims, with the edges that extend it."""
+    whole = BRep_Tool.Range_s(edge)
+    span, vertices, extensions = list(whole), list(find_end_vertices(edge)), []
+    for trim in trims:
+        which = 0 if vertices[0].IsSame(trim.vertex) else 1  # the end of the edge that is trimmed
+        try:
+            parameter = _find_trim_parameter(edge, which, trim)
+            if parameter is None:
+                extensions.append(_make_extension_edge(trim))
+                continue
+        except SizeError as error:
+            cause = error.with_details(before=f"{placement.name_part(edge)} next to the blend: ")
+            raise BlendEndError(trim.end, cause) from error
+        span[which], vertices[which] = parameter, trim.corner
+    distance = np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1]))
+    if distance < 100 * CONFUSION or span[0] >= span[1]:
+        name = placement.name_part(edge)
+        nothing = SizeError(f"nothing would remain of {name} next to the blend: the size is too large")
+        raise nothing if len({trim.end for trim in trims}) > 1 else BlendEndError(trims[0].end, nothing)
+    if tuple(span) == whole:
+        return [edge, *extensions]
+    return [make_trimmed_copy(edge, (vertices[0], vertices[1]), (span[0], span[1])), *extensions]
+
+
+def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float | None:
+    """Return the parameter at which a FORWARD edge is to end; None if its own curves do not reach the corner.
+
+    ``which`` end of the edge is at the trim's vertex: 0 its start, 1 its end.
+
+    Raises
+    ------
+    SizeError
+        If the corner lies beyond the other end.
+    """
+    parameter, distance = project_to_edge(edge, trim.corner)
+    if distance <= _compute_corner_tolerance(edge, trim.faces):
+        raise_vertex_tolerance(trim.corner, REWRITE_TOLERANCES.deviation_margin * distance)
+        return parameter
+    if not _is_corner_behind(edge, trim):
+        raise SizeError("the blend reaches beyond its other end: the size is too large for it")
+    return _find_extension_parameter(edge, which, trim)
+
+
+def project_to_edge(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
+    """Return the parameter of a FORWARD edge nearest to a vertex, and the distance (mm), infinite if it is beyond."""
+    project = GeomAPI_ProjectPointOnCurve(
+        BRep_Tool.Pnt_s(corner), BRep_Tool.Curve_s(edge, 0.0, 0.0), *BRep_Tool.Range_s(edge)
+    )
+    if project.NbPoints() == 0:
+        return np.nan, np.inf
+    return project.LowerDistanceParameter(), project.LowerDistance()
+
+
+def _compute_corner_tolerance(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
+    """Return how far a point of both faces may be from their edge (mm), given how far the edge itself is from them."""
+    deviations = (
+        measure_deviation(use, face)
+        for face in faces
+        for use in explore_subshapes(face, TopAbs_EDGE)
+        if use.IsSame(edge)
+    )
+    return max(10 * BRep_Tool.Tolerance_s(edge), 10 * CONFUSION, 2 * max(deviations))
+
+
+def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:
+    """Whether a corner lies past the end of an edge at the trim's vertex: it does at a vertex of mixed convexity."""
+    point, rate = gp_Pnt(), gp_Vec()
+    first, last = BRep_Tool.Range_s(edge)
+    starts = find_end_vertices(edge)[0].IsSame(trim.vertex)
+    BRep_Tool.Curve_s(edge, 0.0, 0.0).D1(first if starts else last, point, rate)
+    away = np.array(rate.Coord()) * (1.0 if starts else -1.0)
+    return bool((locate_vertex(trim.corner) - locate_vertex(trim.vertex)) @ away < 0)
+
+
+def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float | None:
+    """Return the parameter past an end of a FORWARD edge at which its own curves reach a corner; None if they do not.
+
+    Lines and circles go on past the ends of their edges. They are used only if their pcurves go on as well.
+    """
+    curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
+    project = GeomAPI_ProjectPointOnCurve(BRep_Tool.Pnt_s(trim.corner), curve)
+    if project.NbPoints() == 0:
+        return None
+    at = project.LowerDistanceParameter()
+    if curve.IsPeriodic():
+        at = float(shift_to_period(np.array(at), np.array((first, last)[which]), curve.Period()))
+    span = (at, last) if which == 0 else (first, at)
+    pcurves = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0) for face in trim.faces]
+    within = all(
+        one.IsPeriodic() or (one.FirstParameter() <= span[0] and span[1] <= one.LastParameter())
+        for one in (curve, *pcurves)
+    )
+    if not within or not span[0] < span[1] or (first <= at <= last):
+        return None
+    longer = make_trimmed_copy(edge, find_end_vertices(edge), span)
+    deviation = max(project.LowerDistance(), *(measure_deviation(longer, face) for face in trim.faces))
+    return at if deviation <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION) else None
+
+
+def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
+    """Make the edge in which two faces go on meeting, past the end of their own edge, to a corner of the blend.
+
+    FORWARD in the sense of that edge, and it starts or stops exactly at that edge's vertex.
+    """
+    start, stop = locate_vertex(trim.vertex), locate_vertex(trim.corner)
+    first, second = (read_support_face(face, start[None]) for face in trim.faces)
+    length = float(np.linalg.norm(stop - start))
+    chord = (stop - start) / length
+    guesses = [find_vertex_uv(trim.vertex, side.face)[None] for side in (first, second)]
+
+    def solve_curve_points(s: Array) -> Array:
+        """Return (u1, v1, u2, v2, x, y, z) on both surfaces at shares s (n,) of the chord."""
+
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            one, other = first.face_primary.jet(x[:, :2]), second.face_primary.jet(x[:, 2:])
+            residual = np.column_stack([one[0] - other[0], (one[0] - start) @ chord - s * length])
+            jacobian = np.zeros((len(x), 4, 4))
+            for column, rate in enumerate((one[1], one[2], -other[1], -other[2])):
+                jacobian[:, :3, column] = rate
+                if column < 2:
+                    jacobian[:, 3, column] = rate @ chord
+            return residual, jacobian, np.linalg.norm(np.concatenate([one[1:3], other[1:3]]), axis=2).T
+
+        guess = np.column_stack(
+            [
+                at
+                + to_tangent_coordinates(
+                    side.face_primary.jet(np.repeat(at, len(s), axis=0)), s[:, None] * (stop - start)
+                )
+                for side, at in zip((first, second), guesses, strict=True)
+            ]
+        )
+        x, good = solve_damped_newton(evaluate_system, guess, length, length)
+        if not good.all():
+            raise SizeError("its faces do not go on meeting past its end, as far as the blend needs them to")
+        return np.column_stack([x, first.face_primary.jet(x[:, :2])[0]])
+
+    # The vertex may lie off the surfaces. The edge starts there all the same, offset from their intersection by what
+    # fades out linearly to its other end.
+    vertex_offset = start - solve_curve_points(np.zeros(1))[0, 4:]
+
+    def offset_to_vertex(s: Array) -> Array:
+        """Return the same with points that start exactly at the vertex."""
+        values = solve_curve_points(s)
+        values[:, 4:] += (1 - s)[:, None] * vertex_offset
+        return values
+
+    def measure_error(values: Array, s: Array) -> float:
+        """Return how far (mm) points, but for the offset, are from their images on both surfaces."""
+        points = values[:, 4:] - (1 - s)[:, None] * vertex_offset
+        images = first.face_primary.jet(values[:, :2])[0], second.face_primary.jet(values[:, 2:4])[0]
+        return float(max(np.abs(image - points).max() for image in images))
+
+    starts_at_vertex = find_end_vertices(TopoDS.Edge_s(orient_forward(trim.edge)))[0].IsSame(trim.vertex)
+    curve, pair = fit_solved_curve(offset_to_vertex, measure_error), (trim.vertex, trim.corner)
+    if starts_at_vertex:
+        curve, pair = curve.reverse(), pair[::-1]
+    return make_shared_edge(curve, pair, first.face, second.face)

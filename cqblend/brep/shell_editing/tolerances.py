@@ -1,0 +1,40 @@
+"""Tolerances and limits of putting a blend face into a solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RewriteTolerances:
+    """Tolerances and limits of the modules in :mod:`cqblend.brep.shell_editing`."""
+
+    seam: float = 1e-9
+    """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
+
+    tangent_faces: float = 1e-3
+    """Radians: an end face and a support face that meet at less are tangent to each other."""
+
+    curve_fit: float = 1e-9
+    """mm: a curve in which two surfaces meet is fitted until it lies this near to both, if it can."""
+
+    max_fit_refinement: int = 64
+    """Largest number by which the six spans of the samples of such a curve are multiplied."""
+
+    full_turn: float = 1e-6
+    """Radians: by how much the longitude along a rail around a sphere's axis may miss a full turn."""
+
+    deviation_margin: float = 1.05
+    """Factor on a measured deviation: the smallest tolerance that surely covers it."""
+
+    refit_deviation: float = 1e-6
+    """mm: a pcurve whose image is further than this from the edge's curve is fitted again."""
+
+    foot_count: int = 257
+    """Number of points of an edge that are projected to a face to fit its pcurve again."""
+
+    foot_iterations: int = 4
+    """Number of Newton steps of that projection."""
+
+
+REWRITE_TOLERANCES = RewriteTolerances()

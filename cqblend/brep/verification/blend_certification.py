@@ -1,0 +1,157 @@
+"""The certificate of a blend: its rails, creases and tolerances, measured on the finished faces.
+
+The measurements are those of :mod:`cqblend.brep.measurement.edge_continuity`, which depends on OCCT's geometry only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+
+from cqblend.blends.quality.fairness import bending_energy
+from cqblend.blends.quality.smoothness_proof import prove_blend
+from cqblend.blends.rails.ribbon import Ribbon, is_faded
+from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
+from cqblend.brep.conversion import spline_arrays
+from cqblend.brep.conversion.spline_conversion import to_face
+from cqblend.brep.measurement.edge_continuity import measure_continuity_between, measure_surface_contact
+from cqblend.brep.measurement.edge_parameters import find_knot_crossings, spread_samples
+from cqblend.brep.measurement.edge_samples import sample_outline
+from cqblend.brep.measurement.inner_creases import find_inner_crease
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.shell_editing.shell_edit import ProposedSolid
+from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.certificate import Certificate, RailRecord
+from cqblend.splines import Curve, Surface
+from cqblend.splines.bernstein import Array
+
+
+@dataclass(frozen=True)
+class _Measurements:
+    """What was measured of a blend, along its rails and inside."""
+
+    rails: Sequence[RailRecord]
+    inner_crease: float  # rad
+    method: str
+    stations: int  # along each rail, at least
+    valid: bool = True
+    edge_tolerance: float = 0.0  # the largest of a new edge (mm)
+    pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
+    outline: Array | None = None  # boundary of the blend face in its parameter plane; None: the whole domain
+
+
+def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) -> Certificate:
+    """Measure a solid that has been verified: along the rail edges of its blend face, and inside that face."""
+    records = []
+    for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rail_edges, strict=True)):
+        is_held = partial(_is_not_faded, rail) if rail.fades else None
+        found = [
+            measure_continuity_between(
+                ((proposal.blend_face, edge), (proposal.trimmed_faces[i], edge)),
+                VERIFICATION_TOLERANCES.certificate_samples,
+                is_held,
+            )
+            for edge in edges
+        ]
+        records.append(
+            RailRecord(
+                side=i + 1,
+                face=joint.face_numbers[i],
+                edge=joint.edge_number,
+                gap=max(one.gap for one in found),
+                angle=max(one.angle for one in found),
+                curvature_jump=max(one.curvature_jump for one in found),
+                direction=rail.direction,
+                length=rail.length,
+                tolerance=max(one.tolerance for one in found),
+                kept=_measure_faded_share(rail),
+            )
+        )
+    # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
+    pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
+    measured = _Measurements(
+        records,
+        inner_crease=find_inner_crease(proposal.blend_face).angle,
+        pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
+        method="wire substitution" + (", flat ends" if proposal.cap_count else ""),
+        stations=VERIFICATION_TOLERANCES.certificate_samples,
+        edge_tolerance=proposal.tolerance,
+        outline=None if joint.spine.closed else sample_outline(proposal.blend_face),
+    )
+    return _build_certificate(blend, measured)
+
+
+def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]) -> Certificate:
+    """Measure a blend of surfaces along its rails, each a surface and a curve in its parameter plane."""
+    face = to_face(blend.surface)
+    records = []
+    for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
+        other = spline_arrays.surface_from_arrays(*surface.to_bspline())
+        breaks = [blend.surface.breaks[0], curve.breaks, find_knot_crossings(curve, *curve.domain, other)]
+        t = spread_samples(np.unique(np.concatenate(breaks)), VERIFICATION_TOLERANCES.surface_certificate_samples)
+        t = t[_is_not_faded(ribbon, t)]
+        gap, angle, jump = measure_surface_contact(
+            (BRep_Tool.Surface_s(face), other), partial(_evaluate_rail_parameters, curve, i), t
+        )
+        records.append(
+            RailRecord(
+                i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, _measure_faded_share(ribbon)
+            )
+        )
+    measured = _Measurements(
+        records,
+        inner_crease=find_inner_crease(face).angle,
+        method="surfaces",
+        stations=VERIFICATION_TOLERANCES.surface_certificate_samples,
+        valid=find_fold(blend.surface) is None,
+    )
+    return _build_certificate(blend, measured)
+
+
+def _evaluate_rail_parameters(curve: Curve, boundary: int, t: Array) -> tuple[Array, Array]:
+    """Return the parameters (n, 2) of a rail on the blend, at v = ``boundary`` (0 or 1), and on its surface."""
+    return np.stack([t, np.full_like(t, boundary)], -1), curve(t)
+
+
+def _is_not_faded(ribbon: Ribbon, t: Array) -> Array:
+    """Tell where a ribbon holds its continuity."""
+    return ~is_faded(ribbon, t)
+
+
+def _measure_faded_share(ribbon: Ribbon) -> float:
+    """Return on what share of its rail a ribbon has faded."""
+    return (
+        float(
+            is_faded(ribbon, np.linspace(*ribbon.c.domain, VERIFICATION_TOLERANCES.surface_certificate_samples)).mean()
+        )
+        if ribbon.fades
+        else 0.0
+    )
+
+
+def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certificate:
+    """Return the certificate of a measured blend; its proof and its bending energy are computed when asked for."""
+    surface = blend.surface
+    t = np.linspace(*surface.domain[0], 65)
+    widths = np.linalg.norm(surface(t, np.ones(65)) - surface(t, np.zeros(65)), axis=1)
+    _, _, poles, weights = surface.to_bspline()
+    return Certificate(
+        rails=tuple(measured.rails),
+        form=blend.form,
+        degree=surface.degree,
+        poles=poles.shape[:2],
+        rational=weights is not None,
+        inner_crease=measured.inner_crease,
+        method=measured.method,
+        valid=measured.valid,
+        width=(float(widths.min()), float(widths.max())),
+        stations=measured.stations,
+        edge_tolerance=measured.edge_tolerance,
+        residual=blend.residual,
+        proofs=(partial(prove_blend, blend, measured.pcurve_errors),),
+        energies=(partial(bending_energy, surface, measured.outline),),
+    )

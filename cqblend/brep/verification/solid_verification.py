@@ -1,0 +1,272 @@
+"""Verifies finished solids: in full (`verify_shape`), or only what is new after a blend (`check_solid`).
+
+``BRepCheck`` alone does not tell: it calls solids valid that are inside out, whose blend bulges outside, or that fall
+apart when cut or sent through STEP. So everything is tried that a user will do next, and measured with OCCT's own
+means. Works on shapes of whatever origin, and depends on nothing that makes blends.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
+from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+
+from cqblend.brep.measurement.edge_sides import require_shape
+from cqblend.brep.topology import ShapeIndex, make_compound
+from cqblend.brep.verification.boolean_trial import BoxCheck, check_box
+from cqblend.brep.verification.brep_check import (
+    CROSSING_STATUSES,
+    describe_flaws,
+    drop_inherited_flaws,
+    find_flaws,
+    find_shell_problems,
+)
+from cqblend.brep.verification.face_folds import find_folds
+from cqblend.brep.verification.replacement_checks import (
+    check_volume_change,
+    find_collisions,
+    find_loose_edges,
+    is_on_wanted_side,
+)
+from cqblend.brep.verification.smooth_edges import EdgeCheck, check_edges
+from cqblend.brep.verification.step_round_trip import StepCheck, check_step
+from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
+from cqblend.brep.verification.volumes import find_inverted_solids, make_skew_plane, measure_volume
+from cqblend.errors import InputError, SelectionError
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What :func:`verify_shape` found; ``ok`` if nothing is wrong, else ``problems`` says what.
+
+    Attributes
+    ----------
+    valid : bool
+        ``BRepCheck_Analyzer`` accepts the whole shape, in its ordinary mode (which ``isValid()`` asks) and in the exact
+        one.
+    closed : bool
+        Every shell of a solid is closed and consistently oriented.
+    volume : float
+        mm^3, all solids together.
+    gap, angle : float
+        Largest over the smooth edges, by OCCT's own analysis, mm and radians.
+    edges : tuple of EdgeCheck
+        Every edge that was looked at: smooth ones are promises, at the others a face merely ends.
+    box : BoxCheck or None
+        None if OCCT failed to compute cut or common.
+    step : StepCheck or None
+        None if the shape did not survive the round trip.
+    problems : tuple of str
+        One line each.
+    """
+
+    valid: bool
+    closed: bool
+    volume: float
+    gap: float
+    angle: float
+    edges: tuple[EdgeCheck, ...]
+    box: BoxCheck | None
+    step: StepCheck | None
+    problems: tuple[str, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problems
+
+    def __str__(self) -> str:
+        box, step = self.box, self.step
+        rows = [
+            ("verification", "ok" if self.ok else f"{len(self.problems)} problem{'s' * (len(self.problems) > 1)}"),
+            ("exactly valid", _format_bool(self.valid)),
+            ("closed", _format_bool(self.closed)),
+            ("volume", f"{self.volume:.9g} mm^3"),
+            ("smooth edges", f"{sum(edge.smooth for edge in self.edges)} of {len(self.edges)} looked at"),
+            ("gap", f"{self.gap:.1e} mm"),
+            ("angle", f"{self.angle:.1e} rad"),
+            ("box", f"{_format_bool(box.valid)}, off by {box.mismatch:.1e}" if box else "failed"),
+            (
+                "STEP",
+                f"{_format_bool(step.valid)}, off by {step.mismatch:.1e}, angle {step.angle:.1e} rad"
+                if step
+                else "failed",
+            ),
+        ]
+        return "\n".join([*(f"{name:<14s}{value}" for name, value in rows), *(f"- {line}" for line in self.problems)])
+
+
+def verify_shape(
+    shape: TopoDS_Shape,
+    faces: Iterable[TopoDS_Face] | None = None,
+    *,
+    angular_tolerance: float = VERIFICATION_TOLERANCES.flagged_smooth_angle,
+) -> Verification:
+    """Check a solid harder than ``BRepCheck`` does.
+
+    Parameters
+    ----------
+    shape : TopoDS_Shape
+        A solid, or anything that contains solids.
+    faces : iterable of TopoDS_Face, optional
+        The faces in question, such as the blends of a ``BlendResult``; all faces if None. Their edges are measured,
+        and the box goes through the middle of one of them.
+    angular_tolerance : float
+        Largest angle in radians allowed on an edge that is flagged smooth.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        ``shape`` is not a shape or holds no solid, or ``faces`` is empty or holds something else.
+    SelectionError
+        A face is not a face of the shape.
+
+    Notes
+    -----
+    An edge is *smooth* if the shape says so: its continuity flag is at least G1. With ``faces``, every edge they
+    share with another face is measured, without, the smooth ones. Gaps may be twice the edge's tolerance, as each
+    face may be off by it. Volumes must agree to 1e-6 plus OCCT's own estimate of the integration errors.
+    """
+    require_shape(shape, "shape")
+    solids = list(ShapeIndex(shape, TopAbs_SOLID))
+    if not solids:
+        raise InputError("shape holds no solid: there is nothing to verify")
+    body = make_compound(solids)
+    chosen = list(ShapeIndex(body, TopAbs_FACE)) if faces is None else _locate_faces(shape, faces)
+    flaw_lines = [
+        line for exact in (False, True) for line in describe_flaws(shape, find_flaws(shape, exact=exact), exact=exact)
+    ]
+    shell_lines = find_shell_problems(body)
+    edges, edge_lines = check_edges(shape, chosen, everything=faces is not None, angular_tolerance=angular_tolerance)
+    plane = make_skew_plane(body)
+    volume, error = measure_volume(body, plane)
+    box, box_lines = check_box(body, chosen, plane, volume, error)
+    step, step_lines = check_step(shape, edges, plane, volume, error)
+    problems = [
+        *_abbreviate_lines(flaw_lines),
+        *shell_lines,
+        *find_inverted_solids(body),
+        *_abbreviate_lines(edge_lines),
+        *_abbreviate_lines([line for face in chosen for line in find_folds(face)]),
+        *box_lines,
+        *_abbreviate_lines(step_lines),
+    ]
+    smooth = [edge for edge in edges if edge.smooth]
+    return Verification(
+        valid=not flaw_lines,
+        closed=not shell_lines,
+        volume=volume,
+        gap=max((edge.gap for edge in smooth), default=0.0),
+        angle=max((edge.angle for edge in smooth), default=0.0),
+        edges=tuple(edges),
+        box=box,
+        step=step,
+        problems=tuple(problems),
+    )
+
+
+@dataclass(frozen=True)
+class ReplacementCheck:
+    """What is wrong with a solid in which faces were replaced.
+
+    Attributes
+    ----------
+    problems
+        One line for every problem.
+    crosses
+        Whether the boundary of a new face crosses itself, or a new face another one: the blend is too large.
+    """
+
+    problems: tuple[str, ...]
+    crosses: bool
+
+
+def check_solid(
+    before: TopoDS_Shape,
+    after: TopoDS_Shape,
+    new_faces: Sequence[TopoDS_Face],
+    *,
+    grows: bool | None = None,
+    tolerance: float = 1e-5,
+) -> ReplacementCheck:
+    """Look for anything wrong with a solid that was made from another by replacing a few faces.
+
+    Fast, because faces that both have in common are not looked at again: a flaw that the input brought along and that
+    nobody touched is not the result's fault. All that is new must be valid in both modes of ``BRepCheck``: the
+    ordinary one, which is what a user's ``isValid()`` asks, and the exact one. A face in place of one that failed a
+    mode may fail that mode for the same reason, but not the other.
+
+    Parameters
+    ----------
+    before, after : TopoDS_Shape
+        The solids. What ``after`` took over from ``before`` must be the same topological objects.
+    new_faces : sequence of TopoDS_Face
+        The faces that were added, the blends; they must not fold over.
+    grows : bool, optional
+        Whether material was added (concave edges) or removed; None if that is not known.
+    tolerance : float
+        Largest tolerance in mm that a new edge or vertex may have.
+
+    Returns
+    -------
+    ReplacementCheck
+        With one line for every problem.
+    """
+    index_before, index_after = (ShapeIndex(solid, TopAbs_FACE) for solid in (before, after))
+    old = [face for face in index_before if face not in index_after]
+    new = [face for face in index_after if face not in index_before]
+    missing = [i for i, face in enumerate(new_faces, 1) if face not in index_after]
+    problems = [f"new face {i} is not in the result" for i in missing]
+    crosses = False
+    for exact in (False, True):
+        found = find_flaws(make_compound(new), exact=exact)
+        if found:
+            found = drop_inherited_flaws(found, find_flaws(make_compound(old), exact=exact))
+            crosses |= any(flaw.status in CROSSING_STATUSES for flaw in found)
+            problems += _abbreviate_lines(describe_flaws(after, found, exact=exact))
+    known = set(find_shell_problems(before))
+    problems += [line for line in find_shell_problems(after) if line not in known]
+    if not problems:
+        problems += find_inverted_solids(after)
+    problems += find_loose_edges(old, new, after, tolerance)
+    problems += [line for face in new_faces for line in find_folds(face)]
+    collisions = [line for face in new_faces if face in index_after for line in find_collisions(face, after)]
+    problems += collisions
+    if grows is not None and not is_on_wanted_side(before, new_faces, grows):
+        problems += check_volume_change(old, new, grows)
+    return ReplacementCheck(tuple(problems), crosses or bool(collisions))
+
+
+def _locate_faces(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:
+    """Return faces of a shape, oriented as in the shape.
+
+    Raises
+    ------
+    InputError
+        ``faces`` is empty, or not an iterable of faces.
+    SelectionError
+        One is not a face of the shape.
+    """
+    index = ShapeIndex(shape, TopAbs_FACE)
+    if isinstance(faces, TopoDS_Shape) or not isinstance(faces, Iterable):
+        raise InputError(f"faces is of type {type(faces).__name__}: an iterable of faces is needed")
+    numbers = [index.find_number(require_shape(face, f"faces[{i}]", TopAbs_FACE)) for i, face in enumerate(faces)]
+    if not numbers:
+        raise InputError("faces is empty: pass None for all faces of the shape")
+    if 0 in numbers:
+        raise SelectionError(f"faces[{numbers.index(0)}] is not a face of the shape: pick it from the shape itself")
+    return [index[number] for number in numbers]
+
+
+def _abbreviate_lines(lines: list[str]) -> list[str]:
+    """Return lines, of more than six the first five and how many more there are."""
+    return lines if len(lines) <= 6 else [*lines[:5], f"{len(lines) - 5} more like this"]
+
+
+def _format_bool(value: bool) -> str:
+    """Return a truth value for a table."""
+    return "yes" if value else "NO"

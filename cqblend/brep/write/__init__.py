@@ -1,1 +1,0 @@
-"""From splines and pieces to shapes of OCCT."""
