@@ -80,7 +80,9 @@ class Steering:
         return np.cos(angle) * vectors + np.sin(angle) * cross_product(normals, vectors)
 
     def zero_at_pins(self, rs: Array, t: Array, *, second_order: bool = False) -> Array:
-        """Set to zero, at pins, the component r or s of directions (n, 2) that is across the knot line.
+        """Set to zero, at pins, the component of directions that is across the knot line.
+
+        Directions (n, 2) are (r, s), their components along Su and Sv.
 
         With ``second_order``, at those pins only at which the second direction is to be parallel to the line, too.
         """
@@ -94,24 +96,24 @@ class Steering:
     def align_second_directions(self, rs: Array, t: Array) -> Array:
         """Make second directions (n, 2) parallel to the knot lines at pins of second order.
 
-        The correction is full at the pin and falls to zero over the reach of the pin.
+        The correction is full at the pin and falls to zero over the reach of the pin; t has to contain every pin.
         """
         aligned = rs.copy()
         for pin in self.pins:
             if pin.second_order:
-                apart = self._measure_offset(t, pin)
-                at = np.flatnonzero(apart == 0)
-                aligned[:, pin.axis] -= rs[at[0], pin.axis] * _evaluate_fade(np.abs(apart) / self._find_reach(pin))
+                offset = self._measure_offset(t, pin)
+                at = np.flatnonzero(offset == 0)
+                aligned[:, pin.axis] -= rs[at[0], pin.axis] * _evaluate_fade(np.abs(offset) / self._find_reach(pin))
                 aligned[at, pin.axis] = 0.0
         return aligned
 
     def _measure_offset(self, t: Array, pin: SteeringPin) -> Array:
-        """Return how far t is from a pin; zero where it is the pin to rounding."""
-        apart = t - pin.t
+        """Return t relative to a pin, with its sign; zero where it is the pin to rounding."""
+        offset = t - pin.t
         period = self.domain[1] - self.domain[0]
         if self.closed:
-            apart -= period * np.round(apart / period)
-        return np.where(np.abs(apart) < 1e-13 * period, 0.0, apart)
+            offset -= period * np.round(offset / period)
+        return np.where(np.abs(offset) < 1e-13 * period, 0.0, offset)
 
     def _find_reach(self, pin: SteeringPin) -> float:
         """Return the distance within which a pin may have influence: it ends at the next one of the same axis."""
@@ -164,10 +166,11 @@ def find_required_turns(ribbon: Ribbon, order: int) -> list[RequiredTurn]:
     return [RequiredTurn(*turn) for turn in zip(crossings, angle.tolist(), angle_to_rail.tolist(), strict=True)]
 
 
-def find_pins(ribbon: Ribbon, limit: float) -> list[SteeringPin]:
-    """Return the pins that an unsteered ribbon needs, along the rail, with turns of at most ``limit`` (rad).
+def find_pins(ribbon: Ribbon, largest_turn: float) -> list[SteeringPin]:
+    """Return the pins that an unsteered ribbon needs, along the rail, with turns of at most ``largest_turn`` (rad).
 
-    Of crossings that nearly coincide, the one with the least turn gets the pin.
+    Crossings that need a larger turn are left out: there a crease remains, which is measured later. Of crossings that
+    nearly coincide, the one with the least turn gets the pin.
     """
     order, ends = ribbon.order, ribbon.c.domain
     needed = find_required_turns(ribbon, order) if order else []
@@ -181,8 +184,8 @@ def find_pins(ribbon: Ribbon, limit: float) -> list[SteeringPin]:
     least_gap = RAIL_TOLERANCES.sliver_share * (ends[1] - ends[0])
     pins: list[SteeringPin] = []
     for crossing, angle, _ in sorted(needed, key=lambda turn: abs(turn.angle)):
-        apart = all(abs(crossing.t - pin.t) > least_gap for pin in pins)
-        if abs(angle) <= limit and apart:
+        is_apart = all(abs(crossing.t - pin.t) > least_gap for pin in pins)
+        if abs(angle) <= largest_turn and is_apart:
             second_order = crossing.shape_continuity < order
             pins.append(SteeringPin(crossing.t, crossing.axis, crossing.value, angle, second_order))
     return sorted(pins, key=lambda pin: pin.t)
