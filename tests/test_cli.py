@@ -195,6 +195,7 @@ def test_unroll_tells_how_far_long_work_has_come(capsys, box, tmp_path, monkeypa
     assert re.search(r"^cqblend: +\d+% ", err, re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_demo(capsys, tmp_path):
     folder = tmp_path / "new"
     code, out, _ = run(capsys, "demo", "--output", folder)

@@ -32,6 +32,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SOLIDS, ids=lambda path: path.stem)
 def test_solid(path, tmp_path):
     """As in CQ-editor, which gives ``show_object``."""
@@ -52,6 +53,7 @@ assert made["result"].certificate.angle <= 1e-5
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", UNROLLED, ids=lambda path: path.stem)
 def test_unrolled(path, tmp_path):
     """From the shell: the files that it names are in the folder in which it is run."""
@@ -73,6 +75,7 @@ def test_unrolled(path, tmp_path):
     assert reports == done.stdout.count("certified; asked") >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_python_in_the_documentation(page, tmp_path):
     """The blocks of a page run one after the other, and the errors that comments quote are the ones that come."""

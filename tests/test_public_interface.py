@@ -647,6 +647,7 @@ def walk(name: str, arguments: dict[str, Any], kinds: Iterable[str]) -> None:
             assert "\n" not in said, (parameter, what)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FOUND))
 def test_nothing_raw_leaves(name: str) -> None:
     called(name, ARGUMENTS[name]())

@@ -49,6 +49,7 @@ def run(code, *arguments):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("between", ["pass", "reload_cadquery()", "forget_cadquery()"])
 def test_an_example_renders_again_and_again(between):
     code = f"""
@@ -67,6 +68,7 @@ assert len({{round(shape.Volume(), 9) for shape in shown}}) == 1
     assert done.stdout.count("valid blend, exact") == 6
 
 
+@pytest.mark.slow
 def test_a_pattern_renders_again_and_again(tmp_path):
     script = tmp_path / "ball.py"
     script.write_text(

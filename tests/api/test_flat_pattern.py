@@ -299,6 +299,7 @@ OPTIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options"),
     [*[("pipe", options) for options in OPTIONS], *[("drilled sphere", OPTIONS[i]) for i in (0, 1, 4, 5)]],

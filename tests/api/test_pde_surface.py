@@ -277,6 +277,7 @@ def test_around_an_axis_the_section_is_the_closed_form(order):
         np.testing.assert_allclose(values[0], exact, atol=1e-5 * 4)
 
 
+@pytest.mark.slow
 def test_the_teapot_in_both_forms():
     pot = demo.sharp()
     for form, angle_, poles in (("exact", 1e-10, 4000), ("compact", 1e-5, 500)):

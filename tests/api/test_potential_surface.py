@@ -29,6 +29,7 @@ def conic(a, b, lam, s1, s2):
     return b**2 * s1**2 + a**2 * s2**2 + a**2 * b**2 - 2 * a * b**2 * s1 - 2 * a**2 * b * s2 + 2 * lam * s1 * s2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, -3.0])
 @pytest.mark.parametrize("name", PAIRS)
 @pytest.mark.parametrize("form", ["exact", "compact"])
@@ -140,6 +141,7 @@ def test_reach_is_what_a_and_b_say():
     assert np.abs(p[:, -1] - [0, 0, 2])[:, [0, 2]].max() < 1e-12
 
 
+@pytest.mark.slow
 def test_sharpness_grows_as_lambda_falls():
     bends, nearest = [], []
     for lam in (0.9, 0, -1, -10, -100):
@@ -311,6 +313,7 @@ def test_rough_surfaces_get_a_looser_skin_and_say_so():
     assert np.linalg.norm(blend.surface(t, v) - blend.swept(t, v), axis=-1).max() <= 1.5 * blend.skin
 
 
+@pytest.mark.slow
 def test_a_rail_over_a_pole_is_told():
     ball = cq.Workplane().sphere(6).faces().val()
     pipe = face(cq.Solid.makeCylinder(2, 12, cq.Vector(2.25, 0, 0)), "CYLINDER")

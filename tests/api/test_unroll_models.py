@@ -56,6 +56,7 @@ def mesh_volume(shape):
     return np.einsum("ij,ij", a, np.cross(b, c)) / 6
 
 
+@pytest.mark.slow
 @every_model
 def test_one_valid_closed_solid(name):
     solid = model(name)

@@ -137,6 +137,7 @@ def splines(solid):
     return cq.Workplane(solid.val().toNURBS())
 
 
+@pytest.mark.slow
 def test_a_blend_of_surfaces_goes_into_its_solid():
     """Between the faces of a solid as they are, reshaped from references, of whichever sides and senses."""
     body = splines(BOSS)

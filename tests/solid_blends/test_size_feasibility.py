@@ -170,6 +170,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIMITS)
 def test_largest_sizes_are_those_of_closed_forms(name):
     make, by, limit = LIMITS[name]

@@ -92,11 +92,13 @@ def sweep(family, count: int, form: str, angle: float, gap: float) -> None:
     assert len(failed) <= count // DRAWS, failed
 
 
+@pytest.mark.slow
 @families
 def test_blends_are_valid_and_within_their_tolerances(family):
     sweep(family, DRAWS, "auto", angle=1e-5, gap=1e-7)
 
 
+@pytest.mark.slow
 @families
 def test_exact_blends_are_exact(family):
     sweep(family, EXACT_DRAWS, "exact", angle=1e-9, gap=1e-7)

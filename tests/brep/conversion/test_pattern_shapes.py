@@ -155,6 +155,7 @@ def trimmed(skin, count):
     return trims
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape",
     [
