@@ -130,7 +130,7 @@ def reshape(
     reference: Reference = "centroid",
     tuning: Sequence[float] = DEFAULT_TUNING,
     amounts: Amounts = None,
-    tolerance: float = BLEND_TOLERANCES.offset,
+    tolerance: float = BLEND_TOLERANCES.default_offset_error,
 ) -> Family:
     r"""Make a family of surfaces S(u, v; s) out of one, S(u, v; 0).
 
@@ -194,7 +194,9 @@ def reshape(
         raise InputError(f"a surface to reshape has dim 3, not {surface.dim}")
     by = check_choice("by", by, ("reference", "normal"))
     if by == "reference":
-        refuse_ignored_options('on by="reference", which is exact', tolerance=(tolerance, BLEND_TOLERANCES.offset))
+        refuse_ignored_options(
+            'on by="reference", which is exact', tolerance=(tolerance, BLEND_TOLERANCES.default_offset_error)
+        )
     else:
         refuse_ignored_options('on by="normal": normals need none', reference=(reference, "centroid"))
     if tuning is not DEFAULT_TUNING:

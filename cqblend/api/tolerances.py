@@ -17,7 +17,7 @@ class SurfaceBlendTolerances:
     corner: float = 1e-6
     """Largest distance between an end section and a side at a corner, relative to the size of the sides."""
 
-    offset: float = 1e-6
+    default_offset_error: float = 1e-6
     """Default accuracy of offset surfaces as splines, relative to the largest offset."""
 
     default_skin: float = 1e-5

@@ -360,7 +360,7 @@ class Surface(Spline):
         )
         lead = np.moveaxis(self._coefs, (axis, 3 + axis), (0, -1))
         gap = float(np.abs(lead[0, ..., 0] - lead[-1, ..., -1]).max())
-        if continuity >= 0 and gap > SPLINE_TOLERANCES.closing_gap * np.abs(self._coefs).max():
+        if continuity >= 0 and gap > SPLINE_TOLERANCES.closed_surface_gap * np.abs(self._coefs).max():
             raise InputError(
                 f"the surface is open in {'uv'[axis]}: its ends are {gap:.3g} apart (homogeneous coefficients)"
             )

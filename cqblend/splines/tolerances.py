@@ -39,7 +39,7 @@ class SplineTolerances:
     amplification: float = 50.0
     """Largest factor by which re-assembly of a B-spline may amplify rounding errors before it keeps another knot."""
 
-    closing_gap: float = 1e-7
+    closed_surface_gap: float = 1e-7
     """Largest gap between the ends of a closed surface, as a share of its largest coefficient."""
 
     consecutive_domains: float = 1e-14

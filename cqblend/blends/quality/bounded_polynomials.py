@@ -132,7 +132,7 @@ def bound_largest(
     Pieces are halved until the bound is at most ``PROOF_TOLERANCES.sharpness`` times a value that is attained.
     """
     attained = bound = 0.0
-    for halving in range(PROOF_TOLERANCES.halvings + 1):
+    for halving in range(PROOF_TOLERANCES.proof_halvings + 1):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             piece_bounds, end_values = (
                 bound_quantity(*({name: pair[k] for name, pair in norms.items()} for k in (0, 1)))
@@ -144,7 +144,7 @@ def bound_largest(
         piece_bounds = np.where(np.isnan(piece_bounds), np.inf, piece_bounds)
         attained = max(attained, float(end_values[np.isfinite(end_values)].max(initial=0.0)))
         too_loose = piece_bounds > PROOF_TOLERANCES.sharpness * attained
-        if halving == PROOF_TOLERANCES.halvings or too_loose.sum() > PROOF_TOLERANCES.halved_pieces:
+        if halving == PROOF_TOLERANCES.proof_halvings or too_loose.sum() > PROOF_TOLERANCES.halved_pieces:
             too_loose[:] = False
         bound = max(bound, float(piece_bounds[~too_loose].max(initial=0.0)))
         if not too_loose.any():

@@ -71,7 +71,7 @@ def _has_periodic_boundaries(surface: Surface) -> bool:
     (low, high), v = surface.domain[0], np.array([0.0, 1.0])
     first, last = (surface(np.full(2, t), v, 1, 0) for t in (low, high))
     sine = np.linalg.norm(cross_product(first, last), axis=1)
-    return bool(np.all(np.arctan2(sine, (first * last).sum(axis=1)) <= CREASE_TOLERANCES.smooth_angle))
+    return bool(np.all(np.arctan2(sine, (first * last).sum(axis=1)) <= CREASE_TOLERANCES.closing_kink))
 
 
 def check_creases(
@@ -157,4 +157,4 @@ def _has_speed_jump(ribbon: Ribbon, t: float) -> bool:
     """Whether the speed of a rail jumps at t."""
     position = ribbon.primary.compose_position(ribbon.c)
     before, after = (evaluate_space_jets([position], np.array([t]), 1, side)[0, 1] for side in BREAK_SIDES)
-    return bool(np.abs(after - before).max() > CREASE_TOLERANCES.smooth_angle * np.abs(before).max())
+    return bool(np.abs(after - before).max() > CREASE_TOLERANCES.closing_kink * np.abs(before).max())

@@ -23,7 +23,7 @@ class CreaseTolerances:
     closing_gap: float = 1e-9
     """Largest distance between both end sections of a closed blend, as a share of its coordinates."""
 
-    smooth_angle: float = 1e-6
+    closing_kink: float = 1e-6
     """Largest kink of a closed rail where it meets itself, rad; and largest relative jump of the speed of a rail."""
 
 
@@ -53,7 +53,7 @@ class ProofTolerances:
     sharpness: float = 1.25
     """Largest ratio of a bound to a value that is attained; pieces are halved until it is reached."""
 
-    halvings: int = 12
+    proof_halvings: int = 12
     """Largest number of times that a piece is halved."""
 
     halved_pieces: int = 4096

@@ -97,7 +97,7 @@ def _fit_exact_pair(
     no_steering = Steering((), (samples.t[0], samples.t[-1]), False)
     for side, primary in enumerate(samples.primaries):
         ribbon, errors = fit_ribbon(samples, side, RibbonCurves(make_curve, make_curve), wanted, no_steering)
-        if errors.position.max() > RAIL_TOLERANCES.exact_residual * size:
+        if errors.position.max() > RAIL_TOLERANCES.projection_residual * size:
             return None
         if ribbon.direction > RAIL_TOLERANCES.exact_deviation or ribbon.length > RAIL_TOLERANCES.exact_deviation:
             return None

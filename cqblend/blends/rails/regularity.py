@@ -160,7 +160,7 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
         _evaluate_normals(surface, curve(t - beside)), _evaluate_normals(surface, curve(t + beside))
     )
     i = int(crease.argmax())
-    if crease[i] > RAIL_TOLERANCES.kink_angle:
+    if crease[i] > RAIL_TOLERANCES.crease_angle:
         raise GeometryError(
             f"the rail crosses a crease of the surface at t = {t[i]:.9g}, {_format_uv(curve(t[i]))}, where the "
             "normal turns "
@@ -168,7 +168,7 @@ def _check_smoothness(surface: Surface, curve: Curve, position: Curve) -> None:
         )
     kink = _measure_angles(before[1], after[1])
     i = int(kink.argmax())
-    if kink[i] > RAIL_TOLERANCES.kink_angle:
+    if kink[i] > RAIL_TOLERANCES.crease_angle:
         raise GeometryError(
             f"the rail has a kink of {kink[i]:.3g} rad at its break t = {t[i]:.9g}; split it there, or round it off"
         )

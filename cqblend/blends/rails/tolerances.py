@@ -89,7 +89,7 @@ class RailTolerances:
 
     domain_slack: float = 1e-9
     vanishing_share: float = 1e-9
-    kink_angle: float = 1e-6
+    crease_angle: float = 1e-6
     samples_per_piece: int = 8
     halvings: int = 40
     thirding_steps: int = 80
@@ -112,7 +112,7 @@ class RailTolerances:
     shortest_span_for_position: float = 1 / 4096
     least_divided_span: float = 1.9
     overlap_stations: int = 24
-    exact_residual: float = 2e-13
+    projection_residual: float = 2e-13
     exact_deviation: float = 1e-11
     largest_miss: float = 10.0
     same_station_share: float = 1e-13

@@ -34,7 +34,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from cqblend.brep.conversion.sampled_curve import SampledCurve, read_sampled_curve
 from cqblend.brep.conversion.sewing import sew_faces
 from cqblend.brep.conversion.spline_conversion import ParameterMap, to_surface_with_map
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.shape_kinds import is_topods
 from cqblend.brep.topology import (
     ShapeIndex,
@@ -326,7 +326,7 @@ class _ParameterPlane:
         """Return the shift (2,) by whole periods that moves a loop into the window."""
         points = np.concatenate([use.pcurve(_sample_range(use.breaks)) for use in uses])
         low, high = points.min(axis=0), points.max(axis=0)
-        (start, stop), slack = self.window.T, READ_TOLERANCES.loop_slack * self.extent
+        (start, stop), slack = self.window.T, CONVERSION_TOLERANCES.loop_slack * self.extent
         periods = np.array(self.periods)
         off = (low < start - slack) | (high > stop + slack)
         count = np.divide((start + stop - low - high) / 2, periods, out=np.zeros(2), where=off & (periods > 0))
@@ -370,7 +370,10 @@ def _sample_edge_uses(patch: Patch) -> list[tuple[int, _UseSamples]]:
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     sizes = np.linalg.norm(jet[1, 0], axis=-1).max() * np.linalg.norm(jet[0, 1], axis=-1).max()
     normals = np.divide(
-        normals, lengths, out=np.full(normals.shape, np.nan), where=lengths > READ_TOLERANCES.degenerate_normal * sizes
+        normals,
+        lengths,
+        out=np.full(normals.shape, np.nan),
+        where=lengths > CONVERSION_TOLERANCES.degenerate_normal * sizes,
     )
     return [
         (use.edge, _UseSamples(patch.index, use, points, normal, use.forward == patch.outward))
@@ -399,7 +402,7 @@ def _chain_uses(segments: list[_LoopSegment], extent: Array) -> list[EdgeUse]:
     chains = chain_segments([one.start_vertex for one in segments], [one.stop_vertex for one in segments], measure_gap)
     loop = [k for chain in chains for k in chain]
     for one, following in pairwise([*loop, loop[0]]):
-        if not measure_gap(one, following) <= READ_TOLERANCES.loop_slack:
+        if not measure_gap(one, following) <= CONVERSION_TOLERANCES.loop_slack:
             raise TopologyError(
                 f"its loop does not close between edges {uses[one].edge} and {uses[following].edge}: heal the shape "
                 "(ShapeFix_Shape) first"
@@ -417,7 +420,9 @@ def _read_pcurve(number: int, use: TopoDS_Edge, face: TopoDS_Face) -> SampledCur
     if curve is None:
         raise TopologyError(f"edge {number} has no curve in its parameters: heal the shape (ShapeFix_Shape) first")
     span, own = BRep_Tool.Range_s(use), BRep_Tool.Range_s(use, face)
-    if max(abs(a - b) for a, b in zip(span, own, strict=True)) > READ_TOLERANCES.parameter_range * (span[1] - span[0]):
+    if max(abs(a - b) for a, b in zip(span, own, strict=True)) > CONVERSION_TOLERANCES.parameter_range * (
+        span[1] - span[0]
+    ):
         raise TopologyError(
             f"edge {number} runs over {own} in its parameters but over {span} in space: heal the shape"
             " (BRepLib.SameParameter) first"
@@ -433,7 +438,8 @@ def _find_plane(surface: Surface) -> PlaneFrame | None:
     length = float(np.linalg.norm(normal))
     if (
         not length > 0
-        or np.abs((poles - jet[0, 0]) @ normal).max() > READ_TOLERANCES.planarity * np.ptp(poles, axis=0).max() * length
+        or np.abs((poles - jet[0, 0]) @ normal).max()
+        > CONVERSION_TOLERANCES.planarity * np.ptp(poles, axis=0).max() * length
     ):
         return None
     u, v = np.linspace(u0, u1, 9), np.linspace(v0, v1, 9)
@@ -451,7 +457,7 @@ def _bound_plane_distance(surface: Surface, frame: PlaneFrame) -> float:
 
 def _measure_area(face: TopoDS_Face) -> float:
     properties = GProp_GProps()
-    BRepGProp.SurfaceProperties_s(face, properties, READ_TOLERANCES.area)
+    BRepGProp.SurfaceProperties_s(face, properties, CONVERSION_TOLERANCES.area)
     return abs(properties.Mass())
 
 

@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex, To
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.spline_conversion import to_face
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
     BUILDER,
@@ -399,7 +399,7 @@ def _find_plane(chain: Sequence[Curve]) -> Geom_Plane | None:
     poles = np.concatenate([curve.to_bspline()[2] for curve in chain])
     middle = poles.mean(axis=0)
     normal = np.linalg.svd(poles - middle)[2][-1]
-    if np.abs((poles - middle) @ normal).max() > READ_TOLERANCES.planarity * np.ptp(poles, axis=0).max():
+    if np.abs((poles - middle) @ normal).max() > CONVERSION_TOLERANCES.planarity * np.ptp(poles, axis=0).max():
         return None
     points = np.concatenate([curve(np.linspace(*curve.domain, 65)[:-1]) for curve in chain])
     turning = np.cross(points - middle, np.roll(points, -1, axis=0) - middle).sum(axis=0) @ normal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 
@@ -25,7 +25,7 @@ def interpolate_jets(breaks: Array, starts: Array, stops: Array) -> Curve:
     starts, stops
         (3, n, 2) value, first and second derivative at the start and at the end of each span. Changes ``stops``.
     """
-    allowed = READ_TOLERANCES.equal_derivatives * (1 + np.abs(starts[:, 1:]))
+    allowed = CONVERSION_TOLERANCES.equal_derivatives * (1 + np.abs(starts[:, 1:]))
     is_same = np.abs(stops[:, :-1] - starts[:, 1:]) <= allowed
     stops[:, :-1] = np.where(is_same, starts[:, 1:], stops[:, :-1])
     return interpolation.hermite(breaks, np.stack([starts, stops], axis=2))

@@ -21,7 +21,7 @@ from cqblend.blends.rails import projection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.pcurve_fit import CHECKED_SHARES, interpolate_jets
 from cqblend.brep.conversion.spline_conversion import ConicArcs, ParameterMap, to_surface_with_map
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface
@@ -139,13 +139,13 @@ def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Cur
     cut, index, _ = cut_at_knot_lines(curve, lines, [np.zeros(len(line) - 2, dtype=int) for line in lines])
     pieces, breaks = index, cut.breaks
     rounding = 16 * np.finfo(float).eps * max(float(np.abs(bound).max()) for bound in curve.bounds())
-    for _ in range(READ_TOLERANCES.pcurve_refinements):
+    for _ in range(CONVERSION_TOLERANCES.pcurve_refinements):
         starts = _convert_parameter_jets(cut, both, pieces, breaks[:-1], "right")
         stops = _convert_parameter_jets(cut, both, pieces, breaks[1:], "left")
         fitted = interpolate_jets(breaks, starts, stops)
         t = breaks[:-1] + CHECKED_SHARES * np.diff(breaks)
         error = np.abs(fitted(t) - parameters.to_spline(curve(t))).max(axis=(0, 2))
-        bad = error > READ_TOLERANCES.pcurve + rounding
+        bad = error > CONVERSION_TOLERANCES.pcurve + rounding
         if not bad.any():
             return fitted
         at = np.flatnonzero(bad)
@@ -153,7 +153,7 @@ def _convert_to_spline_parameters(curve: Curve, parameters: ParameterMap) -> Cur
         pieces = np.insert(pieces, at + 1, pieces[:, at], axis=1)
     raise GeometryError(
         f"the edge's curve on the face errs by {error.max():.3g} in the spline's parameters at t = "
-        f"{breaks[int(error.argmax())]:.9g}, more than {READ_TOLERANCES.pcurve:g}"
+        f"{breaks[int(error.argmax())]:.9g}, more than {CONVERSION_TOLERANCES.pcurve:g}"
     )
 
 

@@ -52,7 +52,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Face
 
 from cqblend.brep.conversion import spline_arrays
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.topology import CONFUSION
 from cqblend.errors import GeometryError, InputError, UnsupportedError, with_article
 from cqblend.splines.bernstein import Array
@@ -273,14 +273,14 @@ def _find_face_window(face: TopoDS_Face, surface: Geom_Surface) -> tuple[Paramet
 def _snap_range(face_range: ParameterRange, surface_range: ParameterRange, *, periodic: bool) -> ParameterRange:
     """Return a face's parameter range, with ends that differ from its surface's by rounding put on these."""
     (start, stop), (least, most) = face_range, surface_range
-    if max(abs(start), abs(stop)) > READ_TOLERANCES.unbounded:
+    if max(abs(start), abs(stop)) > CONVERSION_TOLERANCES.unbounded:
         raise InputError("the face is unbounded; trim it first")
-    slack = READ_TOLERANCES.bound_snap * (most - least)
+    slack = CONVERSION_TOLERANCES.bound_snap * (most - least)
     if periodic:
         width = stop - start
         return start, start + (most - least if width > most - least - slack else width)
-    start = least if start < least + slack and least > -READ_TOLERANCES.unbounded else start
-    stop = most if stop > most - slack and most < READ_TOLERANCES.unbounded else stop
+    start = least if start < least + slack and least > -CONVERSION_TOLERANCES.unbounded else start
+    stop = most if stop > most - slack and most < CONVERSION_TOLERANCES.unbounded else stop
     if not start < stop:
         raise InputError(f"the face has no extent: its parameters run from {start:g} to {stop:g}")
     return start, stop
@@ -351,11 +351,13 @@ def _convert_offset_surface(surface: Geom_OffsetSurface, u: ParameterRange, v: P
     exact = surface.Surface()
     if exact is not None:
         patch = _convert_surface(exact, u, v)
-        if _measure_deviation(surface, patch, u, v) <= READ_TOLERANCES.offset * _measure_extent(patch):
+        if _measure_deviation(surface, patch, u, v) <= CONVERSION_TOLERANCES.offset_surface_error * _measure_extent(
+            patch
+        ):
             return patch
     trimmed = Geom_RectangularTrimmedSurface(surface, *u, *v)
     corners = np.array([_to_array(surface.Value(a, b)) for a in u for b in v])
-    tolerance = READ_TOLERANCES.offset * float(np.ptp(corners, axis=0).max())
+    tolerance = CONVERSION_TOLERANCES.offset_surface_error * float(np.ptp(corners, axis=0).max())
     smooth = GeomAbs_Shape.GeomAbs_C1
     approximation = GeomConvert_ApproxSurface(trimmed, tolerance / 10, smooth, smooth, 14, 14, 100, 0)
     if approximation.HasResult():
@@ -419,7 +421,7 @@ def _approximate_offset_curve(curve: Geom_OffsetCurve, window: ParameterRange) -
     trimmed = Geom_TrimmedCurve(curve, *window)
     samples = np.linspace(*window, 211)
     truth = np.array([_to_array(curve.Value(t)) for t in samples])
-    tolerance = READ_TOLERANCES.offset * float(np.ptp(truth, axis=0).max())
+    tolerance = CONVERSION_TOLERANCES.offset_surface_error * float(np.ptp(truth, axis=0).max())
     approximation = GeomConvert_ApproxCurve(trimmed, tolerance / 10, GeomAbs_Shape.GeomAbs_C1, 100, 14)
     if approximation.HasResult():
         result = approximation.Curve()
@@ -447,7 +449,7 @@ def _build_conic(
 def split_into_arcs(window: ParameterRange, *, hyperbolic: bool = False) -> ConicArcs:
     """Return a range of a conic's parameter as equal arcs of at most 120 degrees."""
     start, stop = window
-    count = max(1, math.ceil((stop - start) / READ_TOLERANCES.largest_arc - READ_TOLERANCES.arc_count))
+    count = max(1, math.ceil((stop - start) / CONVERSION_TOLERANCES.largest_arc - CONVERSION_TOLERANCES.arc_count))
     return ConicArcs(np.linspace(start, stop, count + 1), hyperbolic)
 
 

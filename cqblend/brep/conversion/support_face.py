@@ -45,7 +45,7 @@ from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.pcurve_fit import CHECKED_SHARES, interpolate_jets
 from cqblend.brep.conversion.spline_conversion import ParameterMap, to_surface_with_map
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.errors import GeometryError, UnsupportedError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -73,7 +73,7 @@ class SupportFace(SupportSurface):
     @property
     def pcurve_tolerance(self) -> float:
         """Largest error of a rail's pcurve on the face, in its parameters; 0 if pcurves are exact."""
-        return 0.0 if self.face_primary.has_exact_pcurves() else READ_TOLERANCES.pcurve
+        return 0.0 if self.face_primary.has_exact_pcurves() else CONVERSION_TOLERANCES.pcurve
 
     def to_working_parameters(self, uv: Array) -> Array:
         """Convert the face's own parameters (n, 2) to those of ``primary``."""
@@ -101,7 +101,7 @@ class SupportFace(SupportSurface):
         low = self.bounds[:, 0]
         return any(
             period is not None
-            and abs(shift_to_period(uv[axis], low[axis], period) - low[axis]) < READ_TOLERANCES.seam * period
+            and abs(shift_to_period(uv[axis], low[axis], period) - low[axis]) < CONVERSION_TOLERANCES.seam * period
             for axis, period in enumerate(self.face_primary.periods)
         )
 
@@ -158,7 +158,7 @@ def _read_primary(surface: Geom_Surface, face: TopoDS_Face, points: Array) -> Pr
         return TensorSurface.from_spline(Surface.from_bspline(*spline_arrays.surface_to_arrays(surface)), closed)
     spline, parameters = to_surface_with_map(face)
     whole = [
-        flag and width > READ_TOLERANCES.whole_surface * (high - low)
+        flag and width > CONVERSION_TOLERANCES.whole_surface * (high - low)
         for flag, width, (low, high) in zip(
             closed, (b[-1] - b[0] for b in spline.breaks), np.array(surface.Bounds()).reshape(2, 2), strict=True
         )
@@ -257,9 +257,9 @@ def _reorient_sphere(sphere: Sphere, points: Array, *, edge_is_circular: bool) -
     axis = sphere.pole
     if edge_is_circular:
         normal = np.linalg.svd(points - points.mean(axis=0))[2][-1]
-        is_planar = np.abs((points - points[0]) @ normal).max() < READ_TOLERANCES.planar_edge * sphere.radius
+        is_planar = np.abs((points - points[0]) @ normal).max() < CONVERSION_TOLERANCES.planar_edge * sphere.radius
         off_centre = np.linalg.norm(points.mean(axis=0) - sphere.frame.origin)
-        if is_planar or off_centre < READ_TOLERANCES.centred_edge * sphere.radius:
+        if is_planar or off_centre < CONVERSION_TOLERANCES.centred_edge * sphere.radius:
             axis = normal * (np.sign(normal @ axis) or 1.0)
     else:
         axis = np.cross(axis, points[-1] - points[0])
@@ -345,19 +345,20 @@ def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
 
     speeds = np.linalg.norm(primary.jet(guide)[1:3], axis=2).min()
     rounding = 16 * np.finfo(float).eps * float(np.abs(primary.jet(guide)[0]).max() / speeds)
-    for _ in range(READ_TOLERANCES.pcurve_refinements):
+    for _ in range(CONVERSION_TOLERANCES.pcurve_refinements):
         uv = solve_parameters(breaks)
         starts = _solve_parameter_jets(primary, uv[:-1], position, breaks[:-1], "right")
         stops = _solve_parameter_jets(primary, uv[1:], position, breaks[1:], "left")
         curve = interpolate_jets(breaks, starts, stops)
         t = (breaks[:-1] + CHECKED_SHARES * np.diff(breaks)).ravel()
         error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
-        bad = (error > READ_TOLERANCES.pcurve + rounding).reshape(len(CHECKED_SHARES), -1).any(axis=0)
+        bad = (error > CONVERSION_TOLERANCES.pcurve + rounding).reshape(len(CHECKED_SHARES), -1).any(axis=0)
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))
     raise GeometryError(
-        f"a rail cannot be followed in the angles of its face to {READ_TOLERANCES.pcurve:g}: it runs too near to a pole"
+        f"a rail cannot be followed in the angles of its face to {CONVERSION_TOLERANCES.pcurve:g}: it runs too near "
+        "to a pole"
     )
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class ReadTolerances:
+class ConversionTolerances:
     """Tolerances and limits of :mod:`cqblend.brep.conversion`."""
 
-    offset: float = 1e-9
+    offset_surface_error: float = 1e-9
     """Largest error of an offset surface or curve, relative to its size: the only conversions that are not exact."""
     largest_arc: float = 2 * math.pi / 3
     """Angle (rad; hyperbolic angle on a hyperbola) above which a conic becomes several rational quadratic arcs."""
@@ -49,4 +49,4 @@ class ReadTolerances:
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
 
 
-READ_TOLERANCES = ReadTolerances()
+CONVERSION_TOLERANCES = ConversionTolerances()

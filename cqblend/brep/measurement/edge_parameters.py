@@ -38,7 +38,7 @@ def spread_samples(breaks: Array, count: int) -> Array:
     ts = ts[_measure_nearest_distance(ts, breaks) > around[0] / 2]
     lengths = np.diff(breaks)
     sparse = lengths < len(SPAN_SHARES) * (high - low) / (count - 1)
-    sparse &= lengths > MEASURE_TOLERANCES.shortest_span * max(abs(low), abs(high))
+    sparse &= lengths > MEASURE_TOLERANCES.shortest_knot_span * max(abs(low), abs(high))
     inside = (breaks[:-1] + SPAN_SHARES[:, None] * lengths)[:, sparse].ravel()
     ts = np.unique(np.concatenate((ts, inside)))
     return np.asarray(ts[(ts > low) & (ts < high)])

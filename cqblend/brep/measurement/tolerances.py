@@ -21,7 +21,7 @@ class MeasureTolerances:
     degenerate_ratio: float = 1e-7
     """|Su x Sv| below this share of its largest value along the edge is mostly rounding: the normal is nan."""
 
-    shortest_span: float = 64 * 2.0**-52
+    shortest_knot_span: float = 64 * 2.0**-52
     """Relative to the parameters: a span that is shorter holds no parameters inside."""
 
     resampling_rounds: int = 2

@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.support_face import read_support_face
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
 from cqblend.errors import GeometryError
 from cqblend.splines import interpolation
@@ -67,12 +67,12 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float
     span: tuple[float, float] = BRep_Tool.Range_s(use)
     if span != BRep_Tool.Range_s(use, face) or BRep_Tool.IsClosed_s(use, face):
         return deviation
-    t = np.linspace(span[0], span[1], REWRITE_TOLERANCES.foot_count)
+    t = np.linspace(span[0], span[1], SHELL_EDIT_TOLERANCES.foot_count)
     curve = BRep_Tool.Curve_s(use, 0.0, 0.0)
     points = np.array([curve.Value(x).Coord() for x in t.tolist()])
     start = uv = np.array([old.Value(x).Coord() for x in t.tolist()])
     surface = read_support_face(face, points[:1]).face_primary
-    for _ in range(REWRITE_TOLERANCES.foot_iterations):
+    for _ in range(SHELL_EDIT_TOLERANCES.foot_iterations):
         jet = surface.jet(uv)
         uv = uv + to_tangent_coordinates(jet, points - jet[0])
     found, before = surface.jet(uv)[0], surface.jet(start)[0]
@@ -101,9 +101,9 @@ def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, verti
             if edges.find_number(use):
                 continue
             deviation = measure_deviation(use, face)
-            if deviation > REWRITE_TOLERANCES.refit_deviation:
+            if deviation > SHELL_EDIT_TOLERANCES.refit_deviation:
                 deviation = refit_pcurve(use, face, deviation)
-            needed = REWRITE_TOLERANCES.deviation_margin * deviation
+            needed = SHELL_EDIT_TOLERANCES.deviation_margin * deviation
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
             largest = max(largest, BRep_Tool.Tolerance_s(use))

@@ -31,7 +31,7 @@ from cqblend.brep.shell_editing.end_curve import (
 )
 from cqblend.brep.shell_editing.face_edits import BlendEnd, CapParameters, EdgeTrim
 from cqblend.brep.shell_editing.neighbour_edges import project_to_edge
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
     attach_pcurves,
@@ -138,7 +138,7 @@ def _trim_to_corner(edge: TopoDS_Edge, vertex: TopoDS_Vertex, corner: TopoDS_Ver
     """Return the part of a FORWARD edge between its vertex and a corner: FORWARD, and from the vertex to the corner."""
     first, last = BRep_Tool.Range_s(edge)
     at, distance = project_to_edge(edge, corner)
-    raise_vertex_tolerance(corner, REWRITE_TOLERANCES.deviation_margin * distance)
+    raise_vertex_tolerance(corner, SHELL_EDIT_TOLERANCES.deviation_margin * distance)
     if find_end_vertices(edge)[0].IsSame(vertex):
         piece = make_trimmed_copy(edge, (vertex, corner), (first, at))
         return piece, piece
@@ -154,7 +154,7 @@ def _make_foot_vertex(placement: BlendPlacement, end: int, t: float, foot: Array
             raise TopologyError("the edge's vertex is too far from its faces for a blend to end there")
         return vertex
     on_edge = placement.spine.evaluate_points(np.array([t]))[0]
-    return make_vertex(foot, REWRITE_TOLERANCES.deviation_margin * float(np.linalg.norm(on_edge - foot)))
+    return make_vertex(foot, SHELL_EDIT_TOLERANCES.deviation_margin * float(np.linalg.norm(on_edge - foot)))
 
 
 def _make_cap_border(

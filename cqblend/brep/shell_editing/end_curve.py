@@ -11,7 +11,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.brep.conversion import spline_arrays
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, Surface, interpolation
@@ -58,8 +58,8 @@ def fit_solved_curve(solve_points: Callable[[Array], Array], measure_error: Call
         v = np.linspace(0, 1, 6 * refinement + 1)
         values = solve_points(v)
         curve = _interpolate_cubic(values) if refinement == 1 else interpolation.interpolate(v[::2], values[::2])
-        is_near = measure_error(curve(v), v) <= REWRITE_TOLERANCES.curve_fit
-        if is_near or refinement >= REWRITE_TOLERANCES.max_fit_refinement:
+        is_near = measure_error(curve(v), v) <= SHELL_EDIT_TOLERANCES.curve_fit
+        if is_near or refinement >= SHELL_EDIT_TOLERANCES.max_fit_refinement:
             return curve
         refinement *= 2
 

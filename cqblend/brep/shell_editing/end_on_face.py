@@ -16,7 +16,7 @@ from cqblend.brep.selection.edge_ends import find_end_face
 from cqblend.brep.shell_editing.blend_placement import BlendPlacement
 from cqblend.brep.shell_editing.end_curve import EndCurveStart, get_end_parameters, make_end_edge, solve_end_curve
 from cqblend.brep.shell_editing.face_edits import BlendEnd, EdgeTrim, FaceEdit
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     AncestorMap,
     explore_subshapes,
@@ -49,7 +49,7 @@ def end_on_face(placement: BlendPlacement, end: int) -> BlendEnd:
         side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0] for side in placement.sides
     ]
     sines = np.linalg.norm(np.cross(normals, target.face_primary.evaluate_normals(uv[None])), axis=1)
-    tangent_side = int(sines.argmin()) if sines.min() < REWRITE_TOLERANCES.tangent_faces else None
+    tangent_side = int(sines.argmin()) if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces else None
     start = EndCurveStart(float(end), uv, locate_vertex(vertex))
     curve = solve_end_curve(placement.blend.surface, target.face_primary, start, tangent_side)
     edge, corners = make_end_edge(placement.blend_face, curve, target.face)

@@ -17,7 +17,7 @@ from cqblend.brep.shell_editing.blend_placement import BlendPlacement
 from cqblend.brep.shell_editing.edge_tolerance import measure_deviation
 from cqblend.brep.shell_editing.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
 from cqblend.brep.shell_editing.face_edits import EdgeTrim, FaceEdit
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     CONFUSION,
     explore_subshapes,
@@ -98,7 +98,7 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float
     """
     parameter, distance = project_to_edge(edge, trim.corner)
     if distance <= _compute_corner_tolerance(edge, trim.faces):
-        raise_vertex_tolerance(trim.corner, REWRITE_TOLERANCES.deviation_margin * distance)
+        raise_vertex_tolerance(trim.corner, SHELL_EDIT_TOLERANCES.deviation_margin * distance)
         return parameter
     if not _is_corner_behind(edge, trim):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it")

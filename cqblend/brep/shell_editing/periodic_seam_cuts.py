@@ -12,7 +12,7 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     CONFUSION,
     ShapeIndex,
@@ -77,7 +77,7 @@ def cut_seams(
         for (low, one), (high, other), goes in zip(stations[:-1], stations[1:], is_removed, strict=True):
             if goes:
                 dropped += [vertex for vertex in (one, other) if vertex.IsSame(start) or vertex.IsSame(end)]
-            elif high - low > REWRITE_TOLERANCES.seam * (last - first):
+            elif high - low > SHELL_EDIT_TOLERANCES.rail_end_at_seam * (last - first):
                 pieces[number].append(make_trimmed_copy(edge, (one, other), (low, high)))
     for use in explore_subshapes(orient_forward(face), TopAbs_EDGE):  # poles that lost their seam
         if BRep_Tool.Degenerated_s(use) and any(find_end_vertices(use)[0].IsSame(vertex) for vertex in dropped):
@@ -97,5 +97,5 @@ def _mark_crossings(seam: TopoDS_Edge, crossings: SeamCrossings) -> list[_Mark]:
         tangent = curve.DN(parameter, 1)
         enters_blend = float(direction @ (tangent.X(), tangent.Y(), tangent.Z())) > 0
         marks.append(_Mark(parameter, vertex, enters_blend))
-        raise_vertex_tolerance(vertex, REWRITE_TOLERANCES.deviation_margin * project.LowerDistance())
+        raise_vertex_tolerance(vertex, SHELL_EDIT_TOLERANCES.deviation_margin * project.LowerDistance())
     return sorted(marks, key=lambda mark: mark.parameter)

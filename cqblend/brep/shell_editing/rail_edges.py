@@ -19,7 +19,7 @@ from cqblend.brep.shell_editing.blend_placement import BlendPlacement
 from cqblend.brep.shell_editing.face_edits import FaceEdit, RemovedEdges
 from cqblend.brep.shell_editing.periodic_seam_cuts import SeamCrossings, cut_seams
 from cqblend.brep.shell_editing.realigned_spheres import make_realigned_face
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import attach_pcurves, find_seam_edges, make_edge, make_vertex, reverse_edge
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
@@ -84,7 +84,7 @@ def make_rail_edge(
     shift = np.zeros(2)
     for axis, period in enumerate(side.face_primary.periods):
         if period is not None:
-            periods = np.floor((middle[axis] - side.bounds[axis, 0]) / period + REWRITE_TOLERANCES.seam)
+            periods = np.floor((middle[axis] - side.bounds[axis, 0]) / period + SHELL_EDIT_TOLERANCES.rail_end_at_seam)
             shift[axis] = -period * periods
     edge = make_edge(placement.occ_rail_curves[i], vertices, span)
     whole = span == placement.domain
@@ -95,7 +95,7 @@ def make_rail_edge(
 
 def find_seam_crossings(placement: BlendPlacement, i: int) -> Array:
     """Return where rail ``i`` crosses seams of its support face, in t, ascending; not at its ends."""
-    side, curve, tolerance = placement.sides[i], placement.rail_pcurves[i], REWRITE_TOLERANCES.seam
+    side, curve, tolerance = placement.sides[i], placement.rail_pcurves[i], SHELL_EDIT_TOLERANCES.rail_end_at_seam
     found = [np.empty(0)]
     if find_seam_edges(side.face):
         coefs = curve.coefs

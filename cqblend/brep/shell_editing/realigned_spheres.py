@@ -21,7 +21,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Wire
 
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.brep.conversion.support_face import SupportFace
-from cqblend.brep.shell_editing.tolerances import REWRITE_TOLERANCES
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
     attach_pcurves,
@@ -67,7 +67,7 @@ def realign_sphere(side: SupportFace, rail: Ribbon, blended: Sequence[TopoDS_Edg
             return None
     t = np.linspace(*rail.c.domain, 129)
     longitudes = np.unwrap(sphere.unlift_points(rail.c(t), np.zeros((len(t), 2)))[:, 0])
-    if abs(abs(longitudes[-1] - longitudes[0]) - 2 * np.pi) > REWRITE_TOLERANCES.full_turn:
+    if abs(abs(longitudes[-1] - longitudes[0]) - 2 * np.pi) > SHELL_EDIT_TOLERANCES.full_turn:
         return None
     x, y, z = sphere.frame.axes
     start = longitudes[0]

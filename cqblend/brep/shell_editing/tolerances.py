@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class RewriteTolerances:
+class ShellEditTolerances:
     """Tolerances and limits of the modules in :mod:`cqblend.brep.shell_editing`."""
 
-    seam: float = 1e-9
+    rail_end_at_seam: float = 1e-9
     """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
 
     tangent_faces: float = 1e-3
@@ -37,4 +37,4 @@ class RewriteTolerances:
     """Number of Newton steps of that projection."""
 
 
-REWRITE_TOLERANCES = RewriteTolerances()
+SHELL_EDIT_TOLERANCES = ShellEditTolerances()

@@ -428,10 +428,10 @@ class _StripLoopFlattener(_LoopFlattener):
 
     def _pick_rail_nodes(self, side: int, ends: Array) -> Array:
         """Return the nodes (n,) of the flat strip along a rail between two r, without those where it does not move."""
-        nodes, distance = self.unrolled.flat.nodes, TRIM_TOLERANCES.node_merge * (ends[1] - ends[0])
+        nodes, distance = self.unrolled.flat.nodes, TRIM_TOLERANCES.edge_vertex_merge * (ends[1] - ends[0])
         r = np.concatenate([ends[:1], nodes[(nodes > ends[0] + distance) & (nodes < ends[1] - distance)], ends[1:]])
         s = self.rail_lengths[side](r)
-        stationary = TRIM_TOLERANCES.stationary_step * self.rail_lengths[side].length
+        stationary = TRIM_TOLERANCES.stationary_rail_step * self.rail_lengths[side].length
         # of the nodes at which the rail has stopped at its end only the end itself is kept
         is_kept = np.append(True, np.diff(s) > stationary)
         is_kept[-1] = True

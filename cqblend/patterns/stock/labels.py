@@ -220,7 +220,7 @@ def _make_text_boxes(text: str, places: Array, directions: Array, height: float)
         UNDERLINE_DROP / CAPITAL_UNITS if is_underlined(text) else 0.0,
     )
     up = _turn_left(directions)
-    margin = LABEL_LIMITS.margin * heights
+    margin = LABEL_LIMITS.label_margin * heights
     x = np.stack([-margin, widths + margin, widths + margin, -margin], axis=1)
     y = np.stack([-margin - drop * heights, -margin - drop * heights, heights + margin, heights + margin], axis=1)
     return places[:, None] + x[:, :, None] * directions[:, None] + y[:, :, None] * up[:, None]

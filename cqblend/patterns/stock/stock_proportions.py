@@ -47,7 +47,7 @@ class TabLimits:
     most_tooth_bend: float = float(np.pi / 6)
     corner_share: float = 0.45
     mitre_limit: float = 2.0
-    corner_angle: float = float(np.radians(20.0))
+    tooth_corner_angle: float = float(np.radians(20.0))
     same_corner: float = 1e-6
     least_height: float = 2.0
     least_height_ratio: float = 0.25
@@ -80,7 +80,7 @@ class LabelLimits:
 
     height: float = 4.0
     least_height_ratio: float = 0.25
-    margin: float = 0.25
+    label_margin: float = 0.25
     height_step: float = 0.8
     name_height_ratio: float = 1.5
     chord_divisor: float = 50.0

@@ -111,7 +111,7 @@ def _split_at_corners(fitter: FlapFitter, seam: Seam) -> list[_SeamStretch]:
     length = paths[0].length
     corners: dict[float, Array] = {}  # station on the first side: interior angles of the two pieces
     for k, (path, side) in enumerate(zip(paths, seam.sides, strict=True)):
-        sharp = np.flatnonzero(np.abs(path.kink_angles) > TAB_LIMITS.corner_angle)
+        sharp = np.flatnonzero(np.abs(path.kink_angles) > TAB_LIMITS.tooth_corner_angle)
         ends = fitter.measure_corner_angles(side)
         stations = np.array([0.0, *path.stations[sharp + 1], path.length]) * (length / path.length)
         angles = np.array([ends[0], *(np.pi - path.kink_angles[sharp]), ends[1]])

@@ -217,7 +217,7 @@ def sample_edge(
         t = np.unique(np.concatenate([edge.breaks, required_parameters]))
         t = refine_parameters(edge.points, t, tolerance, sagitta)
         length = float(np.linalg.norm(np.diff(edge.points(t), axis=0), axis=1).sum())
-        merged_share = TRIM_TOLERANCES.crossing_merge * tolerance / max(length, 1e-300)
+        merged_share = TRIM_TOLERANCES.line_crossing_merge * tolerance / max(length, 1e-300)
         merge_distance = max(TRIM_TOLERANCES.line_snap, merged_share) * (last - first)
     crossings = [find_crossings(cut_use, t) for cut_use in uses]
     stops = merge_parameters(np.concatenate([at for at, _, _ in crossings]), merge_distance, ends)

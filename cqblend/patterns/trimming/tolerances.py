@@ -55,7 +55,7 @@ class TrimTolerances:
     tangent_step: float = 1e-4
     closed_side_gap: float = 1e-9
     line_snap: float = 1e-9
-    crossing_merge: float = 1e-3
+    line_crossing_merge: float = 1e-3
     shortest_segment: float = 1e-9
     max_edge_vertices: int = 20_000
     max_sagitta_ratio: float = 0.13
@@ -64,8 +64,8 @@ class TrimTolerances:
     straight_excess: float = 1e-13
     inward_offset: float = 1e-9
     joint_gap: float = 1e-8
-    stationary_step: float = 1e-13
-    node_merge: float = 1e-9
+    stationary_rail_step: float = 1e-13
+    edge_vertex_merge: float = 1e-9
 
 
 TRIM_TOLERANCES = TrimTolerances()

@@ -44,7 +44,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.spline_conversion import ConicArcs, ParameterMap, to_face, to_surface, to_surface_with_map
-from cqblend.brep.conversion.tolerances import READ_TOLERANCES
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines.surface import Surface
 
@@ -212,7 +212,10 @@ def test_surface_is_occts_surface(name, how):
     for k, (u, v) in enumerate(uv):
         point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
         truth.D1(u, v, point, along_u, along_v)
-        assert np.linalg.norm(points[k] - xyz(point)) < (1e-12 if exact else READ_TOLERANCES.offset) * size
+        assert (
+            np.linalg.norm(points[k] - xyz(point))
+            < (1e-12 if exact else CONVERSION_TOLERANCES.offset_surface_error) * size
+        )
         for arcs, mine, other in ((parameters.u, du[k], xyz(along_u)), (parameters.v, dv[k], xyz(along_v))):
             tolerance = (1e-11 if exact else 1e-4) * (np.linalg.norm(other) + size * 1e-2)
             if arcs is None:
