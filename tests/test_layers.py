@@ -39,6 +39,7 @@ def test_the_page_shows_the_rooms_as_they_are():
     """Run ``python tests/support/import_graph.py`` to draw chart and map anew."""
     page = PAGE.read_text(encoding="utf-8")
     assert "```mermaid\nflowchart" in page
+    assert "first lines of the modules -->\n\n**" in page
     assert page == draw_page(page)
 
 
@@ -103,10 +104,20 @@ def find_constants(path):
                     yield name.id.strip("_"), ast.unparse(value)
 
 
-def test_constants_mean_one_thing():
+def find_record_fields(path):
+    """Yield the names of the fields of a module's records of constants, and the source of their values."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ClassDef) and node.name.endswith(("Tolerances", "Limits", "Layout")):
+            for field in node.body:
+                if isinstance(field, ast.AnnAssign) and isinstance(field.value, ast.Constant):
+                    yield field.target.id, ast.unparse(field.value)
+
+
+@pytest.mark.parametrize("find", [find_constants, find_record_fields])
+def test_constants_mean_one_thing(find):
     """No two modules have a constant of one name with two values."""
     values = {}
     for path in modules().values():
-        for name, value in find_constants(path):
+        for name, value in find(path):
             values.setdefault(name, set()).add(value)
     assert {name: found for name, found in values.items() if len(found) > 1} == {}

@@ -67,6 +67,7 @@ class EndAttempts:
         self._combinations = list(product(METHODS_TO_TRY[wanted[0]], METHODS_TO_TRY[wanted[1]]))
         self._failed: dict[tuple[int, EndMethod], CqblendError] = {}
         self._errors: list[CqblendError] = []
+        self._errors_of_both_ends: list[CqblendError] = []
 
     def __iter__(self) -> Iterator[tuple[EndMethod, EndMethod]]:
         for methods in self._combinations:
@@ -78,11 +79,13 @@ class EndAttempts:
         if isinstance(error, BlendEndError):
             self._failed.setdefault((error.end, methods[error.end]), error.cause)
             error = error.cause
+        else:
+            self._errors_of_both_ends.append(error)
         self._errors.append(error)
 
     def get_first_cause(self, end: int) -> CqblendError:
-        """Return why the natural end failed at an end, or, if that is not known, the first error."""
-        return self._failed.get((end, "natural"), self._errors[0])
+        """Return why the natural end failed at an end: there, or else in the first attempt that failed as a whole."""
+        return self._failed.get((end, "natural"), (self._errors_of_both_ends or self._errors)[0])
 
     def make_error(self, joint: Joint) -> CqblendError:
         """Return the error to raise when all attempts failed: the first one, and why a flat end failed too."""

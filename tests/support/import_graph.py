@@ -84,10 +84,9 @@ def imports() -> dict[str, set[str]]:
         graph[name] = set()
         for imported in find_imports(path):
             parts = imported.split(".")
-            if parts[0] != "cqblend" or len(parts) == 1:
-                continue
-            whole, home = ".".join(parts[1:]), ".".join(parts[1:-1])
-            graph[name].add(whole if whole in modules() else home or "__init__")
+            if parts[0] == "cqblend":
+                whole, home = ".".join(parts[1:]), ".".join(parts[1:-1])
+                graph[name].add(whole if whole in modules() else home or "__init__")
         graph[name].discard(name)
     return graph
 

@@ -20,7 +20,7 @@ from cqblend.errors import GeometryError, InputError, InstallationError, shown
 from cqblend.patterns.stock.sheet_placement import Placement, SheetSize
 from cqblend.patterns.stock.stock_proportions import PACKING_LIMITS
 
-WORKER = File(__file__).with_name("nesting_worker.py")
+WORKER = File(__file__).with_name("spyrrow_worker.py")
 """The script that runs in the other process."""
 
 

@@ -189,9 +189,10 @@ def next_regular(seed, order):
     return next(jets for jets in (synthetic(i, order) for i in itertools.count(seed)) if regular(jets))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), orders=st.tuples(st.integers(0, 3), st.integers(0, 3)))
 def test_any_jets_of_any_orders(seed, orders):
+    """The same jets at every run: errors are measured at ten points a span, and may be 1 % larger between them."""
     sides = next_regular(seed, orders[0]), next_regular(seed + 1, orders[1])
     for jets, rows in zip(sides, compact_jets(sides, 1e-6, 1e-5), strict=True):
         gap, angle, field, bends = measured(jets, rows)
