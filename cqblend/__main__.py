@@ -233,7 +233,7 @@ def _build_parser() -> argparse.ArgumentParser:
         default=BLEND_DEFAULTS.steer,
         help="largest turn next to knot lines, rad; default: %(default).2g",
     )
-    blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad; default: 1e-5")
+    blend.add_argument("--crease", type=float, metavar="C", help="how sharp a crease inside may be, rad")
 
     continuity = _add_command(
         commands, "continuity", _run_continuity, "measure how smoothly the two faces at an edge meet"

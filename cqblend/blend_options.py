@@ -331,7 +331,8 @@ def _build_relation(a: object, b: object, lam: Any) -> "Conic":
 
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
-    first, second = _check_size("a", b if a is None else a), _check_size("b", a if b is None else b)
+    first = _check_size("b", b) if a is None else _check_size("a", a)
+    second = first if b is None else _check_size("b", b)
     return Conic(first, second, 0.0 if lam is None else lam)
 
 

@@ -274,7 +274,7 @@ def _propose_solid(
     limit = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance, 2 * request.tolerance)
     check = _check_proposal(joint, proposal, limit)
     if check.crosses:
-        raise SizeError("the blend runs into another boundary or face: the size is too large for it")
+        raise SizeError("the blend runs into another boundary or face: the size is too large for it", kind="too large")
     if check.problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
     return proposal, blend

@@ -152,8 +152,8 @@ def list_modules() -> str:
             inside = [module for module in inside if module != room]
         if "." in room or inside != [room]:
             tables.append(f"\n**`{room}`** {_describe(room)}\n\n| module | |\n|---|---|")
-        elif not tables or not tables[-1].startswith("\n**At the top**"):
-            tables.append("\n**At the top**\n\n| module | |\n|---|---|")
+        elif not tables or not tables[-1].startswith("\n**Single"):
+            tables.append("\n**Single modules, above those before**\n\n| module | |\n|---|---|")
         tables[-1] += "".join(f"\n| {_link(module)} | {_describe(module)} |" for module in inside)
     return "\n".join(table for table in tables if "](" in table) + "\n\n"
 

@@ -246,7 +246,8 @@ def _make_size_error(what: str, stations: Stations, reached: Array, size: float)
     short = np.flatnonzero(reached < size)
     first = short[reached[short].argmin()]
     most = f", one of {reached[first]:.3g} does" if reached[first] > 0 else ""
-    return SizeError(f"{what} at t = {stations.t[first]:.4g} of the edge{most}")
+    t = float(stations.t[first])
+    return SizeError(f"{what} at t = {t:.4g} of the edge{most}", kind="too large", place=t, value=size)
 
 
 def _make_edge_start(

@@ -64,7 +64,7 @@ def place_blend(
 ) -> BlendPlacement:
     """Prepare to put a blend between two support faces of a solid, along a chain of edges.
 
-    Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.sphere_axis`).
+    Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.realigned_spheres`).
     """
     edge_index, face_index = ShapeIndex(solid, TopAbs_EDGE), ShapeIndex(solid, TopAbs_FACE)
     surface = spline_arrays.surface_from_arrays(*blend.surface.to_bspline())

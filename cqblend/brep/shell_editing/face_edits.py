@@ -151,5 +151,7 @@ def trace_loops(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_
 
     loops = chain_segments(starts, stops, measure_gap, until_closed=True)
     if any(stops[loop[-1]] != starts[loop[0]] for loop in loops):
-        raise TopologyError("the face's boundary cannot be closed along the rail: the size is too large for the face")
+        raise TopologyError(
+            "the face's boundary cannot be closed along the rail: the size is too large for the face", kind="too large"
+        )
     return [[uses[k] for k in loop] for loop in loops]

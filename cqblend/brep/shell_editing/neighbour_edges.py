@@ -79,7 +79,9 @@ def _trim_edge(edge: TopoDS_Edge, trims: Sequence[EdgeTrim], placement: BlendPla
     distance = np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1]))
     if distance < 100 * CONFUSION or span[0] >= span[1]:
         name = placement.name_part(edge)
-        nothing = SizeError(f"nothing would remain of {name} next to the blend: the size is too large")
+        nothing = SizeError(
+            f"nothing would remain of {name} next to the blend: the size is too large", kind="too large"
+        )
         raise nothing if len({trim.end for trim in trims}) > 1 else BlendEndError(trims[0].end, nothing)
     if tuple(span) == whole:
         return [edge, *extensions]
@@ -101,7 +103,7 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float
         raise_vertex_tolerance(trim.corner, SHELL_EDIT_TOLERANCES.deviation_margin * distance)
         return parameter
     if not _is_corner_behind(edge, trim):
-        raise SizeError("the blend reaches beyond its other end: the size is too large for it")
+        raise SizeError("the blend reaches beyond its other end: the size is too large for it", kind="too large")
     return _find_extension_parameter(edge, which, trim)
 
 

@@ -65,7 +65,7 @@ def cut_seams(
         if not marks:
             touching = [vertex for vertex in (start, end) if any(vertex.IsSame(other) for other in removed)]
             if len(touching) == 1:
-                raise SizeError("the rail passes beyond the end of the face: the size is too large")
+                raise SizeError("the rail passes beyond the end of the face: the size is too large", kind="too large")
             if len(touching) == 2:
                 pieces[number] = []
                 dropped += [start, end]

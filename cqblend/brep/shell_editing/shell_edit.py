@@ -117,7 +117,9 @@ def blend_open_edge(placement: BlendPlacement, caps: CapParameters = (None, None
     for i in (0, 1):
         span = (low.rail_parameters[i], high.rail_parameters[i])
         if span[0] >= span[1]:
-            raise SizeError("the two ends of the blend meet: the size is too large for the length of the edge")
+            raise SizeError(
+                "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
+            )
         borders = (low.cap_borders[i], high.cap_borders[i])
         rail, edit = trim_at_rail(placement, i, RailSpan(span, (low.corners[i], high.corners[i]), borders), removed)
         rails.append(rail)
