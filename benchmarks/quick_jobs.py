@@ -26,6 +26,7 @@ from cqblend.blends.quality.smoothness_proof import prove_blend
 from cqblend.blends.sections.blend_surface import blend_ribbons
 from cqblend.patterns.outline.overlap import find_overlap
 from cqblend.patterns.stock.labels import place_labels
+from cqblend.patterns.stock.tab_options import TabOptions
 from cqblend.patterns.stock.tabs import fit_tabs
 from cqblend.splines import Curve, normalise
 
@@ -75,7 +76,9 @@ def main() -> None:
     labels = measure(lambda: [place_labels(piece, squares.seams, height=2.0) for piece in squares.pieces])
     report("labels on 955 seams", labels, "500 offsets by shapely", buffers)
     few = lattice(10, 12)
-    report("tabs on 218 seams", measure(lambda: fit_tabs(few, width=3.0)), "500 offsets by shapely", buffers)
+    report(
+        "tabs on 218 seams", measure(lambda: fit_tabs(few, TabOptions(width=3.0))), "500 offsets by shapely", buffers
+    )
 
     t = np.linspace(0, 1, 2001)
     report(

@@ -21,7 +21,7 @@ from cqblend.brep.selection.pending_edges import PendingEdges
 from cqblend.brep.selection.unified_faces import unify_faces
 from cqblend.brep.shell_editing.blend_placement import place_blend
 from cqblend.brep.shell_editing.end_curve import BlendEndError
-from cqblend.brep.shell_editing.face_edits import CapParameters
+from cqblend.brep.shell_editing.face_edits import CapStations
 from cqblend.brep.shell_editing.shell_edit import ProposedSolid, RailsTooShortError, blend_closed_edge, blend_open_edge
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.blend_certification import certify_blend
@@ -221,8 +221,8 @@ def _insert_at_joint(
 ) -> tuple[TopoDS_Shape, TopoDS_Face, Certificate]:
     """Put a blend in the place of a joint; return the shape, the blend's face and the certificate."""
     aligned = align_to_joint(joint, blend)
-    natural = EndPlan.from_domain(aligned.surface.domain[0])
-    proposal = _rewrite_solid(joint, aligned, natural.caps)
+    natural = EndPlan.natural_at_both_ends(aligned.surface.domain[0])
+    proposal = _rewrite_solid(joint, aligned, natural.cap_stations)
     check = _check_proposal(joint, proposal, max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance))
     if check.problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
@@ -244,7 +244,7 @@ def _blend_joint(
     for methods in attempts:
         try:
             plan = plan_ends(joint, solve, methods)
-            proposal, blend = _propose_solid(joint, request, plan.caps, plan.domain)
+            proposal, blend = _propose_solid(joint, request, plan.cap_stations, plan.rail_range)
         except (BlendEndError, SizeError, TopologyError, VerificationError) as error:
             attempts.record_failure(methods, error)
         else:
@@ -253,7 +253,7 @@ def _blend_joint(
 
 
 def _propose_solid(
-    joint: Joint, request: BlendRequest, caps: CapParameters, domain: tuple[float, float]
+    joint: Joint, request: BlendRequest, caps: CapStations, domain: tuple[float, float]
 ) -> tuple[ProposedSolid, BlendSurface]:
     """Blend between given ends, over at least the given range of t, and verify the result."""
     for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
@@ -280,7 +280,7 @@ def _propose_solid(
     return proposal, blend
 
 
-def _rewrite_solid(joint: Joint, blend: BlendSurface, caps: CapParameters) -> ProposedSolid:
+def _rewrite_solid(joint: Joint, blend: BlendSurface, caps: CapStations) -> ProposedSolid:
     """Put a blend into the solid of a joint."""
     placement = place_blend(joint.solid, joint.spine, joint.sides, blend, joint.name_part)
     return blend_closed_edge(placement) if joint.spine.closed else blend_open_edge(placement, caps)

@@ -17,7 +17,7 @@ from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
-from cqblend.brep.shell_editing.face_edits import CapParameters
+from cqblend.brep.shell_editing.face_edits import CapStations
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -41,18 +41,18 @@ class EndPlan:
     """How a blend ends at t = 0 and t = 1, in flat caps at these t or naturally (None), and the range of its rails."""
 
     methods: tuple[EndMethod, EndMethod]
-    caps: CapParameters
-    domain: tuple[float, float]
+    cap_stations: CapStations
+    rail_range: tuple[float, float]
 
     @classmethod
-    def from_domain(cls, domain: tuple[float, float]) -> EndPlan:
+    def natural_at_both_ends(cls, domain: tuple[float, float]) -> EndPlan:
         """Return the plan of natural ends at both ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
     @property
     def coverage(self) -> float:
         """The share of the edge that is blended."""
-        first, last = self.caps
+        first, last = self.cap_stations
         return (1.0 if last is None else last) - (first or 0.0)
 
 
@@ -134,7 +134,7 @@ def plan_ends(joint: Joint, solve: ContactSolver, methods: tuple[EndMethod, EndM
 def record_ends(joint: Joint, plan: EndPlan, attempts: EndAttempts | None = None) -> tuple[EndRecord, ...]:
     """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for."""
     records = []
-    for end, (method, cap) in enumerate(zip(plan.methods, plan.caps, strict=True)):
+    for end, (method, cap) in enumerate(zip(plan.methods, plan.cap_stations, strict=True)):
         uncovered = 0.0 if cap is None else abs(end - cap) * joint.spine.length
         why = ""
         if method == "flat at the vertex" and attempts is not None:

@@ -25,7 +25,7 @@ class BlendPlacement:
 
     solid: TopoDS_Shape
     spine: EdgeSpine  # the blended edges
-    input_faces: tuple[TopoDS_Face, TopoDS_Face]  # the support faces, as in the solid
+    support_faces: tuple[TopoDS_Face, TopoDS_Face]  # the support faces, as in the solid
     sides: tuple[SupportFace, SupportFace]  # the support faces in whose parameters the rails are given
     realigned: tuple[RealignedSphere | None, RealignedSphere | None]  # which of these are spheres with a new axis
     blend: BlendSurface
@@ -79,7 +79,7 @@ def place_blend(
     return BlendPlacement(
         solid=solid,
         spine=spine,
-        input_faces=(sides[0].face, sides[1].face),
+        support_faces=(sides[0].face, sides[1].face),
         sides=(one, other),
         realigned=realigned,
         blend=blend,

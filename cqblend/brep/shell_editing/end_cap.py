@@ -29,7 +29,7 @@ from cqblend.brep.shell_editing.end_curve import (
     make_shared_edge,
     solve_end_curve,
 )
-from cqblend.brep.shell_editing.face_edits import BlendEnd, CapParameters, EdgeTrim
+from cqblend.brep.shell_editing.face_edits import BlendEnd, CapStations, EdgeTrim
 from cqblend.brep.shell_editing.neighbour_edges import project_to_edge
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
@@ -111,7 +111,7 @@ def end_in_cap(placement: BlendPlacement, end: int, t: float) -> BlendEnd:
         vertex,
         tuple(trims),
         cap_borders=(inner_borders[0], inner_borders[1]),
-        cap=face,
+        cap_face=face,
     )
 
 
@@ -201,7 +201,7 @@ def _make_cap_border(
 
 
 def make_edge_remainders(
-    placement: BlendPlacement, low: BlendEnd, high: BlendEnd, caps: CapParameters
+    placement: BlendPlacement, low: BlendEnd, high: BlendEnd, caps: CapStations
 ) -> Mapping[int, list[TopoDS_Edge]]:
     """Return what remains, before the first cap and after the last, of every edge that the blend replaces."""
     spine = placement.spine
@@ -218,8 +218,8 @@ def make_edge_remainders(
                 keeps_first_part = is_before_cap == (edge.Orientation() == orient_forward(edge).Orientation())
                 span, own = BRep_Tool.Range_s(edge), find_end_vertices(TopoDS.Edge_s(orient_forward(edge)))
                 pieces.append(
-                    make_trimmed_copy(edge, (own[0], end.vertex), (span[0], at))
+                    make_trimmed_copy(edge, (own[0], end.spine_vertex), (span[0], at))
                     if keeps_first_part
-                    else make_trimmed_copy(edge, (end.vertex, own[1]), (at, span[1]))
+                    else make_trimmed_copy(edge, (end.spine_vertex, own[1]), (at, span[1]))
                 )
     return remainders

@@ -25,7 +25,7 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 
-CapParameters = tuple[float | None, float | None]
+CapStations = tuple[float | None, float | None]
 """The t of the flat caps at both ends of an open blend, None for an end on the face across the edge."""
 
 
@@ -35,13 +35,13 @@ class FaceEdit:
 
     face: TopoDS_Face
     added_uses: tuple[TopoDS_Edge, ...] = ()  # new edges, oriented as in the FORWARD face
-    replaced_edges: Mapping[int, Sequence[TopoDS_Edge]] = field(default_factory=dict)
+    edge_pieces: Mapping[int, Sequence[TopoDS_Edge]] = field(default_factory=dict)
     """Number of an edge in the solid -> the FORWARD pieces that take its place, none if it goes."""
     replacement_face: TopoDS_Face | None = None  # FORWARD
 
 
 @dataclass(frozen=True)
-class RemovedEdges:
+class SpineRemoval:
     """What becomes of the blended edges."""
 
     remainders: Mapping[int, Sequence[TopoDS_Edge]]  # number of the edge -> FORWARD pieces of it beyond flat caps
@@ -52,38 +52,38 @@ class RemovedEdges:
 class EdgeTrim:
     """An edge of the input next to one ``end`` (0 or 1) of the blend, to be trimmed or extended to the blend's corner.
 
-    It loses what is between ``vertex``, its end at the blended edge, and ``corner``; or it is lengthened to there.
-    Where a flat cap stands on the edge, ``cap_border`` is the part between vertex and corner: then only the face
-    ``trimmed_face``, which ends at the rail, loses that part.
+    It loses what is between ``spine_vertex``, its end at the blended edge, and ``corner``; or it is lengthened to
+    there. Where a flat cap stands on the edge, ``cap_border`` is the part between vertex and corner: then only the face
+    ``face_without_border``, which ends at the rail, loses that part.
     """
 
     end: int
     edge: TopoDS_Edge
-    vertex: TopoDS_Vertex
+    spine_vertex: TopoDS_Vertex
     corner: TopoDS_Vertex
     faces: tuple[TopoDS_Face, TopoDS_Face]
     cap_border: TopoDS_Edge | None = None
-    trimmed_face: TopoDS_Face | None = None
+    face_without_border: TopoDS_Face | None = None
 
 
 @dataclass(frozen=True)
 class BlendEnd:
     """One end of an open blend: on the face across the edge, or in a flat cap.
 
-    ``edge`` is the edge of the end curve, in which the blend surface meets that face or cap: FORWARD from the corner on
-    rail 1 to that on rail 2, at the parameters ``rail_parameters`` of the rails. Where there is a ``cap``, its
-    ``cap_borders`` run inside each support face, FORWARD from the edge to the corner; none on a side where the cap
-    stands on an edge of the input.
+    ``end_edge`` is the edge of the end curve, in which the blend surface meets that face or cap: FORWARD from the
+    corner on rail 1 to that on rail 2, at the parameters ``rail_parameters`` of the rails. Where there is a
+    ``cap_face``, its ``cap_borders`` run inside each support face, FORWARD from the edge to the corner; none on a side
+    where the cap stands on an edge of the input.
     """
 
-    edge: TopoDS_Edge
+    end_edge: TopoDS_Edge
     corners: tuple[TopoDS_Vertex, TopoDS_Vertex]
     rail_parameters: tuple[float, float]
-    vertex: TopoDS_Vertex  # of the edge at this end: the input's, or a new one where a cap stands before it
+    spine_vertex: TopoDS_Vertex  # of the edge at this end: the input's, or a new one where a cap stands before it
     edge_trims: tuple[EdgeTrim, ...] = ()
     face_edits: tuple[FaceEdit, ...] = ()
     cap_borders: tuple[tuple[TopoDS_Edge, ...], tuple[TopoDS_Edge, ...]] = ((), ())
-    cap: TopoDS_Face | None = None
+    cap_face: TopoDS_Face | None = None
 
 
 def merge_face_edits(edits: Iterable[FaceEdit], face_index: ShapeIndex) -> dict[int, FaceEdit]:
@@ -95,7 +95,7 @@ def merge_face_edits(edits: Iterable[FaceEdit], face_index: ShapeIndex) -> dict[
         merged[number] = replace(
             before,
             added_uses=(*before.added_uses, *edit.added_uses),
-            replaced_edges={**before.replaced_edges, **edit.replaced_edges},
+            edge_pieces={**before.edge_pieces, **edit.edge_pieces},
             replacement_face=before.replacement_face if edit.replacement_face is None else edit.replacement_face,
         )
     return merged
@@ -116,11 +116,11 @@ def rebuild_face(edit: FaceEdit, edge_index: ShapeIndex) -> TopoDS_Face:
     loose = list(edit.added_uses)
     for wire in explore_subshapes(old, TopAbs_WIRE):
         uses = list(explore_subshapes(wire, TopAbs_EDGE))
-        if not any(edge_index.find_number(use) in edit.replaced_edges for use in uses):
+        if not any(edge_index.find_number(use) in edit.edge_pieces for use in uses):
             BUILDER.Add(face, wire)
             continue
         for use in uses:
-            pieces = edit.replaced_edges.get(edge_index.find_number(use))
+            pieces = edit.edge_pieces.get(edge_index.find_number(use))
             loose += [use] if pieces is None else [_orient_like(piece, use) for piece in pieces]
     for loop in trace_loops(loose, old):
         BUILDER.Add(face, make_closed_wire(loop))

@@ -55,9 +55,9 @@ def trim_neighbour_edges(placement: BlendPlacement, trims: Iterable[EdgeTrim]) -
             borders = [
                 trim.cap_border
                 for trim in edge_trims
-                if trim.cap_border is not None and not face.IsSame(trim.trimmed_face)
+                if trim.cap_border is not None and not face.IsSame(trim.face_without_border)
             ]
-            edits.append(FaceEdit(face, replaced_edges={number: [*pieces, *borders]}))
+            edits.append(FaceEdit(face, edge_pieces={number: [*pieces, *borders]}))
     return edits
 
 
@@ -66,7 +66,7 @@ def _trim_edge(edge: TopoDS_Edge, trims: Sequence[EdgeTrim], placement: BlendPla
     whole = BRep_Tool.Range_s(edge)
     span, vertices, extensions = list(whole), list(find_end_vertices(edge)), []
     for trim in trims:
-        which = 0 if vertices[0].IsSame(trim.vertex) else 1  # the end of the edge that is trimmed
+        which = 0 if vertices[0].IsSame(trim.spine_vertex) else 1  # the end of the edge that is trimmed
         try:
             parameter = _find_trim_parameter(edge, which, trim)
             if parameter is None:
@@ -132,10 +132,10 @@ def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:
     """Whether a corner lies past the end of an edge at the trim's vertex: it does at a vertex of mixed convexity."""
     point, rate = gp_Pnt(), gp_Vec()
     first, last = BRep_Tool.Range_s(edge)
-    starts = find_end_vertices(edge)[0].IsSame(trim.vertex)
+    starts = find_end_vertices(edge)[0].IsSame(trim.spine_vertex)
     BRep_Tool.Curve_s(edge, 0.0, 0.0).D1(first if starts else last, point, rate)
     away = np.array(rate.Coord()) * (1.0 if starts else -1.0)
-    return bool((locate_vertex(trim.corner) - locate_vertex(trim.vertex)) @ away < 0)
+    return bool((locate_vertex(trim.corner) - locate_vertex(trim.spine_vertex)) @ away < 0)
 
 
 def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float | None:
@@ -168,11 +168,11 @@ def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
 
     FORWARD in the sense of that edge, and it starts or stops exactly at that edge's vertex.
     """
-    start, stop = locate_vertex(trim.vertex), locate_vertex(trim.corner)
+    start, stop = locate_vertex(trim.spine_vertex), locate_vertex(trim.corner)
     first, second = (read_support_face(face, start[None]) for face in trim.faces)
     length = float(np.linalg.norm(stop - start))
     chord = (stop - start) / length
-    guesses = [find_vertex_uv(trim.vertex, side.face)[None] for side in (first, second)]
+    guesses = [find_vertex_uv(trim.spine_vertex, side.face)[None] for side in (first, second)]
 
     def solve_curve_points(s: Array) -> Array:
         """Return (u1, v1, u2, v2, x, y, z) on both surfaces at shares s (n,) of the chord."""
@@ -217,8 +217,8 @@ def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
         images = first.face_primary.jet(values[:, :2])[0], second.face_primary.jet(values[:, 2:4])[0]
         return float(max(np.abs(image - points).max() for image in images))
 
-    starts_at_vertex = find_end_vertices(TopoDS.Edge_s(orient_forward(trim.edge)))[0].IsSame(trim.vertex)
-    curve, pair = fit_solved_curve(offset_to_vertex, measure_error), (trim.vertex, trim.corner)
+    starts_at_vertex = find_end_vertices(TopoDS.Edge_s(orient_forward(trim.edge)))[0].IsSame(trim.spine_vertex)
+    curve, pair = fit_solved_curve(offset_to_vertex, measure_error), (trim.spine_vertex, trim.corner)
     if starts_at_vertex:
         curve, pair = curve.reverse(), pair[::-1]
     return make_shared_edge(curve, pair, first.face, second.face)

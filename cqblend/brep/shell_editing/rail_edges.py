@@ -16,7 +16,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.shell_editing.blend_placement import BlendPlacement
-from cqblend.brep.shell_editing.face_edits import FaceEdit, RemovedEdges
+from cqblend.brep.shell_editing.face_edits import FaceEdit, SpineRemoval
 from cqblend.brep.shell_editing.periodic_seam_cuts import SeamCrossings, cut_seams
 from cqblend.brep.shell_editing.realigned_spheres import make_realigned_face
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
@@ -40,7 +40,7 @@ class RailSpan:
 
 
 def trim_at_rail(
-    placement: BlendPlacement, i: int, part: RailSpan, removed: RemovedEdges
+    placement: BlendPlacement, i: int, part: RailSpan, removed: SpineRemoval
 ) -> tuple[list[TopoDS_Edge], FaceEdit]:
     """Make the edges of rail ``i`` (0 or 1), split at seams; return them and the edit that trims the support face.
 
@@ -49,7 +49,7 @@ def trim_at_rail(
     SizeError
         If the rail passes beyond the end of the face.
     """
-    side, sphere, face, span = placement.sides[i], placement.realigned[i], placement.input_faces[i], part.span
+    side, sphere, face, span = placement.sides[i], placement.realigned[i], placement.support_faces[i], part.span
     crossings = find_seam_crossings(placement, i)
     crossings = crossings[(crossings > span[0]) & (crossings < span[1])]
     stops = np.concatenate([span[:1], crossings, span[1:]]).tolist()

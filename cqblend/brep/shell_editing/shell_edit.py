@@ -26,9 +26,9 @@ from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_on_face import end_on_face
 from cqblend.brep.shell_editing.face_edits import (
     BlendEnd,
-    CapParameters,
+    CapStations,
     FaceEdit,
-    RemovedEdges,
+    SpineRemoval,
     merge_face_edits,
     rebuild_face,
 )
@@ -81,7 +81,7 @@ def blend_closed_edge(placement: BlendPlacement) -> ProposedSolid:
     low, high = placement.domain
     corners = [make_vertex(row(np.array([low]))[0]) for row in placement.rail_curves]
     numbers = [placement.edge_index.find_number(edge) for edge in placement.spine.edges]
-    removed = RemovedEdges(dict.fromkeys(numbers, ()), _list_spine_vertices(placement))
+    removed = SpineRemoval(dict.fromkeys(numbers, ()), _list_spine_vertices(placement))
     (first, first_edit), (second, second_edit) = (
         trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner)), removed)
         for i, corner in enumerate(corners)
@@ -93,7 +93,7 @@ def blend_closed_edge(placement: BlendPlacement) -> ProposedSolid:
     return _assemble_solid(placement, make_closed_wire(uses), (first, second), [first_edit, second_edit])
 
 
-def blend_open_edge(placement: BlendPlacement, caps: CapParameters = (None, None)) -> ProposedSolid:
+def blend_open_edge(placement: BlendPlacement, caps: CapStations = (None, None)) -> ProposedSolid:
     """Put a blend in the place of an open edge.
 
     It ends on the one other face at each of the edge's vertices, or in flat caps at the given t.
@@ -111,7 +111,7 @@ def blend_open_edge(placement: BlendPlacement, caps: CapParameters = (None, None
     needed = (min(low.rail_parameters), max(high.rail_parameters))
     if needed[0] < placement.domain[0] or needed[1] > placement.domain[1]:
         raise RailsTooShortError(needed)
-    removed = RemovedEdges(make_edge_remainders(placement, low, high, caps), _list_removed_vertices(placement, caps))
+    removed = SpineRemoval(make_edge_remainders(placement, low, high, caps), _list_removed_vertices(placement, caps))
     edits = [*low.face_edits, *high.face_edits]
     rails = []
     for i in (0, 1):
@@ -125,8 +125,8 @@ def blend_open_edge(placement: BlendPlacement, caps: CapParameters = (None, None
         rails.append(rail)
         edits.append(edit)
     edits += trim_neighbour_edges(placement, (*low.edge_trims, *high.edge_trims))
-    uses = [*rails[0], high.edge, *(reverse_edge(edge) for edge in reversed(rails[1])), reverse_edge(low.edge)]
-    cap_faces = [end.cap for end in (low, high) if end.cap is not None]
+    uses = [*rails[0], high.end_edge, *(reverse_edge(edge) for edge in reversed(rails[1])), reverse_edge(low.end_edge)]
+    cap_faces = [end.cap_face for end in (low, high) if end.cap_face is not None]
     return _assemble_solid(placement, make_closed_wire(uses), (rails[0], rails[1]), edits, cap_faces)
 
 
@@ -135,7 +135,7 @@ def _list_spine_vertices(placement: BlendPlacement) -> list[TopoDS_Vertex]:
     return [vertex for edge in placement.spine.edges for vertex in find_end_vertices(edge)]
 
 
-def _list_removed_vertices(placement: BlendPlacement, caps: CapParameters) -> list[TopoDS_Vertex]:
+def _list_removed_vertices(placement: BlendPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges but for those at an end with a flat cap."""
     kept = [vertex for vertex, cap in zip(placement.spine.vertices, caps, strict=True) if cap is not None]
     return [vertex for vertex in _list_spine_vertices(placement) if not any(vertex.IsSame(one) for one in kept)]
@@ -166,7 +166,7 @@ def _assemble_solid(
     }
     for number, face in rebuilt.items():
         face.Orientation(face_index[number].Orientation())
-    first, second = (rebuilt[face_index.find_number(face)] for face in placement.input_faces)
+    first, second = (rebuilt[face_index.find_number(face)] for face in placement.support_faces)
     for face, rail, ribbon in zip((first, second), rails, placement.blend.ribbons, strict=True):
         for edge in rail:
             BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[min(ribbon.order, 2)])
