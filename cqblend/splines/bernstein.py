@@ -17,6 +17,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cqblend.errors import GeometryError
+
 Array = NDArray[Any]
 
 EPSILON = float(np.finfo(float).eps)
@@ -37,7 +39,14 @@ def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) ->
         table = np.multiply.outer(table, np.array([comb(degree, i) for i in range(degree + 1)], dtype=object))
     table = np.asarray(table).reshape(*(degree + 1 for degree in degrees), *(1,) * trailing)
     if not exact:
-        table = table.astype(np.float64)
+        try:
+            table = table.astype(np.float64)
+        except OverflowError:
+            raise GeometryError(
+                f"a polynomial of degree {max(degrees)} is beyond floats, whose binomials end at degree 1029",
+                kind="degree",
+                value=float(max(degrees)),
+            ) from None
     table.setflags(write=False)
     return table
 

@@ -316,6 +316,12 @@ def test_every_option_makes_a_sound_pattern(name, options):
     assert strays(pattern, shape.wrapped, 1, np.random.default_rng(3)) <= tolerance + pattern.report.flat
 
 
+def test_pairings_of_a_degree_beyond_floats_are_none():
+    """Rails paired anew of degree above 128 have a twist of degree above 1029, whose binomials are no floats."""
+    with pytest.raises(InputError, match="developable has no effect"):
+        cqblend.unroll(model("pipe"), 10 * MODELS["pipe"][1], developable=True)
+
+
 def test_even_strips_share_the_error():
     bounds = [record.bound for record in cqblend.unroll(model("sphere"), 0.05, even=True).report.pieces]
     usual = [record.bound for record in unrolled("sphere").report.pieces]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from spline_oracles import bernstein_value, exact
 
+from cqblend.errors import GeometryError
 from cqblend.splines import bernstein
 
 POINTS = [Fraction(k, 97) for k in range(1, 97)]
@@ -132,3 +133,9 @@ def test_kernels_run_on_mpmath():
         got = bernstein.compose_patch(big(patch), 1 - big(u), big(u), 1 - big(u), big(u))
         error = max(abs(x - mpmath.mpf(y.numerator) / y.denominator) for x, y in zip(got.flat, truth.flat, strict=True))
         assert error < mpmath.mpf(10) ** -55
+
+
+def test_degrees_beyond_floats_are_told():
+    with pytest.raises(GeometryError, match="degree 1200 is beyond floats") as caught:
+        bernstein.multiply_polynomials(np.ones(601), np.ones(601))
+    assert (caught.value.kind, caught.value.value) == ("degree", 1200.0)

@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.patterns.strips.developability import RailPair, bound_twist, check_rails, classify_strip
 from cqblend.patterns.strips.tolerances import RULING_TOLERANCES
 from cqblend.splines import Curve, hermite
@@ -362,7 +362,13 @@ def _compose_pairing(condition: _TangentPlaneCondition, path: _Path) -> RulingPa
     )
     first, second = rails[0].compose(s), rails[1].compose(t)
     paired = first.cut(second.breaks), second.cut(first.breaks)
-    return RulingPairing(paired, (s, t), (float(r[0]), float(1 - r[-1])), bound_twist(paired))
+    try:
+        twist = bound_twist(paired)
+    except GeometryError as error:
+        if error.kind != "degree":
+            raise
+        return _refuse_pairing(f"the degree of its rails would be {paired[0].degree}, too high to bound its twist")
+    return RulingPairing(paired, (s, t), (float(r[0]), float(1 - r[-1])), twist)
 
 
 def _add_fans(curve: Curve, ends: tuple[_PathEnd, _PathEnd], name: str) -> Curve:
