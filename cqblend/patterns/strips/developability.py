@@ -126,17 +126,11 @@ def bound_twist(rails: RailPair) -> float:
     h1, h2 = (_velocity_numerator(row[:, :3], row[:, 3:]) for row in (first, second))
     line = rulings[:, :3]
     normal = _cross_product(h1 + h2, line) / 2
-    turning = (multiply_polynomials(_cross_product(h1, line), h2)).sum(axis=1, keepdims=True)
     square = _dot_product(normal, normal)
-    numerator, denominator = (
-        multiply_polynomials(_dot_product(line, line), multiply_polynomials(turning, turning)),
-        multiply_polynomials(square, square),
-    )
+    numerator, noise = _multiply_determinant(h1, line, h2, size)
+    denominator = multiply_polynomials(square, square)
     degree = max(len(numerator), len(denominator))
     numerator, denominator = (elevate_degree(f, degree - len(f))[:, 0] for f in (numerator, denominator))
-    # products of derivatives that are zero but for rounding
-    magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
-    noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
     return float(np.sqrt(_bound_ratio(numerator, denominator, noise)))
 
 
@@ -174,16 +168,22 @@ def bound_normal_turn(rails: RailPair) -> float:
     if not moves.any():
         return 0.0
     h1, h2, line = h1[..., moves], h2[..., moves], line[..., moves]
+    numerator, noise = _multiply_determinant(h1, line, h2, size)
+    denominator = _dot_product(_cross_product(h1, line), _cross_product(h2, line))
+    square = _bound_squared_ratio(numerator[:, 0], denominator[:, 0], noise)
+    return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
+
+
+def _multiply_determinant(h1: Array, line: Array, h2: Array, size: float) -> tuple[Array, float]:
+    r"""Return :math:`|D|^2 \det(C_1', D, C_2')^2`, and its rounding error where it is zero but for rounding.
+
+    Numerators (p + 1, 3, n) of the velocities C_1' and C_2' and of the rulings D, and the ``size`` of the strip; the
+    product is (q + 1, 1, n).
+    """
     determinant = multiply_polynomials(_cross_product(h1, line), h2).sum(axis=1, keepdims=True)
-    numerator = _dot_product(line, line)
-    numerator, denominator = (
-        multiply_polynomials(numerator, multiply_polynomials(determinant, determinant))[:, 0],
-        _dot_product(_cross_product(h1, line), _cross_product(h2, line))[:, 0],
-    )
     magnitudes = [float(np.abs(f).max()) for f in (h1, line, h2)]
     noise = float(64 * EPSILON * size * magnitudes[0] * magnitudes[1] * magnitudes[2]) ** 2
-    square = _bound_squared_ratio(numerator, denominator, noise)
-    return float(np.arctan(np.sqrt(square))) if np.isfinite(square) else np.inf
+    return multiply_polynomials(_dot_product(line, line), multiply_polynomials(determinant, determinant)), noise
 
 
 def _bound_squared_ratio(numerator: Array, denominator: Array, noise: float) -> float:
