@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
+from cqblend.brep.topology import drop_duplicate_shapes
 from cqblend.errors import InputError, reason, shown, with_article
 
 if TYPE_CHECKING:
@@ -73,10 +74,7 @@ def collect_edges(things: Any) -> "list[TopoDS_Edge]":
     InputError
         There is none, or something else among them.
     """
-    edges: list[TopoDS_Edge] = []
-    for edge in _iterate_edges(things):
-        if not any(edge.IsSame(other) for other in edges):
-            edges.append(edge)
+    edges: list[TopoDS_Edge] = drop_duplicate_shapes(_iterate_edges(things))
     if not edges:
         raise InputError("edges is empty: select at least one edge")
     return edges

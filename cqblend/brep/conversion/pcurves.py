@@ -22,7 +22,7 @@ from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.pcurve_fit import CHECKED_SHARES, interpolate_jets
 from cqblend.brep.conversion.spline_conversion import ConicArcs, ParameterMap, to_surface_with_map
 from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
-from cqblend.brep.topology import explore_subshapes
+from cqblend.brep.topology import explore_subshapes, is_among
 from cqblend.errors import GeometryError, InputError, SelectionError, UnsupportedError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -54,7 +54,7 @@ def read_edge_pcurve(face: TopoDS_Face, edge: TopoDS_Edge) -> Curve:
     UnsupportedError
         If the pcurve is an offset curve.
     """
-    if not any(use.IsSame(edge) for use in explore_subshapes(face, TopAbs_EDGE)):
+    if not is_among(edge, explore_subshapes(face, TopAbs_EDGE)):
         raise SelectionError("the edge is not one of the face's: take it from the face, or project it")
     plane = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
     if plane is None:

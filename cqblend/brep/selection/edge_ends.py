@@ -21,6 +21,7 @@ from cqblend.brep.topology import (
     find_end_vertices,
     find_outgoing_tangent,
     find_seam_edges,
+    is_among,
     locate_vertex,
     orient_forward,
 )
@@ -34,7 +35,7 @@ SAME_DIRECTION = 0.15
 def find_neighbour_faces(solid: TopoDS_Shape, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
     """Return the faces at a vertex of the blended edge that are none of its two sides."""
     faces = AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE)(vertex)
-    return [face for face in faces if not any(face.IsSame(side.face) for side in sides)]
+    return [face for face in faces if not is_among(face, [side.face for side in sides])]
 
 
 def find_end_face(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
@@ -68,10 +69,10 @@ def find_edge_in_plane(
     """
     start = locate_vertex(vertex)
     for edge in drop_duplicate_shapes(orient_forward(use) for use in explore_subshapes(face, TopAbs_EDGE)):
-        if BRep_Tool.Degenerated_s(edge) or any(edge.IsSame(one) for one in (*blended, *find_seam_edges(face))):
+        if BRep_Tool.Degenerated_s(edge) or is_among(edge, (*blended, *find_seam_edges(face))):
             continue
         own = find_end_vertices(edge)
-        if own[0].IsSame(own[1]) or not any(vertex.IsSame(end) for end in own):
+        if own[0].IsSame(own[1]) or not is_among(vertex, own):
             continue
         curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
         slack = 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)

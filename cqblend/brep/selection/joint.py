@@ -37,16 +37,9 @@ from cqblend.brep.topology import (
     is_among,
     locate_vertex,
 )
-from cqblend.certificate import SkippedKind
 from cqblend.errors import SelectionError, TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-
-
-class NothingToBlendError(SelectionError):
-    """There is nothing to blend at an edge; ``kind`` tells why: it is smooth already, a seam, or degenerate."""
-
-    kind: SkippedKind
 
 
 @dataclass(frozen=True)
@@ -210,10 +203,9 @@ def find_joint(
 
     Raises
     ------
-    NothingToBlendError
-        If there is nothing to blend at the edge: it is degenerate, a seam, or smooth all along.
     SelectionError
-        If it is no sharp joint of two faces of a closed solid for another reason.
+        If there is nothing to blend at the edge, and ``kind`` tells why: ``"degenerate"``, ``"seam"`` or ``"smooth"``.
+        Or, without a kind, if it is for another reason no sharp joint of two faces of a closed solid.
     """
     name, edge = f"edge {edge_number}", edges[0]
     solids = [
@@ -226,9 +218,9 @@ def find_joint(
     faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
     pair = faces_at(edge)
     if BRep_Tool.Degenerated_s(edge):
-        raise NothingToBlendError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
+        raise SelectionError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
     if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
-        raise NothingToBlendError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
+        raise SelectionError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     if len(pair) != 2:
         raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
     pair.sort(key=ShapeIndex(solid, TopAbs_FACE).find_number, reverse=swap)
@@ -289,7 +281,7 @@ def _check_sharp(joint: Joint, name: str) -> None:
     )
     angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
     if angle.max() < SELECT_TOLERANCES.smooth_angle:
-        raise NothingToBlendError(
+        raise SelectionError(
             f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
             kind="smooth",
             value=float(angle.max()),

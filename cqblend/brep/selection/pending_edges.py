@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast, get_args
 
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
@@ -11,11 +12,11 @@ from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.brep.selection.joint import Joint, NothingToBlendError, find_joint
+from cqblend.brep.selection.joint import Joint, find_joint
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import UnifiedSolid
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices, is_among
-from cqblend.certificate import SkippedEdge
+from cqblend.certificate import SkippedEdge, SkippedKind
 from cqblend.errors import InputError, SelectionError, UnsupportedError
 from cqblend.splines.bernstein import Array
 
@@ -61,8 +62,10 @@ class PendingEdges:
             for number in tuple(self._waiting):
                 try:
                     self._find_oriented_joint(shape, [self._edge_index[number]], number)
-                except NothingToBlendError as error:
-                    skipped.append(SkippedEdge(number, error.kind, str(error)))
+                except SelectionError as error:
+                    if error.kind not in get_args(SkippedKind):
+                        raise
+                    skipped.append(SkippedEdge(number, cast(SkippedKind, error.kind), str(error)))
                     self._waiting.remove(number)
             if not self._waiting:
                 raise SelectionError("; ".join(one.message for one in skipped))

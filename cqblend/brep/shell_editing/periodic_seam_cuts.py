@@ -19,6 +19,7 @@ from cqblend.brep.topology import (
     explore_subshapes,
     find_end_vertices,
     find_seam_edges,
+    is_among,
     make_trimmed_copy,
     orient_forward,
     raise_vertex_tolerance,
@@ -63,7 +64,7 @@ def cut_seams(
         marks = _mark_crossings(edge, crossings)
         start, end = find_end_vertices(edge)
         if not marks:
-            touching = [vertex for vertex in (start, end) if any(vertex.IsSame(other) for other in removed)]
+            touching = [vertex for vertex in (start, end) if is_among(vertex, removed)]
             if len(touching) == 1:
                 raise SizeError("the rail passes beyond the end of the face: the size is too large", kind="too large")
             if len(touching) == 2:
@@ -80,7 +81,7 @@ def cut_seams(
             elif high - low > SHELL_EDIT_TOLERANCES.rail_end_at_seam * (last - first):
                 pieces[number].append(make_trimmed_copy(edge, (one, other), (low, high)))
     for use in explore_subshapes(orient_forward(face), TopAbs_EDGE):  # poles that lost their seam
-        if BRep_Tool.Degenerated_s(use) and any(find_end_vertices(use)[0].IsSame(vertex) for vertex in dropped):
+        if BRep_Tool.Degenerated_s(use) and is_among(find_end_vertices(use)[0], dropped):
             pieces[edge_index.find_number(use)] = []
     return pieces
 

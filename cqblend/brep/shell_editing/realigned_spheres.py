@@ -28,6 +28,7 @@ from cqblend.brep.topology import (
     explore_subshapes,
     find_end_vertices,
     find_seam_edges,
+    is_among,
     locate_vertex,
     make_bare_face,
     make_closed_wire,
@@ -63,7 +64,7 @@ def realign_sphere(side: SupportFace, rail: Ribbon, blended: Sequence[TopoDS_Edg
         return None
     own = [*find_seam_edges(side.face), *blended]
     for use in explore_subshapes(side.face, TopAbs_EDGE):
-        if not BRep_Tool.Degenerated_s(use) and not any(use.IsSame(edge) for edge in own):
+        if not BRep_Tool.Degenerated_s(use) and not is_among(use, own):
             return None
     t = np.linspace(*rail.c.domain, 129)
     longitudes = np.unwrap(sphere.unlift_points(rail.c(t), np.zeros((len(t), 2)))[:, 0])

@@ -38,6 +38,7 @@ from cqblend.brep.topology import (
     BUILDER,
     attach_pcurves,
     find_end_vertices,
+    is_among,
     make_closed_wire,
     make_edge,
     make_vertex,
@@ -138,7 +139,7 @@ def _list_spine_vertices(placement: BlendPlacement) -> list[TopoDS_Vertex]:
 def _list_removed_vertices(placement: BlendPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges but for those at an end with a flat cap."""
     kept = [vertex for vertex, cap in zip(placement.spine.vertices, caps, strict=True) if cap is not None]
-    return [vertex for vertex in _list_spine_vertices(placement) if not any(vertex.IsSame(one) for one in kept)]
+    return [vertex for vertex in _list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
 def _build_end(placement: BlendPlacement, end: int, cap: float | None) -> BlendEnd:
