@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import wrapt
 
 from cqblend import cadquery_plugin, errors, installation_check
-from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
+from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdges
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ __all__ = [
     "Rail",
     "RailRecord",
     "Relation",
-    "SkippedEdge",
+    "SkippedEdges",
     "Surface",
     "Verification",
     "__version__",
