@@ -18,10 +18,12 @@ from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.spline_conversion import to_face
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.edge_continuity import measure_continuity_between, measure_surface_contact
-from cqblend.brep.measurement.edge_parameters import find_knot_crossings, spread_samples
+from cqblend.brep.measurement.edge_parameters import spread_samples
 from cqblend.brep.measurement.edge_samples import sample_outline
 from cqblend.brep.measurement.inner_creases import find_inner_crease
+from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.shell_edit import ProposedSolid
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
@@ -91,7 +93,8 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
         other = spline_arrays.surface_from_arrays(*surface.to_bspline())
-        breaks = [blend.surface.breaks[0], curve.breaks, find_knot_crossings(curve, *curve.domain, other)]
+        crossings = find_knot_crossings(curve, *curve.domain, SurfaceEvaluator(other))
+        breaks = [blend.surface.breaks[0], curve.breaks, crossings]
         t = spread_samples(np.unique(np.concatenate(breaks)), VERIFICATION_TOLERANCES.surface_certificate_samples)
         t = t[_is_not_faded(ribbon, t)]
         gap, angle, jump = measure_surface_contact(
