@@ -86,7 +86,9 @@ class CurveEvaluator:
         return self._formula is not None
 
     def __call__(self, ts: Array, order: int = 0) -> Array:
-        """Return the points and the derivatives up to an order of at most 2, (order + 1, n, d), at parameters (n,).
+        """Return the points and the derivatives up to an order of at most 2, (order + 1, d, n), at parameters (n,).
+
+        Coordinates come before samples, as NumPy works through such arrays fastest.
 
         Raises
         ------
@@ -95,14 +97,14 @@ class CurveEvaluator:
         """
         if self._formula is None or len(ts) < MEASURE_TOLERANCES.fewest_in_bulk:
             return self.evaluate_by_occt(ts, order)
-        found = self._formula(ts, order).transpose(0, 2, 1)
-        if not self._witnessed.covers(ts[:, None]):
+        found = self._formula(ts, order)
+        if not self._witnessed.covers(ts[None]):
             at = self._witnessed.choose_witnesses(len(ts))
             witnessed = self.evaluate_by_occt(ts[at], order)
-            if not _agrees(found[:, at], witnessed):
+            if not _agrees(found[..., at], witnessed):
                 self._formula = None
                 return self.evaluate_by_occt(ts, order)
-            self._witnessed.extend(ts[:, None])
+            self._witnessed.extend(ts[None])
         return found
 
     def evaluate_by_occt(self, ts: Array, order: int = 0) -> Array:
@@ -125,11 +127,11 @@ class CurveEvaluator:
                 raise GeometryError(f"OCCT cannot evaluate a curve at t = {t:.9g}") from error
             for read in readers:
                 flat += read()
-        return np.array(flat).reshape(-1, order + 1, self.dimension).transpose(1, 0, 2)
+        return np.array(flat).reshape(-1, order + 1, self.dimension).transpose(1, 2, 0)
 
 
 def _agrees(found: Array, witnessed: Array) -> bool:
-    """Whether points and derivatives (order + 1, n, d) are those of OCCT, but for rounding."""
+    """Whether points and derivatives (order + 1, d, n) are those of OCCT, but for rounding."""
     allowed = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
     allowed[0] *= MEASURE_TOLERANCES.witness_position
     allowed[1:] *= MEASURE_TOLERANCES.witness_derivative
@@ -157,7 +159,7 @@ def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
         found = basis.combine(columns.take(basis.poles, axis=1))
         return np.stack(found if weights is None else divide_by_weights(found))
 
-    return np.unique(knots), evaluate_spline
+    return knots[np.flatnonzero(np.diff(knots, prepend=-np.inf))], evaluate_spline
 
 
 def _read_line(line: Geom_Line | Geom2d_Line) -> CurveFormula:

@@ -76,19 +76,19 @@ class SurfaceEvaluator:
         return self._formula is not None
 
     def __call__(self, uv: Array, order: Order) -> Array:
-        """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, n, 3), at parameters (n, 2).
+        """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, 3, n), at parameters (2, n).
 
         Raises
         ------
         GeometryError
             If OCCT cannot evaluate the surface.
         """
-        if self._formula is None or len(uv) < MEASURE_TOLERANCES.fewest_in_bulk:
+        if self._formula is None or uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk:
             return self.evaluate_by_occt(uv, order)
-        found = np.stack(self._formula(uv[:, 0], uv[:, 1], order)).transpose(0, 2, 1)
+        found = np.stack(self._formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
-            at = self._witnessed.choose_witnesses(len(uv))
-            if not _agrees(found[:, at], self.evaluate_by_occt(uv[at], order)):
+            at = self._witnessed.choose_witnesses(uv.shape[1])
+            if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
                 self._formula = None
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
@@ -106,18 +106,18 @@ class SurfaceEvaluator:
         point, vectors = gp_Pnt(), [gp_Vec() for _ in range(_JET_COUNTS[order] - 1)]
         readers = [point.Coord, *(vector.Coord for vector in vectors)]
         flat: list[float] = []
-        for u, v in uv.tolist():
+        for u, v in uv.T.tolist():
             try:
                 evaluate(u, v, point, *vectors)
             except EVALUATION_FAILURES as error:
                 raise GeometryError(f"OCCT cannot differentiate the surface at (u, v) = ({u:.9g}, {v:.9g})") from error
             for read in readers:
                 flat += read()
-        return np.array(flat).reshape(-1, len(readers), 3).transpose(1, 0, 2)
+        return np.array(flat).reshape(-1, len(readers), 3).transpose(1, 2, 0)
 
 
 def _agrees(found: Array, witnessed: Array) -> bool:
-    """Whether jets (1, 3 or 6, n, 3) are those of OCCT, but for rounding.
+    """Whether jets (1, 3 or 6, 3, n) are those of OCCT, but for rounding.
 
     What is allowed of a derivative is relative to the largest of its order; a second one may vanish, and counts then
     beside the curvature of a surface as large as its coordinates.
@@ -159,38 +159,30 @@ class SplineSurface:
 
         Along an isoparameter the poles are first reduced to those of the curves of points and cross derivatives.
         """
-        bases = []
-        for k, t in enumerate((u, v)):
-            low, high = self.knots[k][0], self.knots[k][-1]
-            if self.is_periodic[k]:
-                t = t - np.floor((t - low) / (high - low)) * (high - low)
-            is_constant = bool((t == t[0]).all())
-            bases.append(evaluate_basis(self.knots[k], self.degrees[k], t[:1] if is_constant else t, order))
-        along_u, along_v = bases
+        along_u, along_v = (self._evaluate_basis(axis, t, order) for axis, t in enumerate((u, v)))
         table = self._columns.reshape(-1, *self._shape)
-        rows: list[Array]  # for each order across v: the poles in u that count at each sample, (d, p + 1, n)
         if along_v.poles.shape[1] == 1:
-            block = table[:, :, along_v.poles[:, 0]][..., None]
-            rows = [curve[..., 0].take(along_u.poles, axis=1) for curve in along_v.combine(block)]
-        elif along_u.poles.shape[1] == 1:
-            return self._order_jets(self._reduce_columns(table, along_u, along_v))
-        else:
-            index = along_u.poles[:, None] * self._shape[1] + along_v.poles[None]
-            rows = along_v.combine(self._columns.take(index, axis=1))
-        mixed = [along_u.combine(row) for row in rows]  # [j][i]: differentiated i times by u and j times by v
-        return self._order_jets({(i, j): mixed[j][i] for j in range(order + 1) for i in range(order + 1 - j)})
+            curves = along_v.combine(table[:, :, along_v.poles[:, 0], None])
+            mixed = [along_u.combine(curve[..., 0].take(along_u.poles, axis=1)) for curve in curves]
+            return self._order_jets(lambda i, j: mixed[j][i], order)
+        if along_u.poles.shape[1] == 1:
+            curves = along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None])
+            mixed = [along_v.combine(curve[..., 0].take(along_v.poles, axis=1)) for curve in curves]
+            return self._order_jets(lambda i, j: mixed[i][j], order)
+        picked = self._columns.take(along_u.poles[:, None] * self._shape[1] + along_v.poles, axis=1)
+        mixed = [along_u.combine(row) for row in along_v.combine(picked)]
+        return self._order_jets(lambda i, j: mixed[j][i], order)
 
-    def _reduce_columns(self, table: Array, along_u: LocalBasis, along_v: LocalBasis) -> dict[tuple[int, int], Array]:
-        """Return the homogeneous derivatives along an isoparameter of constant u, by their orders in u and v."""
-        block = table[:, along_u.poles[:, 0]].transpose(0, 2, 1)[..., None]
-        curves = [curve[..., 0].take(along_v.poles, axis=1) for curve in along_u.combine(block)]
-        order = len(curves) - 1
-        found = [along_v.combine(curve) for curve in curves]
-        return {(i, j): found[i][j] for i in range(order + 1) for j in range(order + 1 - i)}
+    def _evaluate_basis(self, axis: int, t: Array, order: Order) -> LocalBasis:
+        """Return the basis in one direction at parameters (n,), at one of them if they are all the same."""
+        knots = self.knots[axis]
+        if self.is_periodic[axis]:
+            t = t - np.floor((t - knots[0]) / (knots[-1] - knots[0])) * (knots[-1] - knots[0])
+        return evaluate_basis(knots, self.degrees[axis], t[:1] if (t == t[0]).all() else t, order)
 
-    def _order_jets(self, found: dict[tuple[int, int], Array]) -> list[Array]:
+    def _order_jets(self, get_derivative: Callable[[int, int], Array], order: Order) -> list[Array]:
         """Return the jets in their order, of homogeneous coordinates divided by their weights."""
-        jets = [found[orders] for orders in _ORDERS_IN_U_AND_V if orders in found]
+        jets = [get_derivative(i, j) for i, j in _ORDERS_IN_U_AND_V[: _JET_COUNTS[order]]]
         if not self._is_rational:
             return jets
         weight, parts = [jet[-1] for jet in jets], [jet[:-1] for jet in jets]
@@ -218,8 +210,8 @@ def _find_formula(surface: Geom_Surface) -> SurfaceFormula | None:
 
         def locate_meridian(v: Array, order: Order) -> Array:
             found = curve(v, order).copy()
-            found[0] -= origin
-            return np.asarray((found @ axes.T).transpose(0, 2, 1))
+            found[0] -= origin[:, None]
+            return np.asarray(axes @ found)
 
         return _make_revolution_formula(frame, locate_meridian)
     profile = _find_profile(surface)
@@ -250,7 +242,7 @@ def _read_extrusion(surface: Geom_SurfaceOfLinearExtrusion) -> SurfaceFormula:
     direction = np.array(surface.Direction().Coord())[:, None]
 
     def evaluate_extrusion(u: Array, v: Array, order: Order) -> list[Array]:
-        found = curve(u, order).transpose(0, 2, 1)
+        found = curve(u, order)
         zero = np.zeros((3, len(u)))
         jets = [found[0] + direction * v, *found[1:2], direction + zero, *found[2:], zero, zero]
         return jets[: _JET_COUNTS[order]]

@@ -4,7 +4,7 @@ The difference of two surfaces along a common curve is smooth between the knots 
 any span, however short, may hold the largest one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -38,20 +38,27 @@ def spread_samples(breaks: Array, count: int) -> Array:
 
 
 def resample_near_maxima(
-    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...]
+    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...], rounding: Sequence[float]
 ) -> tuple[Array, list[Array]]:
     """Measure again, more densely, around the largest values; return all parameters and values, old and new.
 
-    ``values`` is one array (n,) for each quantity that ``measure`` returns, at parameters ts (n,). Spans beside a
-    sample that is not finite are left out: towards a degenerate point, rounding grows without limit. Every twentieth
-    old sample is measured again with the new ones, as normals are judged degenerate beside the others of a call.
+    ``values`` is one array (n,) for each quantity that ``measure`` returns, at parameters ts (n,); ``rounding`` is one
+    number for each, below which it is rounding only. Where that is so, or a value is that of its neighbours, nothing
+    larger is to be found in between. Spans beside a sample that is not finite are left out: towards a degenerate point,
+    rounding grows without limit. Every twentieth old sample is measured again with the new ones, as normals are judged
+    degenerate beside the others of a call.
     """
-    rows = np.stack(values)
+    rows, limits = np.stack(values), np.array(rounding)[:, None]
     for _ in range(MEASURE_TOLERANCES.resampling_rounds):
-        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -MEASURE_TOLERANCES.worst_count :].ravel()
-        is_finite = np.asarray(np.isfinite(rows).all(axis=0))
+        worst = np.argsort(np.nan_to_num(rows, nan=-1.0), axis=1)[:, -MEASURE_TOLERANCES.worst_count :]
         before, after = np.maximum(worst - 1, 0), np.minimum(worst + 1, len(ts) - 1)
-        usable = is_finite[before] & is_finite[after]
+        is_finite = np.isfinite(rows).all(axis=0)
+        at, lower = (np.take_along_axis(rows, index, axis=1) for index in (worst, before))
+        lower = np.minimum(lower, np.take_along_axis(rows, after, axis=1))
+        usable = is_finite[before] & is_finite[after] & (at > limits)
+        usable &= at - lower > MEASURE_TOLERANCES.level_value * at
+        if not usable.any():
+            break
         low, high = ts[before][usable], ts[after][usable]
         fine = np.unique(np.concatenate([(low + SPAN_SHARES[:, None] * (high - low)).ravel(), ts[::20]]))
         ts, index = np.unique(np.concatenate([ts, fine]), return_index=True)

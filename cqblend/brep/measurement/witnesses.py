@@ -40,13 +40,13 @@ class WitnessedRange:
         self._high: Array | float = -np.inf
 
     def covers(self, parameters: Array) -> bool:
-        """Whether all parameters (n, d) are inside."""
-        return bool((parameters.min(axis=0) >= self._low).all() and (parameters.max(axis=0) <= self._high).all())
+        """Whether all parameters (d, n) are inside."""
+        return bool((parameters.min(axis=1) >= self._low).all() and (parameters.max(axis=1) <= self._high).all())
 
     def extend(self, parameters: Array) -> None:
-        """Take in parameters (n, d), some of which OCCT has evaluated."""
-        self._low = np.minimum(self._low, parameters.min(axis=0))
-        self._high = np.maximum(self._high, parameters.max(axis=0))
+        """Take in parameters (d, n), some of which OCCT has evaluated."""
+        self._low = np.minimum(self._low, parameters.min(axis=1))
+        self._high = np.maximum(self._high, parameters.max(axis=1))
 
     @staticmethod
     def choose_witnesses(count: int) -> NDArray[np.intp]:

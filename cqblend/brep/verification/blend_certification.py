@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 from OCP.BRep import BRep_Tool
+from OCP.TopoDS import TopoDS_Face
 
 from cqblend.blends.quality.fairness import bending_energy
 from cqblend.blends.quality.smoothness_proof import prove_blend
@@ -43,19 +44,22 @@ class _Measurements:
     valid: bool = True
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
     pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
-    outline: Array | None = None  # boundary of the blend face in its parameter plane; None: the whole domain
+    outlined_face: TopoDS_Face | None = None  # the blend's face, if its boundary cuts off some of the blend
 
 
 def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) -> Certificate:
     """Measure a solid that has been verified: along the rail edges of its blend face, and inside that face."""
     records = []
+    blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(proposal.blend_face))
     for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rail_edges, strict=True)):
         is_held = partial(_is_not_faded, rail) if rail.fades else None
+        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(proposal.trimmed_faces[i])))
         found = [
             measure_continuity_between(
                 ((proposal.blend_face, edge), (proposal.trimmed_faces[i], edge)),
                 VERIFICATION_TOLERANCES.certificate_samples,
                 is_held,
+                surfaces,
             )
             for edge in edges
         ]
@@ -77,12 +81,12 @@ def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) ->
     pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
     measured = _Measurements(
         records,
-        inner_crease=find_inner_crease(proposal.blend_face).angle,
+        inner_crease=find_inner_crease(proposal.blend_face, surface=blend_surface).angle,
         pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
         method="wire substitution" + (", flat ends" if proposal.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=proposal.tolerance,
-        outline=None if joint.spine.closed else sample_outline(proposal.blend_face),
+        outlined_face=None if joint.spine.closed else proposal.blend_face,
     )
     return _build_certificate(blend, measured)
 
@@ -93,7 +97,7 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
         other = spline_arrays.surface_from_arrays(*surface.to_bspline())
-        crossings = find_knot_crossings(curve, *curve.domain, SurfaceEvaluator(other))
+        crossings = find_knot_crossings(partial(_evaluate_transposed, curve), *curve.domain, SurfaceEvaluator(other))
         breaks = [blend.surface.breaks[0], curve.breaks, crossings]
         t = spread_samples(np.unique(np.concatenate(breaks)), VERIFICATION_TOLERANCES.surface_certificate_samples)
         t = t[_is_not_faded(ribbon, t)]
@@ -116,8 +120,13 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
 
 
 def _evaluate_rail_parameters(curve: Curve, boundary: int, t: Array) -> tuple[Array, Array]:
-    """Return the parameters (n, 2) of a rail on the blend, at v = ``boundary`` (0 or 1), and on its surface."""
-    return np.stack([t, np.full_like(t, boundary)], -1), curve(t)
+    """Return the parameters (2, n) of a rail on the blend, at v = ``boundary`` (0 or 1), and on its surface."""
+    return np.stack([t, np.full_like(t, boundary)]), _evaluate_transposed(curve, t)
+
+
+def _evaluate_transposed(curve: Curve, t: Array) -> Array:
+    """Return the points of a curve with their coordinates along the first axis."""
+    return np.asarray(curve(t).T)
 
 
 def _is_not_faded(ribbon: Ribbon, t: Array) -> Array:
@@ -136,11 +145,17 @@ def _measure_faded_share(ribbon: Ribbon) -> float:
     )
 
 
+def _measure_bending_energy(surface: Surface, face: TopoDS_Face | None) -> float:
+    """Return the bending energy of a blend within the boundary of its face, or over its whole domain."""
+    return bending_energy(surface, None if face is None else sample_outline(face))
+
+
 def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certificate:
     """Return the certificate of a measured blend; its proof and its bending energy are computed when asked for."""
     surface = blend.surface
     t = np.linspace(*surface.domain[0], 65)
-    widths = np.linalg.norm(surface(t, np.ones(65)) - surface(t, np.zeros(65)), axis=1)
+    ends = surface(np.concatenate((t, t)), np.repeat((0.0, 1.0), len(t)))
+    widths = np.linalg.norm(ends[: len(t)] - ends[len(t) :], axis=1)
     _, _, poles, weights = surface.to_bspline()
     return Certificate(
         rails=tuple(measured.rails),
@@ -156,5 +171,5 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         edge_tolerance=measured.edge_tolerance,
         residual=blend.residual,
         proofs=(partial(prove_blend, blend, measured.pcurve_errors),),
-        energies=(partial(bending_energy, surface, measured.outline),),
+        energies=(partial(_measure_bending_energy, surface, measured.outlined_face),),
     )
