@@ -15,8 +15,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, KeptEdge, NewEdge, PlannedEdge, PlannedVertex
 from cqblend.brep.conversion.support_face import read_support_face
+from cqblend.brep.measurement.curve_deviation import measure_curve_deviation
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.edge_tolerance import measure_deviation
 from cqblend.brep.shell_editing.end_curve import BlendEndError, fit_solved_curve, plan_shared_edge
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.topology import (
@@ -146,7 +146,7 @@ def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, fl
 def _compute_corner_tolerance(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
     """Return how far a point of both faces may be from their edge (mm), given how far the edge itself is from them."""
     deviations = (
-        measure_deviation(use, face)
+        measure_curve_deviation(use, face)
         for face in faces
         for use in explore_subshapes(face, TopAbs_EDGE)
         if use.IsSame(edge)
@@ -187,7 +187,7 @@ def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> 
     if not within or not span[0] < span[1] or (first <= at <= last):
         return None
     longer = make_trimmed_copy(edge, find_end_vertices(edge), span)
-    deviation = max(project.LowerDistance(), *(measure_deviation(longer, face) for face in trim.faces))
+    deviation = max(project.LowerDistance(), *(measure_curve_deviation(longer, face) for face in trim.faces))
     reaches = deviation <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
     return (at, project.LowerDistance()) if reaches else None
 
