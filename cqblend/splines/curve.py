@@ -294,7 +294,7 @@ class Curve(Spline):
         if parameter.dim != 1:
             raise InputError(f"the parameter of a curve has dim 1, not {parameter.dim}")
         cut, index, continuity = cut_at_knot_lines(parameter, self._breaks, self._continuity)
-        alpha, beta = to_barycentric(cut, 0, self.breaks, index[0])
+        alpha, beta = to_barycentric(cut, self._breaks, index)
         rational = self._rational or parameter._rational
         frame = self._to_rational() if rational else self
         coefs = bernstein.compose_curve(frame._coefs[..., index[0]], alpha, beta)

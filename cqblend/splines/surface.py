@@ -4,7 +4,7 @@ Primary surfaces, ribbons and blends are surfaces of this class. Depends on NumP
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -430,10 +430,9 @@ class Surface(Spline):
             If the curve's dim is not 2.
         """
         cut, index, continuity = self._cut_at_knot_lines(curve)
-        functions: list[Any] = []
-        for axis in (0, 1):
-            functions += to_barycentric(cut, axis, self._breaks[axis], index[axis])
         rational = self._rational or curve.rational
         frame = self._to_rational() if rational else self
-        coefs = bernstein.compose_patch(frame._coefs[..., index[0], index[1]], *functions)
+        shape = frame._coefs.shape
+        patches = frame._coefs.reshape(*shape[:3], -1).take(index[0] * shape[4] + index[1], axis=-1)
+        coefs = bernstein.compose_patch(patches, *to_barycentric(cut, self._breaks, index))
         return Curve._from_pieces(cut._breaks, coefs, rational, (continuity,))
