@@ -29,7 +29,7 @@ PowerSeries: TypeAlias = Sequence[Array]
 
 
 @lru_cache(maxsize=512)
-def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
+def tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
     """Tensor of products of binomials C(p1, i1) C(p2, i2) ..; cached, read-only.
 
     `trailing` axes of length one are appended; `exact` gives Python integers in place of float64.
@@ -54,7 +54,7 @@ def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) ->
 def _binomial_weights(coefs: Array, degree_axes: int = 1) -> Array:
     """Binomials that turn `coefs` into coefficients of the scaled basis t^i (1-t)^(p-i), ready to multiply."""
     degrees = tuple(n - 1 for n in coefs.shape[:degree_axes])
-    return _tabulate_binomials(degrees, coefs.ndim - degree_axes, coefs.dtype == object)
+    return tabulate_binomials(degrees, coefs.ndim - degree_axes, coefs.dtype == object)
 
 
 def _convolve_scaled(a: Array, b: Array, degree_axes: int = 1) -> Array:
@@ -209,13 +209,20 @@ def evaluate_basis(degree: int, s: Array, t: Array) -> Array:
 
     Pass s and t each computed from the ends of its piece, and both ends are met without rounding.
     """
-    shape = (degree + 1, 2, *np.shape(t))
-    factors = np.empty(shape, dtype=np.result_type(s, t))
-    factors[0] = 1
-    factors[1:, 0], factors[1:, 1] = s, t
-    powers = np.multiply.accumulate(factors)
+    powers = tabulate_powers(degree, s, t)
     out = powers[:, 1] * powers[::-1, 0]
     return np.asarray(out * _binomial_weights(out) if degree > 1 else out)
+
+
+def tabulate_powers(degree: int, s: Array, t: Array) -> Array:
+    """Powers 0 .. p of s and of t, (p+1, 2, ..)."""
+    out = np.empty((degree + 1, 2, *np.shape(t)), dtype=np.result_type(s, t))
+    out[0] = 1
+    if degree:
+        out[1, 0], out[1, 1] = s, t
+    for i in range(1, degree):
+        np.multiply(out[i], out[1], out=out[i + 1])
+    return out
 
 
 def contract_with_basis(coefs: Array, values: Array) -> Array:
@@ -232,7 +239,7 @@ def _add_scaled(terms: Sequence[Array]) -> Array:
         reduce_by(
             add,
             [
-                _convolve_scaled(term, _tabulate_binomials((size - len(term),), term.ndim - 1, term.dtype == object))
+                _convolve_scaled(term, tabulate_binomials((size - len(term),), term.ndim - 1, term.dtype == object))
                 if len(term) < size
                 else term
                 for term in terms
@@ -266,7 +273,7 @@ def _form_basis_products(degree: int, pair: PowerSeries) -> list[Array]:
         return [np.ones_like(pair[0][:1, :1]), *(np.zeros_like(part[:1, :1]) for part in pair[1:])]
     if degree == 1:
         return list(pair)
-    binomials = _tabulate_binomials((degree,), 1, pair[0].dtype == object)
+    binomials = tabulate_binomials((degree,), 1, pair[0].dtype == object)
     return [binomials * part for part in form_products(degree)]
 
 
