@@ -252,14 +252,21 @@ def narrow_strips(
 
 
 def unroll_strips(
-    face: DividedPatch, vertices: Mapping[int, Array], options: UnrollOptions
+    face: DividedPatch,
+    vertices: Mapping[int, Array],
+    options: UnrollOptions,
+    known: Mapping[RuledStrip, UnrolledStrip],
 ) -> dict[int, UnrolledStrip]:
     """Lay strips flat, by their index, with nodes at given vertices (t, across), (n, 2), on each and on its borders.
 
-    Triangles have the nodes of all strips of the face, so that the chords of a rail are the same on both sides.
+    Triangles have the nodes of all strips of the face, so that the chords of a rail are the same on both sides. Smooth
+    strips that are `known`, laid flat before with other vertices, only get other nodes.
     """
     if face.choose_layout(options) != "triangles":
-        return {i: _unroll_strip(face, i, corners, np.empty(0), options) for i, corners in vertices.items()}
+        return {
+            i: _unroll_strip(face, i, corners, np.empty(0), options, known.get(face.strips[i]))
+            for i, corners in vertices.items()
+        }
     nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
     unrolled = [_unroll_strip(face, i, corners, nodes, options) for i, corners in vertices.items()]
     finest = max((strip.flat.nodes for strip in unrolled), key=len)
@@ -267,7 +274,12 @@ def unroll_strips(
 
 
 def _unroll_strip(
-    face: DividedPatch, strip_index: int, vertices: Array, nodes: Array, options: UnrollOptions
+    face: DividedPatch,
+    strip_index: int,
+    vertices: Array,
+    nodes: Array,
+    options: UnrollOptions,
+    known: UnrolledStrip | None = None,
 ) -> UnrolledStrip:
     """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
     strip = face.strips[strip_index]
@@ -276,7 +288,10 @@ def _unroll_strip(
         paired = _unroll_paired_anew(face, strip, t, options)
         if paired is not None:
             return paired
-    flat = _flatten_outward(face, strip.rails, np.unique(np.append(t, nodes)), options)
+    wanted = np.unique(np.append(t, nodes))
+    if known is not None and known.original_parameters is None:
+        return replace(known, flat=known.flat.move_nodes(wanted, options.flat / face.refinement))
+    flat = _flatten_outward(face, strip.rails, wanted, options)
     return UnrolledStrip(strip, strip.rails, None, strip.bound, True, flat)
 
 
