@@ -17,7 +17,7 @@ from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flattening.development import strain_from_turn
 from cqblend.patterns.flattening.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.flattening.tolerances import FLATTENING_TOLERANCES
-from cqblend.patterns.strips.developability import RailPair, bound_normal_turn
+from cqblend.patterns.strips.developability import RailPair, StripKind, bound_normal_turn, classify_strip
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.strips.surface_division import divide_surface
@@ -306,16 +306,19 @@ def _unroll_paired_anew(
     if bound > options.tolerance:
         return None
     nodes = np.unique([_invert_monotone(one, np.unique(t)) for one in pairing.parameters])
-    flat = _flatten_outward(face, pairing.rails, nodes, options)
-    if flat.kind == "twisted":
+    kind = classify_strip(pairing.rails, pairing.twist)
+    if kind == "twisted":
         return None
+    flat = _flatten_outward(face, pairing.rails, nodes, options, kind)
     return UnrolledStrip(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
-def _flatten_outward(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
-    """Lay a strip of a face flat so that its outer side is up."""
+def _flatten_outward(
+    face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions, kind: StripKind | None = None
+) -> FlatStrip:
+    """Lay a strip of a face flat so that its outer side is up; its kind may be known already."""
     tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
-    return flatten_rails(rails, tolerance, nodes=nodes, flip=not face.upward, layout=layout)
+    return flatten_rails(rails, tolerance, nodes=nodes, kind=kind, flip=not face.upward, layout=layout)
 
 
 def _sample_deviation(strip: RuledStrip, rails: RailPair, parameters: tuple[Curve, Curve]) -> float:
