@@ -44,7 +44,8 @@ class ContactTolerances:
     rough_continuity
         Knot lines at which a surface is less smooth than C3, this number, are looked for.
     crossing_stations
-        Stations between which contacts are checked for crossing a knot line.
+        Stations between which contacts are checked for crossing a knot line. Those of a first fit of 16 equal spans are
+        among them.
     secant_steps
         Most steps of regula falsi towards a crossing.
     kink_probe_share
@@ -68,7 +69,7 @@ class ContactTolerances:
     tracing_stations: int = 6
     least_tracing_gap: float = 1e-5
     rough_continuity: int = 3
-    crossing_stations: int = 129
+    crossing_stations: int = 145
     secant_steps: int = 30
     kink_probe_share: float = 1e-3
     crossing_residual: float = 1e-13
