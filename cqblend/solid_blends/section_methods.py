@@ -16,10 +16,12 @@ import numpy as np
 from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import (
     Contacts,
-    project_to_intersection,
+    ContactSolver,
+    Stations,
     solve_ball_contacts,
     solve_setback_contacts,
 )
+from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.relations import Conic
@@ -125,11 +127,11 @@ def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
 
 
 class SectionAtJoint(ABC):
-    """What a section method does at one joint; it may remember what it has solved."""
+    """What a section method does at one joint."""
 
     @abstractmethod
-    def solve_contacts(self, t: Array) -> Contacts:
-        """Return where the blend meets both faces at t (n,)."""
+    def make_solver(self) -> ContactSolver:
+        """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
 
     @abstractmethod
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
@@ -185,13 +187,17 @@ class _HermiteAtJoint(SectionAtJoint):
     method: HermiteMethod
     joint: Joint
 
-    def solve_contacts(self, t: Array) -> Contacts:
-        joint, request = self.joint, self.method.request
-        stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
-        if request.radius is not None:
-            return solve_ball_contacts(joint.sides, stations, request.radius)
+    def make_solver(self) -> ContactSolver:
+        joint = self.joint
+        return trace_contacts(joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations)
+
+    def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
+        """Return the contacts of stations, which are near the ``expected`` ones, if these are given."""
+        sides, radius = self.joint.sides, self.method.request.radius
+        if radius is not None:
+            return solve_ball_contacts(sides, stations, radius, expected)
         first, second = self.method.lengths
-        return solve_setback_contacts(joint.sides, stations, (first, second))
+        return solve_setback_contacts(sides, stations, (first, second), expected)
 
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         request = self.method.request
@@ -312,8 +318,8 @@ class _PotentialAtJoint(SectionAtJoint):
             joint.sides, joint.locate_stations, spine.length, self.method.relation, closed=spine.closed
         )
 
-    def solve_contacts(self, t: Array) -> Contacts:
-        return self._sweep.solve_contacts(t)
+    def make_solver(self) -> ContactSolver:
+        return cache_contacts(lambda t, _: self._sweep.solve_contacts(t))
 
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         domain, turn = ribbons[0].c.domain, self.joint.spine.measure_arc_angle()

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver, cache_contacts
+from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
@@ -39,7 +39,7 @@ class StripContext:
     def solve(self) -> ContactSolver:
         """The function from t (n,) to contacts on both support faces."""
         unwrap = unwrap_closed_solver if self.joint.spine.closed else unwrap_open_solver
-        return unwrap(cache_contacts(self.section.solve_contacts), self.joint.primaries)
+        return unwrap(self.section.make_solver(), self.joint.primaries)
 
     def scale(self, factor: float) -> StripContext:
         """Return the context of the same joint with a blend of another size: all its lengths times a factor."""
