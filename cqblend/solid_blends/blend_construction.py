@@ -14,11 +14,11 @@ from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
-    cache_contacts,
-    project_to_intersection,
+    Stations,
     solve_ball_contacts,
     solve_setback_contacts,
 )
+from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
@@ -52,20 +52,22 @@ def _make_edge_sweep(joint: Joint, request: BlendRequest) -> EdgeSweep | None:
 
 def make_contact_solver(joint: Joint, request: BlendRequest) -> ContactSolver:
     """Return the function from t (n,) to contacts on both support faces."""
-    swept = _make_edge_sweep(joint, request)
+    sweep = _make_edge_sweep(joint, request)
 
-    def solve_contacts_at(t: Array) -> Contacts:
-        if swept is not None:
-            return swept.solve_contacts(t)
-        stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+    def solve_at_stations(stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
         if request.radius is not None:
-            return solve_ball_contacts(joint.sides, stations, request.radius)
+            return solve_ball_contacts(joint.sides, stations, request.radius, expected)
         first, second = request.lengths
-        return solve_setback_contacts(joint.sides, stations, (first, second))
+        return solve_setback_contacts(joint.sides, stations, (first, second), expected)
 
+    solve = (
+        trace_contacts(joint.sides, joint.locate_stations, joint.spine.length, solve_at_stations)
+        if sweep is None
+        else cache_contacts(lambda t, _: sweep.solve_contacts(t))
+    )
     if joint.spine.closed:
-        return unwrap_closed_solver(cache_contacts(solve_contacts_at), joint.primaries)
-    return unwrap_open_solver(cache_contacts(solve_contacts_at), joint.primaries)
+        return unwrap_closed_solver(solve, joint.primaries)
+    return unwrap_open_solver(solve, joint.primaries)
 
 
 def fit_rails(joint: Joint, request: BlendRequest, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
