@@ -9,11 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.Geom import Geom_Circle, Geom_Curve, Geom_Plane, Geom_SphericalSurface, Geom_Surface
-from OCP.Geom2d import Geom2d_Curve, Geom2d_Line
+from OCP.Geom import (
+    Geom_Circle,
+    Geom_Curve,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfRevolution,
+)
+from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
-from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Solid, TopoDS_Vertex
 
@@ -29,6 +36,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedVertex,
     SolidPlan,
 )
+from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.edge_tolerance import raise_edge_tolerances
@@ -54,8 +62,8 @@ from cqblend.brep.topology import (
 )
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve, Surface
-from cqblend.surfaces.circle import Circle
-from cqblend.surfaces.quadrics import Plane
+from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.quadrics import Plane, Sphere
 from cqblend.surfaces.vectors import LocalFrame
 
 CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
@@ -67,6 +75,7 @@ class BuiltStrip:
     """A blend face in a rewritten solid, the support faces, trimmed at its rails, and the rail edges between them."""
 
     blend_face: TopoDS_Face
+    geometry: Surface | RevolvedSection | Plane | Sphere  # of the blend face
     trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
     cap_count: int
@@ -107,7 +116,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        strips.append(BuiltStrip(blend_face, (first, second), rails, len(strip.caps)))
+        strips.append(BuiltStrip(blend_face, strip.surface.geometry, (first, second), rails, len(strip.caps)))
     new_faces = [*blend_faces, *caps]
     tolerance = raise_edge_tolerances([*rebuilt.values(), *new_faces], index.edges, index.vertices)
     return ProposedSolid(replace_solid_faces(index.solid, rebuilt, index.faces, new_faces), tuple(strips), tolerance)
@@ -193,6 +202,8 @@ def _make_surface(surface: PlannedSurface) -> Geom_Surface:
     if isinstance(geometry, Surface):
         return spline_arrays.surface_from_arrays(*geometry.to_bspline())
     origin, x, y, z = _to_points(geometry.frame)
+    if isinstance(geometry, RevolvedSection):
+        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile()), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
     position = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
     if np.cross(x, y) @ z < 0:
         position.YReverse()
@@ -209,8 +220,11 @@ def _make_pcurves(pcurve: PlannedPcurve) -> list[Geom2d_Curve]:
     return [_make_pcurve(curve) for curve in (pcurve.curve, pcurve.reversed_curve) if curve is not None]
 
 
-def _make_pcurve(curve: Curve) -> Geom2d_Curve:
+def _make_pcurve(curve: Curve | PlanarCircle) -> Geom2d_Curve:
     """Return a curve in a parameter plane as one of OCCT's: a line where it is one that runs at unit speed."""
+    if isinstance(curve, PlanarCircle):
+        centre, (x, y) = curve.centre.tolist(), curve.axes.tolist()
+        return Geom2d_Circle(gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y)), curve.radius)
     degree, knots, poles, weights = curve.to_bspline()
     if degree == 1 and len(poles) == 2 and weights is None:
         (low, high), step = curve.domain, poles[1] - poles[0]
