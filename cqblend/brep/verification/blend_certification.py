@@ -5,7 +5,7 @@ The measurements are those of :mod:`cqblend.brep.measurement.edge_continuity`, w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -26,7 +26,7 @@ from cqblend.brep.measurement.edge_samples import sample_outline
 from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.shell_editing.shell_edit import ProposedSolid
+from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.certificate import Certificate, RailRecord
 from cqblend.splines import Curve, Surface
@@ -41,22 +41,25 @@ class _Measurements:
     inner_crease: float  # rad
     method: str
     stations: int  # along each rail, at least
-    valid: bool = True
+    validity: tuple[Callable[[], bool], ...] = ()
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
     pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
     outlined_face: TopoDS_Face | None = None  # the blend's face, if its boundary cuts off some of the blend
 
 
-def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) -> Certificate:
-    """Measure a solid that has been verified: along the rail edges of its blend face, and inside that face."""
+def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
+    """Measure a blend in a verified solid: along the rail edges of its face, and inside that face.
+
+    ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
+    """
     records = []
-    blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(proposal.blend_face))
-    for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rail_edges, strict=True)):
+    blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(strip.blend_face))
+    for i, (rail, edges) in enumerate(zip(blend.ribbons, strip.rail_edges, strict=True)):
         is_held = partial(_is_not_faded, rail) if rail.fades else None
-        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(proposal.trimmed_faces[i])))
+        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(strip.trimmed_faces[i])))
         found = [
             measure_continuity_between(
-                ((proposal.blend_face, edge), (proposal.trimmed_faces[i], edge)),
+                ((strip.blend_face, edge), (strip.trimmed_faces[i], edge)),
                 VERIFICATION_TOLERANCES.certificate_samples,
                 is_held,
                 surfaces,
@@ -81,12 +84,12 @@ def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) ->
     pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
     measured = _Measurements(
         records,
-        inner_crease=find_inner_crease(proposal.blend_face, surface=blend_surface).angle,
+        inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
         pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
-        method="wire substitution" + (", flat ends" if proposal.cap_count else ""),
+        method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
-        edge_tolerance=proposal.tolerance,
-        outlined_face=None if joint.spine.closed else proposal.blend_face,
+        edge_tolerance=edge_tolerance,
+        outlined_face=None if joint.spine.closed else strip.blend_face,
     )
     return _build_certificate(blend, measured)
 
@@ -114,7 +117,7 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         inner_crease=find_inner_crease(face).angle,
         method="surfaces",
         stations=VERIFICATION_TOLERANCES.surface_certificate_samples,
-        valid=find_fold(blend.surface) is None,
+        validity=(lambda: find_fold(blend.surface) is None,),
     )
     return _build_certificate(blend, measured)
 
@@ -165,7 +168,7 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         rational=weights is not None,
         inner_crease=measured.inner_crease,
         method=measured.method,
-        valid=measured.valid,
+        validity=measured.validity,
         width=(float(widths.min()), float(widths.max())),
         stations=measured.stations,
         edge_tolerance=measured.edge_tolerance,
