@@ -132,7 +132,9 @@ def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
                 seam = start + k * period
                 at_breaks = curve(curve.breaks)[:, axis] - seam
                 found.append(curve.breaks[np.abs(at_breaks) < tolerance * period])
-                column, root = find_sign_changes(coefs[:, axis] - seam * weight, 1e-14 * (1 + abs(seam)))
+                column, root = find_sign_changes(
+                    coefs[:, axis] - seam * weight, np.full(coefs.shape[-1], 1e-14 * (1 + abs(seam)))
+                )
                 found.append(curve.breaks[column] + root * np.diff(curve.breaks)[column])
     t = np.unique(np.concatenate(found))
     low, high = placement.domain
