@@ -53,7 +53,7 @@ def check_parameters(t: ArrayLike) -> Array:
 
 
 def _pair_ends(jets: Array) -> Array:
-    """Derivatives at the start and at the end of each piece, (k+1, n, 2, dim), from those at the breaks."""
+    """Return the derivatives at the start and at the end of each piece, (k+1, n, 2, dim), given those at the breaks."""
     out = np.empty((len(jets), jets.shape[1] - 1, 2, jets.shape[2]))
     out[:, :, 0], out[:, :, 1] = jets[:, :-1], jets[:, 1:]
     return out
@@ -234,7 +234,7 @@ def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: A
         diagonals[1, 0], diagonals[2, 0], diagonals[1, -1], diagonals[0, -1] = low[0], 1.0, up[-1], 1.0
         right[0] = ((2 + up[0]) * low[0]) * chord[0] + up[0] ** 2 * chord[1]
         right[-1] = low[-1] ** 2 * chord[-2] + ((2 + low[-1]) * up[-1]) * chord[-1]
-    return _solve_cyclic_tridiagonal(*diagonals, right)
+    return _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
 
 
 def _solve_cyclic_tridiagonal(low: Array, middle: Array, up: Array, right: Array) -> Array:

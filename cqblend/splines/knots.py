@@ -148,8 +148,9 @@ def _choose_pole_pieces(breaks: Array, degree: int, at: Array) -> tuple[Array, A
     for offset in range(int((last - first).max()) + 1):
         tried = np.minimum(first + offset, last)
         low, high = breaks[tried], breaks[tried + 1]
-        outside = np.maximum(np.maximum(low - window, window - high), 0)
-        factor = np.multiply.reduce(1 + outside * (2 / (high - low)))
+        # 1 at the ends of the piece and beyond them 1 + 2 d, at a distance of d lengths of the piece
+        distance = np.abs((window - (low + high) / 2) * (2 / (high - low)))
+        factor = np.multiply.reduce(np.maximum(distance, 1.0))
         best = np.where(factor < least, tried, best)
         least = np.minimum(least, factor)
     piece[far] = best

@@ -456,20 +456,37 @@ class Spline:
             raise InputError(
                 f"cannot clip to [{start:.17g}, {end:.17g}]: the domain is [{old[0]:.17g}, {old[-1]:.17g}]"
             )
-        lo, hi = (old[np.abs(old - x).argmin()] if np.abs(old - x).min() <= slack else x for x in (start, end))
+        distances = np.abs(old[:, None] - (start, end))
+        nearest = distances.argmin(axis=0)
+        lo, hi = (
+            old.item(i) if distances[i, k] <= slack else x
+            for k, (i, x) in enumerate(zip(nearest, (start, end), strict=True))
+        )
         if lo == hi:
             raise InputError(f"cannot clip to [{start:.17g}, {end:.17g}]: it is empty to rounding")
-        cut = self._subdivide_at(axis, unite_breaks(old, np.array([lo, hi])))
-        breaks = cut._breaks[axis]
-        i, j = int(np.searchsorted(breaks, lo)), int(np.searchsorted(breaks, hi))
-        coefs = apply_along_axis(lambda c: c[..., i:j], cut._coefs, axis, self._parameter_count)
-        order = cut._continuity[axis][i : j - 1]
-        return self._replace_axis(axis, breaks[i : j + 1], coefs, order)
+        i, j = int(old.searchsorted(lo, "right")) - 1, int(old.searchsorted(hi))
+        breaks = old[i : j + 1].copy()
+        breaks[0], breaks[-1] = lo, hi
+        x0, x1 = (lo - old[i]) / (old[i + 1] - old[i]), (hi - old[j - 1]) / (old[j] - old[j - 1])
+
+        def restrict_ends(c: Array) -> Array:
+            part = c[..., i:j].copy()
+            if j - i == 1:
+                return bernstein.restrict_pieces(part, x0, x1)
+            if x0 > 0:
+                part[..., 0] = bernstein.restrict_pieces(part[..., 0], x0, 1.0)
+            if x1 < 1:
+                part[..., -1] = bernstein.restrict_pieces(part[..., -1], 0.0, x1)
+            return part
+
+        coefs = apply_along_axis(restrict_ends, self._coefs, axis, self._parameter_count)
+        return self._replace_axis(axis, breaks, coefs, self._continuity[axis][i : j - 1].copy())
 
     def _insert_breaks(self, axis: int, breaks: ArrayLike) -> Self:
         old = self._breaks[axis]
-        new = np.unique(to_finite_array("breaks to cut at", breaks).ravel())
+        new = np.sort(to_finite_array("breaks to cut at", breaks), axis=None)
         new = new[(new > old[0]) & (new < old[-1])]
+        new = np.concatenate([new[:1], new[1:][new[1:] > new[:-1]]])
         return self._subdivide_at(axis, unite_breaks(old, new)) if len(new) else self
 
     def _reverse_axis(self, axis: int) -> Self:

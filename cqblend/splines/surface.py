@@ -24,10 +24,10 @@ from cqblend.splines.curve import Curve
 from cqblend.splines.evaluation import (
     BLOCK_SIZE,
     BreakSide,
-    build_design_matrix,
     check_break_side,
     contract_differences,
     dehomogenise_derivatives,
+    evaluate_everywhere,
     locate_pieces,
     tabulate_derivative_basis,
 )
@@ -291,20 +291,9 @@ class Surface(Spline):
             check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
             check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
-        (p, q), dim_h = self.degree, self._coefs.shape[2]
-        arranged = self._coefs.transpose(0, 3, 2, 1, 4)  # (p+1, nu, dim, q+1, nv)
-        arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
-        orders_u, orders_v = (range(ku + 1), range(kv + 1)) if self._rational else ((ku,), (kv,))
-        jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
-        designs = [build_design_matrix(self._breaks[1], q, v, j).T for j in orders_v]
-        for i, order in enumerate(orders_u):
-            rows = (build_design_matrix(self._breaks[0], p, u, order) @ arranged).reshape(
-                len(u), dim_h, len(designs[0])
-            )
-            for j, matrix in enumerate(designs):
-                jets[i, j] = np.moveaxis(
-                    (rows.reshape(len(u) * dim_h, len(matrix)) @ matrix).reshape(len(u), dim_h, len(v)), 1, 0
-                )
+        orders_u, orders_v = ((range(k + 1) if self._rational else (k,)) for k in (ku, kv))
+        rows = evaluate_everywhere(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), u, orders_u)
+        jets = evaluate_everywhere(self._breaks[1], rows.transpose(1, 0, 2, 4, 3), v, orders_v)  # (kv, ku, dim_h, ..)
         values = (dehomogenise_derivatives(jets) if self._rational else jets)[-1, -1]
         return values.transpose(1, 2, 0)
 
