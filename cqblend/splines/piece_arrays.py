@@ -75,6 +75,17 @@ def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, 
     return kernel(coefs.swapaxes(here, there)).swapaxes(here, there)
 
 
+def restrict_ends(coefs: Array, x0: float, x1: float) -> Array:
+    """Restrict pieces (p+1, .., n), in place, so that they start at x0 in the first and end at x1 in the last."""
+    if coefs.shape[-1] == 1:
+        return bernstein.restrict_pieces(coefs, x0, x1)
+    if x0 > 0:
+        coefs[..., 0] = bernstein.restrict_pieces(coefs[..., 0], x0, 1.0)
+    if x1 < 1:
+        coefs[..., -1] = bernstein.restrict_pieces(coefs[..., -1], 0.0, x1)
+    return coefs
+
+
 def unite_breaks(first: Array, second: Array) -> Array:
     """Unite two sets of breaks; breaks of the second within rounding of one of the first are dropped."""
     nearest = np.abs(second[:, None] - first).min(axis=1)

@@ -26,6 +26,7 @@ from cqblend.splines.piece_arrays import (
     elevate_to,
     match_degrees,
     replace_item,
+    restrict_ends,
     unite_breaks,
 )
 from cqblend.splines.tolerances import SPLINE_LIMITS
@@ -468,18 +469,9 @@ class Spline:
         breaks = old[i : j + 1].copy()
         breaks[0], breaks[-1] = lo, hi
         x0, x1 = (lo - old[i]) / (old[i + 1] - old[i]), (hi - old[j - 1]) / (old[j] - old[j - 1])
-
-        def restrict_ends(c: Array) -> Array:
-            part = c[..., i:j].copy()
-            if j - i == 1:
-                return bernstein.restrict_pieces(part, x0, x1)
-            if x0 > 0:
-                part[..., 0] = bernstein.restrict_pieces(part[..., 0], x0, 1.0)
-            if x1 < 1:
-                part[..., -1] = bernstein.restrict_pieces(part[..., -1], 0.0, x1)
-            return part
-
-        coefs = apply_along_axis(restrict_ends, self._coefs, axis, self._parameter_count)
+        coefs = apply_along_axis(
+            lambda c: restrict_ends(c[..., i:j].copy(), x0, x1), self._coefs, axis, self._parameter_count
+        )
         return self._replace_axis(axis, breaks, coefs, self._continuity[axis][i : j - 1].copy())
 
     def _insert_breaks(self, axis: int, breaks: ArrayLike) -> Self:
@@ -502,17 +494,6 @@ class Spline:
         count, shape = self._parameter_count, self._coefs.shape
         one = np.ones((*shape[:count], 1, *shape[count + 1 :]))
         return self._from_pieces(self._breaks, np.concatenate([self._coefs, one], axis=count), True, self._continuity)
-
-    def _dehomogenise_poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
-        """Poles and weights of assembled homogeneous poles (.., dim_h)."""
-        if not self._rational:
-            return homogeneous, None
-        weights = homogeneous[..., -1]
-        if weights.min() <= 0:
-            raise GeometryError(
-                f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first"
-            )
-        return homogeneous[..., :-1] / weights[..., None], weights
 
 
 def _unpickle_spline(cls: type[Spline], *state: Any) -> Spline:

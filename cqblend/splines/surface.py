@@ -38,6 +38,7 @@ from cqblend.splines.knots import (
     check_knot_vector,
     extract_pieces,
     is_clamped,
+    to_euclidean,
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import apply_along_axis
@@ -189,10 +190,11 @@ class Surface(Spline):
         if self._source is not None:
             degrees, (ku, kv), poles, weights = self._source
             return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
-        ku, rows = assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        ku, rows = assemble_bspline(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), self._continuity[0])
         # (Nu, q+1, dim, nv)
-        kv, poles = assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
-        return (self.degree, (ku, kv), *self._dehomogenise_poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
+        kv, poles = assemble_bspline(self._breaks[1], rows.swapaxes(0, 1), self._continuity[1])
+        poles = np.ascontiguousarray(poles.swapaxes(0, 1))
+        return (self.degree, (ku, kv), *(to_euclidean(poles) if self._rational else (poles, None)))
 
     @property
     def degree(self) -> tuple[int, int]:
