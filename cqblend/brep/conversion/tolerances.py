@@ -22,6 +22,8 @@ class ConversionTolerances:
     """A parameter bound beyond is infinite to OCCT."""
     pcurve: float = 1e-11
     """Largest error of a fitted pcurve, in rad or parameters of the spline: it turns normals by as much."""
+    rail_pcurve_share: float = 0.2
+    """Share of it that the fit of a rail's pcurve may miss at its test points, few as they are."""
     pcurve_refinements: int = 12
     """How often the spans of a fitted pcurve are halved at most."""
     equal_derivatives: float = 1e-9
