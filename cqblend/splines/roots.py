@@ -172,10 +172,14 @@ def find_sign_changes(f: Array, tolerance: Array | float) -> tuple[Array, Array]
     """
     zero: Array = np.full(f.shape[1], tolerance)
     f = _drop_noise(f, zero)
+    if len(f) == 2:
+        (column,) = (f[0] * f[1] < 0).nonzero()
+        first, last = f[:, column]
+        return column, first / (first - last)
     (column,) = np.logical_or.reduce(_find_changes(_fill_signs(f))).nonzero()
     f, zero = f[:, column], zero[column]
-    if not len(column) or len(f) == 2:
-        return column, f[0] / (f[0] - f[-1])
+    if not len(column):
+        return column, np.empty(0)
     if len(f) == 3:
         roots = _solve_quadratics(f)
         row, at = (roots < 1).nonzero()

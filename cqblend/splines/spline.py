@@ -183,8 +183,8 @@ class Spline:
             return self
         ends = breaks[:-1], breaks[1:]
         piece = old[1:-1].searchsorted(ends[0], "right")
-        start = old[piece]
-        length = old[piece + 1] - start
+        start = old[:-1][piece]
+        length = old[1:][piece] - start
         x0, x1 = ((end - start) / length for end in ends)
         coefs = apply_along_axis(
             lambda c: bernstein.restrict_pieces(c.take(piece, axis=-1), x0, x1),
