@@ -57,6 +57,9 @@ class MeasureTolerances:
     deviation_peaks: int = 8
     """Around how many of them at most."""
 
+    exact_deviation: float = 1e-11
+    """mm: a curve and an image without knots that are this near at a dozen points are the same but for rounding."""
+
     negligible_deviation: float = 1e-9
     """mm: deviations below this are not searched more closely. OCCT takes points nearer than 1e-7 mm for one."""
 
