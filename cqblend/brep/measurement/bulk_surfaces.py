@@ -80,6 +80,8 @@ class SurfaceEvaluator:
         if isinstance(basis, Geom_BSplineSurface):
             is_patch = basis.NbUKnots() == 2 and basis.NbVKnots() == 2
             return bool(is_patch and not basis.IsUPeriodic() and not basis.IsVPeriodic())
+        if isinstance(basis, Geom_SurfaceOfRevolution | Geom_SurfaceOfLinearExtrusion):
+            return CurveEvaluator(basis.BasisCurve()).is_single_span
         return self.is_analytic or isinstance(basis, Geom_BezierSurface)
 
     @cached_property

@@ -30,8 +30,9 @@ class MeasureTolerances:
     level_value: float = 1e-3
     """Relative: between values that differ by less from each other, none is larger by more than an eighth of that."""
 
-    rounding: float = 64 * 2.0**-52
-    """Relative to coordinates, or radians: gaps and angles below this are rounding."""
+    negligible_continuity: tuple[float, float, float] = (1e-11, 1e-12, 1e-9)
+    """mm, radians, 1/mm: gaps, angles and curvature jumps below these are not searched more closely. OCCT takes points
+    nearer than 1e-7 mm for one, and directions nearer than 1e-12."""
 
     worst_count: int = 4
     """Around how many of the largest values."""

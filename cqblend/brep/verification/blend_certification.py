@@ -91,7 +91,7 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
-        edges=tuple(certify_edge(edge, joint) for edge in strip.other_edges),
+        edges=tuple(certify_edge(edge, joint, blend_surface) for edge in strip.other_edges),
         outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
