@@ -23,7 +23,7 @@ from cqblend.patterns.flattening.face_division import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
-    divide_patch,
+    divide_patches,
     merge_thin_strips,
 )
 from cqblend.patterns.flattening.flat_face import DividedPatch
@@ -64,9 +64,8 @@ def unroll_patches(shell: PatchShell, options: UnrollOptions, progress: Progress
     tell = _ignore_progress if progress is None else progress
     state = _UnrollState(shell, options, failures=[Failure((face,), error) for face, error in shell.refused.items()])
     dividing = ASSEMBLY_TOLERANCES.dividing_share
-    for i, patch in enumerate(shell.patches):
-        tell(dividing * i / len(shell.patches), f"dividing face {patch.index}")
-        state.divide_patch(patch)
+    count = len(shell.patches)
+    state.divide_patches(lambda i: tell(dividing * i / count, f"dividing face {shell.patches[i].index}"))
     rounds = 0
     while True:
         edges = state.sample_edges()
@@ -131,12 +130,14 @@ class _UnrollState:
     assembled: AssembledPieces | None = None
     overlaps: dict[PieceDraft, tuple[tuple[Path, ...], SelfOverlap | None]] = field(default_factory=dict)
 
-    def divide_patch(self, patch: Patch) -> None:
-        """Divide a patch, or note why it cannot be."""
-        try:
-            self.faces.append(divide_patch(patch, self.options))
-        except CqblendError as error:
-            self.failures.append(_make_failure(patch, error))
+    def divide_patches(self, tell: Callable[[int], object]) -> None:
+        """Divide all patches, and note those that cannot be; `tell` is called with the index of each."""
+        divided = divide_patches(self.shell.patches, self.options, tell)
+        for patch, found in zip(self.shell.patches, divided, strict=True):
+            if isinstance(found, CqblendError):
+                self.failures.append(_make_failure(patch, found))
+            else:
+                self.faces.append(found)
 
     def replace_division(self, face: DividedPatch, divide: Callable[[], DividedPatch]) -> bool:
         """Replace the division of a face by another one; drop the face and return False if that raises an error."""

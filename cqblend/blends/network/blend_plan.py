@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
 
+from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.circle import Circle
+from cqblend.surfaces.circle import Circle, PlanarCircle
 from cqblend.surfaces.quadrics import Plane, Sphere
 
 EdgeRole = Literal["rail", "seam", "end curve", "cap border", "extension", "pole"]
@@ -38,12 +39,7 @@ class PlannedVertex:
 class PlannedSurface:
     """The surface of a new face, or the one that a face of the input gets in place of its own."""
 
-    geometry: Surface | Plane | Sphere
-
-    @property
-    def kind(self) -> str:
-        """The word that messages use for a face on it."""
-        return {Surface: "blend", Plane: "cap", Sphere: "sphere"}[type(self.geometry)]
+    geometry: Surface | RevolvedSection | Plane | Sphere
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ class PlannedPcurve:
     """
 
     face: int | PlannedSurface
-    curve: Curve
+    curve: Curve | PlanarCircle
     reversed_curve: Curve | None = None
 
 

@@ -61,7 +61,8 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
         If the blend does not meet that plane, or the edge's vertex is too far from the surfaces for a cap there.
     """
     cap, joint = _place_cap(placement, end, t), placement.joint
-    curve = solve_end_curve(placement.blend.surface, cap.plane, EndCurveStart(t, np.zeros(2), cap.foot))
+    start = EndCurveStart(placement.locate_edge_parameter(t), np.zeros(2), cap.foot)
+    curve = solve_end_curve(placement.strip, cap.plane, start)
     edge, corners = plan_end_edge(placement.surface, curve, cap.surface)
     vertex, foot = joint.spine.vertices[end], _plan_foot_vertex(placement, end, t, cap.foot)
     inner_borders: list[tuple[EdgeUse, ...]] = []
@@ -99,7 +100,8 @@ def _place_cap(placement: StripPlacement, end: int, t: float) -> _FlatCap:
     at, joint = np.array([t]), placement.joint
     stations = project_to_intersection(joint.sides, joint.spine.locate_stations(at, joint.sides), joint.spine.length)
     foot, tangent = stations.points[0], stations.tangents[0]
-    first, second = (row(at)[0] for row in placement.rail_curves)
+    at_strip = np.array([placement.locate_edge_parameter(t)])
+    first, second = (row(at_strip)[0] for row in placement.rail_curves)
     # The sense in which the end curve and the foot run around the tangent: at the far end, the end curve is FORWARD in
     # the boundary of the cap.
     turn = np.cross(second - first, foot - first) @ tangent

@@ -10,9 +10,10 @@ import numpy as np
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.network.blend_plan import EdgeRole, NewEdge, PlannedPcurve, PlannedSurface, PlannedVertex
+from cqblend.blends.network.strip_surface import StripSurface
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import CqblendError, TopologyError
-from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import to_tangent_coordinates
@@ -74,7 +75,9 @@ def _interpolate_cubic(values: Array) -> Curve:
     return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
 
 
-def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tangent_side: int | None = None) -> Curve:
+def solve_end_curve(
+    blend: StripSurface, target: Primary, start: EndCurveStart, tangent_side: int | None = None
+) -> Curve:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
     It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]. Where the support face on
@@ -85,7 +88,8 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
     TopologyError
         If the blend does not meet N for all v.
     """
-    size = float(np.linalg.norm(blend(start.t, 0.0) - blend(start.t, 1.0)))
+    first, last = blend(np.full(2, start.t), np.array([0.0, 1.0]))
+    size = float(np.linalg.norm(first - last))
     touch, slope = None, 0.0
     if tangent_side is not None:
         touch, slope = _solve_tangent_contact(blend, target, start, tangent_side)
@@ -118,7 +122,9 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
     return fit_solved_curve(solve_curve_points, measure_error)
 
 
-def _solve_tangent_contact(blend: Surface, target: Primary, start: EndCurveStart, side: int) -> tuple[Array, float]:
+def _solve_tangent_contact(
+    blend: StripSurface, target: Primary, start: EndCurveStart, side: int
+) -> tuple[Array, float]:
     """Return (t, a, b) at which rail ``side`` (0 or 1) of a blend H touches N(a, b), and dt/dv of the end curve there.
 
     The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the

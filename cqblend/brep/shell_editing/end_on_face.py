@@ -46,8 +46,8 @@ def end_on_face(placement: StripPlacement, end: int) -> StripEnd:
     normals = [side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0] for side in joint.sides]
     sines = np.linalg.norm(np.cross(normals, target.face_primary.evaluate_normals(uv[None])), axis=1)
     tangent_side = int(sines.argmin()) if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces else None
-    start = EndCurveStart(float(end), uv, locate_vertex(vertex))
-    curve = solve_end_curve(placement.blend.surface, target.face_primary, start, tangent_side)
+    start = EndCurveStart(placement.locate_edge_parameter(end), uv, locate_vertex(vertex))
+    curve = solve_end_curve(placement.strip, target.face_primary, start, tangent_side)
     edge, corners = plan_end_edge(placement.surface, curve, number)
     trims = tuple(
         EdgeTrim(placement, end, shared, vertex, corner, (side.face, target.face))

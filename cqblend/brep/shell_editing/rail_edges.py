@@ -21,7 +21,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedVertex,
     reverse_path,
 )
-from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
+from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.brep.shell_editing.realigned_spheres import plan_sphere_boundary
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
@@ -83,14 +83,14 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
     runs_with_boundary = (side.outward > 0) == (i == 0)
     path = [*part.cap_borders[0], *map(EdgeUse, edges), *(use.reverse() for use in part.cap_borders[1])]
     uses = path if runs_with_boundary else reverse_path(path)
-    ribbon, number = placement.blend.ribbons[i], placement.face_numbers[i]
+    number = placement.face_numbers[i]
     if sphere is not None:
-        into_blend = _evaluate_directions(ribbon, np.array([span[0]]))[0]
+        into_blend = _evaluate_directions(placement, i, np.array([span[0]]))[0]
         boundary = plan_sphere_boundary(sphere, uses[0], into_blend)
         return TrimmedRail(edges, FacePlan(number, added=boundary, surface=sphere), None)
     if part.vertices[0] is part.vertices[1]:  # a closed rail may cross a seam where it starts
         crossings, between = np.array(stops[:-1]), vertices[:-1]
-    directions = _evaluate_directions(ribbon, crossings) if between else np.empty((0, 3))
+    directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
     at_seams = SeamCrossings(side.face, between, directions, removed.vertices)
     return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), at_seams)
 
@@ -106,9 +106,11 @@ def _plan_rail_edge(
         if period is not None:
             periods = np.floor((middle[axis] - side.bounds[axis, 0]) / period + SHELL_EDIT_TOLERANCES.rail_end_at_seam)
             shift[axis] = -period * periods
-    part = curve if span == placement.domain else curve.clip(*span)
+    if isinstance(curve, Curve):
+        curve = curve if span == placement.domain else curve.clip(*span)
+        curve = curve + shift if shift.any() else curve
     pcurves = (
-        PlannedPcurve(placement.get_support(i), part + shift if shift.any() else part),
+        PlannedPcurve(placement.get_support(i), curve),
         PlannedPcurve(placement.surface, Curve.bezier([(span[0], i), (span[1], i)], domain=span)),
     )
     order = placement.blend.ribbons[i].order
@@ -119,7 +121,7 @@ def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
     """Return where rail ``i`` crosses seams of its support face, in t, ascending; not at its ends."""
     side, curve, tolerance = placement.sides[i], placement.rail_pcurves[i], SHELL_EDIT_TOLERANCES.rail_end_at_seam
     found = [np.empty(0)]
-    if find_seam_edges(side.face):
+    if isinstance(curve, Curve) and find_seam_edges(side.face):
         coefs = curve.coefs
         for axis, period in enumerate(side.face_primary.periods):
             if period is None:
@@ -142,6 +144,7 @@ def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
     return t[np.append(True, np.diff(t) > tolerance * (high - low))] if len(t) else t
 
 
-def _evaluate_directions(rail: Ribbon, t: Array) -> Array:
-    """Return the directions into the blend (n, 3) along a rail."""
+def _evaluate_directions(placement: StripPlacement, i: int, s: Array) -> Array:
+    """Return the directions into the blend (n, 3) along rail ``i``."""
+    rail, t = placement.blend.ribbons[i], placement.strip.to_rail_parameters(s)
     return dehomogenise_jets(np.stack([jet(t) for jet in rail.compose_jets()[:2]]))[1]

@@ -8,14 +8,18 @@ from functools import cached_property
 from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import PlannedSurface, PlannedVertex
+from cqblend.blends.network.strip_surface import RevolvedStrip, SplineStrip, StripSurface
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.blends.sections.revolved_section import find_revolved_section
+from cqblend.brep.conversion.circular_pcurve import find_circular_pcurve
 from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
 from cqblend.brep.topology import locate_vertex
 from cqblend.splines import Curve
+from cqblend.surfaces.circle import Circle, PlanarCircle
 from cqblend.surfaces.quadrics import Sphere
 
 CapStations = tuple[float | None, float | None]
@@ -30,9 +34,10 @@ class StripPlacement:
     blend: BlendSurface
     sides: tuple[SupportFace, SupportFace]  # the support faces in whose parameters the rails are given
     spheres: tuple[PlannedSurface | None, PlannedSurface | None]  # which of these are spheres that get a new axis
-    surface: PlannedSurface  # the blend surface
-    rail_curves: tuple[Curve, Curve]  # boundary rows v = 0 and v = 1 of the blend surface
-    rail_pcurves: tuple[Curve, Curve]  # t -> parameters on the support faces
+    strip: StripSurface  # the blend surface, in the parameters in which it goes into the solid
+    surface: PlannedSurface  # the same, to be built
+    rail_curves: tuple[Curve | Circle, Curve | Circle]  # its rows v = 0 and v = 1
+    rail_pcurves: tuple[Curve | PlanarCircle, Curve | PlanarCircle]  # s -> parameters on the support faces
 
     @property
     def index(self) -> SolidIndex:
@@ -41,9 +46,15 @@ class StripPlacement:
 
     @property
     def domain(self) -> tuple[float, float]:
-        """The rails' parameter range."""
-        breaks = self.blend.surface.breaks[0]
-        return float(breaks[0]), float(breaks[-1])
+        """The parameter range of the strip."""
+        return self.strip.domain
+
+    def locate_edge_parameter(self, t: float) -> float:
+        """Return the parameter of the strip about where the edge is at t; at the ends of an arc, where it is."""
+        if isinstance(self.strip, SplineStrip):
+            return t
+        first, last = self.blend.ribbons[0].c.domain
+        return (t - first) / (last - first) * self.domain[1]
 
     @cached_property
     def spine_numbers(self) -> tuple[int, ...]:
@@ -78,17 +89,35 @@ def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
     (side1, sphere1), (side2, sphere2) = (
         _realign_side(joint, side, ribbon) for side, ribbon in zip(joint.sides, blend.ribbons, strict=True)
     )
-    first, second = (blend.surface.isoparametric(v=v) for v in (0.0, 1.0))
-    one, other = (build_rail_pcurve(side, ribbon) for side, ribbon in zip((side1, side2), blend.ribbons, strict=True))
+    sides = (side1, side2)
+    strip, pcurves = _describe_strip(blend, sides)
     return StripPlacement(
         joint=joint,
         blend=blend,
-        sides=(side1, side2),
+        sides=sides,
         spheres=(sphere1, sphere2),
-        surface=PlannedSurface(blend.surface),
-        rail_curves=(first, second),
-        rail_pcurves=(one, other),
+        strip=strip,
+        surface=PlannedSurface(strip.surface if isinstance(strip, SplineStrip) else strip.section),
+        rail_curves=strip.rail_curves,
+        rail_pcurves=pcurves,
     )
+
+
+def _describe_strip(
+    blend: BlendSurface, sides: tuple[SupportFace, SupportFace]
+) -> tuple[SplineStrip | RevolvedStrip, tuple[Curve | PlanarCircle, Curve | PlanarCircle]]:
+    """Return the surface of a strip and its rails on the support faces, around an axis if all of it is so."""
+    section = None if any(ribbon.fades for ribbon in blend.ribbons) else find_revolved_section(blend)
+    if section is not None:
+        revolved = RevolvedStrip(section)
+        first, second = (
+            find_circular_pcurve(side, ribbon, circle, section.turn)
+            for side, ribbon, circle in zip(sides, blend.ribbons, revolved.rail_curves, strict=True)
+        )
+        if first is not None and second is not None:
+            return revolved, (first, second)
+    one, other = (build_rail_pcurve(side, ribbon) for side, ribbon in zip(sides, blend.ribbons, strict=True))
+    return SplineStrip(blend.surface), (one, other)
 
 
 def _realign_side(joint: Joint, side: SupportFace, ribbon: Ribbon) -> tuple[SupportFace, PlannedSurface | None]:

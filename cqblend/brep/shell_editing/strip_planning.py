@@ -104,8 +104,7 @@ def _plan_closed_strip(placement: StripPlacement) -> PlannedStrip:
     )
     before, after = (Curve.bezier([(t, 0.0), (t, 1.0)]) for t in (low, high))
     pcurve = PlannedPcurve(placement.surface, after, before)
-    section = placement.blend.surface.isoparametric(u=low)
-    seam = EdgeUse(NewEdge("seam", section, (0.0, 1.0), (corners[0], corners[1]), (pcurve,)))
+    seam = EdgeUse(NewEdge("seam", placement.strip.first_section, (0.0, 1.0), (corners[0], corners[1]), (pcurve,)))
     boundary = (*map(EdgeUse, first.edges), seam, *reverse_path([EdgeUse(e) for e in second.edges]), seam.reverse())
     return _finish_strip(placement, boundary, (first, second), ())
 
@@ -114,7 +113,8 @@ def _plan_open_strip(placement: StripPlacement, caps: CapStations) -> PlannedStr
     low, high = (_plan_end(placement, end, cap) for end, cap in enumerate(caps))
     needed = (min(low.rail_parameters), max(high.rail_parameters))
     if needed[0] < placement.domain[0] or needed[1] > placement.domain[1]:
-        raise RailsTooShortError(needed)
+        first, last = placement.strip.to_rail_parameters(np.array(needed)).tolist()
+        raise RailsTooShortError((first, last))
     removed = SpineRemoval(
         plan_edge_remainders(placement, (low, high), caps),
         _list_removed_vertices(placement, caps),

@@ -11,12 +11,12 @@ from functools import partial
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.TopoDS import TopoDS_Face
 
 from cqblend.blends.quality.fairness import bending_energy
 from cqblend.blends.quality.smoothness_proof import prove_blend
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
+from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.spline_conversion import to_face
 from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
@@ -27,8 +27,9 @@ from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.edge_certification import certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.certificate import Certificate, RailRecord
+from cqblend.certificate import Certificate, EdgeRecord, RailRecord
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
@@ -44,11 +45,12 @@ class _Measurements:
     validity: tuple[Callable[[], bool], ...] = ()
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
     pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
-    outlined_face: TopoDS_Face | None = None  # the blend's face, if its boundary cuts off some of the blend
+    edges: tuple[EdgeRecord, ...] = ()
+    outlined: BuiltStrip | None = None  # the blend, if the boundary of its face cuts off some of it
 
 
 def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
-    """Measure a blend in a verified solid: along the rail edges of its face, and inside that face.
+    """Measure a blend in a verified solid: along all edges of its face, and inside that face.
 
     ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
     """
@@ -86,10 +88,13 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
         pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
-        method="wire substitution" + (", flat ends" if strip.cap_count else ""),
+        method="wire substitution"
+        + (", on a surface of revolution" if isinstance(strip.geometry, RevolvedSection) else "")
+        + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
-        outlined_face=None if joint.spine.closed else strip.blend_face,
+        edges=tuple(certify_edge(edge, joint) for edge in strip.other_edges),
+        outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
 
@@ -148,9 +153,14 @@ def _measure_faded_share(ribbon: Ribbon) -> float:
     )
 
 
-def _measure_bending_energy(surface: Surface, face: TopoDS_Face | None) -> float:
+def _measure_bending_energy(surface: Surface, strip: BuiltStrip | None) -> float:
     """Return the bending energy of a blend within the boundary of its face, or over its whole domain."""
-    return bending_energy(surface, None if face is None else sample_outline(face))
+    if strip is None:
+        return bending_energy(surface)
+    outline = sample_outline(strip.blend_face)
+    if isinstance(strip.geometry, RevolvedSection):
+        outline[..., 0] = strip.geometry.map_to_parameters(outline[..., 0].ravel()).reshape(outline.shape[:2])
+    return bending_energy(surface, outline)
 
 
 def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certificate:
@@ -172,7 +182,8 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         width=(float(widths.min()), float(widths.max())),
         stations=measured.stations,
         edge_tolerance=measured.edge_tolerance,
+        edges=measured.edges,
         residual=blend.residual,
         proofs=(partial(prove_blend, blend, measured.pcurve_errors),),
-        energies=(partial(_measure_bending_energy, surface, measured.outlined_face),),
+        energies=(partial(_measure_bending_energy, surface, measured.outlined),),
     )
