@@ -54,7 +54,7 @@ def check_parameters(t: ArrayLike) -> Array:
 
 
 def _pair_ends(jets: Array) -> Array:
-    """Derivatives at the start and at the end of each piece, (k+1, n, 2, dim), from those at the breaks."""
+    """Return derivatives at the start and at the end of each piece, (k+1, n, 2, dim), from those at the breaks."""
     out = np.empty((len(jets), jets.shape[1] - 1, 2, jets.shape[2]))
     out[:, :, 0], out[:, :, 1] = jets[:, :-1], jets[:, 1:]
     return out

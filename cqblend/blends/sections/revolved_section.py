@@ -66,6 +66,30 @@ class RevolvedSection:
         x = (t - self.breaks[arc]) / np.diff(self.breaks)[arc]
         return np.asarray(self.angles[arc] + 2 * np.arctan2(x * np.sin(half), 1 + x * (np.cos(half) - 1)))
 
+    def map_to_parameters(self, angles: Array) -> Array:
+        """Return the parameters t (n,) of the rails at angles (n,): the inverse of :meth:`map_to_angles`."""
+        arc = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, len(self.angles) - 2)
+        half, tangent = np.diff(self.angles)[arc] / 2, np.tan((angles - self.angles[arc]) / 2)
+        x = tangent / (np.sin(half) - tangent * (np.cos(half) - 1))
+        return np.asarray(self.breaks[arc] + x * np.diff(self.breaks)[arc])
+
+    def place_profile(self) -> Curve:
+        """Return the profile in space, at angle 0: a curve v -> H of dim 3."""
+        x, _, z = self.frame.axes
+        homogeneous = self.profile.coefs if self.profile.rational else _append_weight(self.profile.coefs)
+        radius, height, weight = (homogeneous[:, k] for k in range(3))
+        xyz = (
+            np.einsum("in,k->ikn", one, axis) for one, axis in ((radius, x), (height, z), (weight, self.frame.origin))
+        )
+        points = sum(xyz)
+        coefs = np.concatenate([points, weight[:, None]], axis=1) if self.profile.rational else points
+        return Curve(self.profile.breaks, coefs, rational=self.profile.rational, continuity=self.profile.continuity)
+
+
+def _append_weight(coefs: Array) -> Array:
+    """Return coefficients (q + 1, 2, n) with weights that are 1, (q + 1, 3, n)."""
+    return np.concatenate([coefs, np.ones_like(coefs[:, :1])], axis=1)
+
 
 def find_revolved_section(blend: BlendSurface) -> RevolvedSection | None:
     """Return a blend between two circular ribbons as a turned profile; None if it is none, to rounding."""

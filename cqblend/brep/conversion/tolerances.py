@@ -50,5 +50,14 @@ class ConversionTolerances:
     degenerate_normal: float = 1e-12
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
 
+    circle_samples: int = 17
+    """Number of angles at which a circular rail is compared with its image on the face."""
+
+    circular_rail: float = 1e-14
+    """Relative to the radius and the distance from the origin: largest distance between the two, that of rounding."""
+
+    circular_speed: float = 1e-9
+    """Relative: by how much the speed along a parameter may differ from that along a circle by its angle."""
+
 
 CONVERSION_TOLERANCES = ConversionTolerances()
