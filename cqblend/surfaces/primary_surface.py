@@ -98,6 +98,13 @@ class Primary(ABC):
             (n, 2) native parameters: of all periods, the one next to these is taken.
         """
 
+    @abstractmethod
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        """Return (r, s), (n, 2), of lifted directions d (n, k) at lifted points c (n, k).
+
+        r Su + s Sv is the derivative of the point P(c + v d) by v, in space.
+        """
+
     @property
     @abstractmethod
     def weight_exponents(self) -> Array:

@@ -131,6 +131,9 @@ class Plane(Quadric):
     def unlift_points(self, c: Array, near: Array) -> Array:
         return c[:, :2] / c[:, 2:]
 
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        return np.asarray((d[:, :2] - c[:, :2] * (d[:, 2:] / c[:, 2:])) / c[:, 2:])
+
     def has_exact_pcurves(self) -> bool:
         return True
 
@@ -178,6 +181,11 @@ class Cylinder(Quadric):
     def unlift_points(self, c: Array, near: Array) -> Array:
         angle = 2 * np.arctan2(c[:, 1], c[:, 0])
         return np.stack([shift_to_period(angle, near[:, 0], 2 * np.pi), c[:, 2] / (c[:, :2] ** 2).sum(1)], -1)
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        weight, growth = (c[:, :2] ** 2).sum(1), 2 * (c[:, :2] * d[:, :2]).sum(1)
+        turn = 2 * (c[:, 0] * d[:, 1] - c[:, 1] * d[:, 0]) / weight
+        return np.stack([turn, (d[:, 2] - c[:, 2] * growth / weight) / weight], -1)
 
 
 @dataclass(frozen=True)
@@ -245,6 +253,12 @@ class Cone(Quadric):
         rho = self.nappe * (c[:, :2] ** 2).sum(1) / c[:, 2]
         v = (rho - self.radius) / np.sin(self.half_angle)
         return np.stack([shift_to_period(angle, near[:, 0], 2 * np.pi), v], -1)
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        square, growth = (c[:, :2] ** 2).sum(1), 2 * (c[:, :2] * d[:, :2]).sum(1)
+        turn = 2 * (c[:, 0] * d[:, 1] - c[:, 1] * d[:, 0]) / square
+        rate = self.nappe * (growth - square * d[:, 2] / c[:, 2]) / c[:, 2]  # of rho
+        return np.stack([turn, rate / np.sin(self.half_angle)], -1)
 
 
 @dataclass(frozen=True)
@@ -320,3 +334,12 @@ class Sphere(Quadric):
         n = np.einsum("ijk,nj,nk->ni", self.quadratic[:3], c, c) / (c**2).sum(1)[:, None] - self.frame.origin
         x, y, z = self.frame.axes @ n.T / self.radius
         return np.stack([shift_to_period(np.arctan2(y, x), near[:, 0], 2 * np.pi), np.arctan2(z, np.hypot(x, y))], -1)
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        norm, growth = (c**2).sum(1)[:, None], 2 * (c * d).sum(1)[:, None]
+        form = self._build_normal_form()
+        point = np.einsum("ijk,nj,nk->ni", form, c, c) / norm
+        rate = (2 * np.einsum("ijk,nj,nk->ni", form, c, d) - point * growth) / norm
+        (x, y, _), (dx, dy, dz) = self.frame.axes @ point.T, self.frame.axes @ rate.T
+        ring = x * x + y * y
+        return np.stack([(x * dy - y * dx) / ring, dz / np.sqrt(ring)], -1)
