@@ -6,12 +6,14 @@ Only finds faults; :mod:`cqblend.patterns.unrolling` divides faulty faces anew.
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from cqblend.errors import GeometryError
 from cqblend.patterns.flattening.flat_face import DividedPatch
-from cqblend.patterns.flattening.flat_loops import PieceDraft, SampledEdges
+from cqblend.patterns.flattening.flat_loops import PieceDraft
+from cqblend.patterns.flattening.sampled_edges import SampledEdges
 from cqblend.patterns.outline.overlap import has_overlap
 from cqblend.patterns.outline.pieces import Piece
 from cqblend.patterns.outline.plane_path import Path
@@ -21,6 +23,9 @@ from cqblend.patterns.trimming.boundary_run_draft import RunDraft
 from cqblend.patterns.trimming.boundary_run_keys import EdgeRunKey
 from cqblend.splines.bernstein import Array
 from cqblend.unroll_options import UnrollOptions
+
+SelfOverlap = Literal["flat", "bent"]
+"""Why a piece overlaps itself: with straight segments between its vertices, too, or only because these are bent."""
 
 
 def find_missing_vertices(
@@ -100,13 +105,11 @@ def find_face_mismatch(
     return None
 
 
-def find_self_overlapping(drafts: Sequence[PieceDraft], pieces: Sequence[Piece]) -> list[tuple[PieceDraft, bool]]:
-    """Return the drafts of pieces that overlap themselves, each with whether only its bent borders make it do so."""
-    return [
-        (draft, not has_overlap(_straighten_runs(piece)))
-        for draft, piece in zip(drafts, pieces, strict=True)
-        if has_overlap(piece)
-    ]
+def find_self_overlap(piece: Piece) -> SelfOverlap | None:
+    """Return why a piece overlaps itself, None if it does not."""
+    if not has_overlap(piece):
+        return None
+    return "flat" if has_overlap(_straighten_runs(piece)) else "bent"
 
 
 def _straighten_runs(piece: Piece) -> Piece:
