@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from cqblend import cadquery_plugin, errors, installation_check
-from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
+from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdges
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ __all__ = [
     "Rail",
     "RailRecord",
     "Relation",
-    "SkippedEdge",
+    "SkippedEdges",
     "Surface",
     "Verification",
     "__version__",

@@ -46,6 +46,7 @@ def blend(
     angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
+    on_error: str = BLEND_DEFAULTS.on_error,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:
     """Blend the selected edges of the solid in the chain.

@@ -18,7 +18,7 @@ ONE = Certificate(
     rational=False,
     inner_crease=0.0,
     method="wire substitution",
-    valid=True,
+    validity=(lambda: True,),
     width=(3.5, 3.75),
     stations=1000,
 )
@@ -31,7 +31,7 @@ OTHER = replace(
     rational=True,
     inner_crease=0.01,
     method="splitter",
-    valid=False,
+    validity=(lambda: False,),
     width=(2.0, 3.6),
     stations=400,
 )

@@ -209,7 +209,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Rail": rail,
     "EndRecord": lambda: blended().certificate.ends[0],
     "RailRecord": lambda: blended().certificate.rails[0],
-    "SkippedEdge": lambda: skipping().skipped[0],
+    "SkippedEdges": lambda: skipping().skipped[0],
     "Relation": lambda: cqblend.Relation(Conic(1, 1).curve),
     "Surface": sheet,
     "Verification": lambda: cqblend.verify(box()),
@@ -217,7 +217,7 @@ SELVES: dict[str, Callable[[], Any]] = {
 
 RECORDS = (
     "Blend", "BlendResult", "Certificate", "Continuity", "EndRecord", "Normalised", "Pattern", "PdeBlend",
-    "PotentialBlend", "RailRecord", "SkippedEdge", "Verification",
+    "PotentialBlend", "RailRecord", "SkippedEdges", "Verification",
 )  # fmt: skip
 """Classes that only hold what a function of cqblend has found out; what somebody else puts into them is his."""
 
@@ -241,6 +241,7 @@ EDGE_OPTIONS = {
     "angular_tolerance": 1e-5,
     "ends": "auto",
     "first": None,
+    "on_error": "raise",
 }
 
 UNROLL_OPTIONS = {

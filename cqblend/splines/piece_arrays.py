@@ -66,8 +66,8 @@ def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, 
     """Apply a kernel of (p+1, .., n) arrays to parameter `axis` of an array with `parameter_count` parameters."""
     if parameter_count == 1:
         return kernel(coefs)
-    there, here = (axis, parameter_count + 1 + axis), (0, -1)
-    return np.moveaxis(kernel(np.moveaxis(coefs, there, here)), here, there)
+    here, there = ((3, 4), (0, 1))[axis]
+    return kernel(coefs.swapaxes(here, there)).swapaxes(here, there)
 
 
 def unite_breaks(first: Array, second: Array) -> Array:

@@ -75,12 +75,21 @@ class Spline:
         source: tuple[Any, ...] | None,
     ) -> None:
         coefs = np.ascontiguousarray(coefs)
-        degrees = coefs.shape[: self._parameter_count]
-        continuity = tuple(np.where(c >= n - 1, SMOOTH, c) for c, n in zip(continuity, degrees, strict=True))
-        for array in (*breaks, coefs, *continuity):
-            array.setflags(write=False)
-        for name, value in zip(Spline.__slots__, (breaks, coefs, continuity, rational, source), strict=True):
-            object.__setattr__(self, name, value)
+        coefs.flags.writeable = False
+        for array in breaks:
+            array.flags.writeable = False
+        orders = []
+        for order, size in zip(continuity, coefs.shape, strict=False):
+            if len(order):
+                order = np.where(order >= size - 1, SMOOTH, order)
+                order.flags.writeable = False
+            orders.append(order)
+        write = object.__setattr__
+        write(self, "_breaks", breaks)
+        write(self, "_coefs", coefs)
+        write(self, "_continuity", tuple(orders))
+        write(self, "_rational", rational)
+        write(self, "_source", source)
 
     @classmethod
     def _from_pieces(
@@ -171,14 +180,20 @@ class Spline:
         old = self._breaks[axis]
         if len(breaks) == len(old):
             return self
-        piece = np.searchsorted(old, breaks[:-1], "right") - 1
-        start, length = old[piece], old[piece + 1] - old[piece]
-        x0, x1 = (breaks[:-1] - start) / length, (breaks[1:] - start) / length
+        ends = breaks[:-1], breaks[1:]
+        piece = old[1:-1].searchsorted(ends[0], "right")
+        start = old[piece]
+        length = old[piece + 1] - start
+        x0, x1 = ((end - start) / length for end in ends)
         coefs = apply_along_axis(
-            lambda c: bernstein.restrict_pieces(c[..., piece], x0, x1), self._coefs, axis, self._parameter_count
+            lambda c: bernstein.restrict_pieces(c.take(piece, axis=-1), x0, x1),
+            self._coefs,
+            axis,
+            self._parameter_count,
         )
         order = np.full(len(breaks) - 2, SMOOTH)
-        order[np.searchsorted(breaks, old[1:-1]) - 1] = self._continuity[axis]
+        if len(old) > 2:
+            order[breaks.searchsorted(old[1:-1]) - 1] = self._continuity[axis]
         return self._replace_axis(axis, breaks, coefs, order)
 
     def _snap_and_subdivide(self, axis: int, breaks: Array) -> Self:
@@ -465,11 +480,11 @@ class Spline:
 
     def _to_rational(self) -> Self:
         """Give it a weight component, one if it had none."""
-        return self if self._rational else self._replace_coefs(self._coefs, self._unit_weight())
-
-    def _unit_weight(self) -> Array:
-        count = self._parameter_count
-        return np.ones((*(1,) * (count + 1), *self._coefs.shape[count + 1 :]))
+        if self._rational:
+            return self
+        count, shape = self._parameter_count, self._coefs.shape
+        one = np.ones((*shape[:count], 1, *shape[count + 1 :]))
+        return self._from_pieces(self._breaks, np.concatenate([self._coefs, one], axis=count), True, self._continuity)
 
     def _dehomogenise_poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
         """Poles and weights of assembled homogeneous poles (.., dim_h)."""
