@@ -10,7 +10,7 @@ CPU times, medians of several runs.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -92,6 +92,12 @@ def _time_sections(family: Callable[..., object], number: int) -> tuple[float, f
     return hermite, potential
 
 
+def tabulate() -> Iterator[Table]:
+    """Yield both tables."""
+    yield tabulate_moved_rails()
+    yield tabulate_potential()
+
+
 if __name__ == "__main__":
-    for table in (tabulate_moved_rails(), tabulate_potential()):
-        print(f"\n{table}")
+    for table in tabulate():
+        print(f"\n{table}", flush=True)

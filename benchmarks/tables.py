@@ -53,17 +53,11 @@ def describe_machine() -> str:
 
 
 def replace_blocks(document: str, blocks: dict[str, str]) -> str:
-    """Return a document with new text between its marks ``<!-- NAME -->`` and ``<!-- end of NAME -->``.
-
-    Raises
-    ------
-    ValueError
-        A mark is missing, or is there twice.
-    """
+    """Return a document with new text between ``<!-- NAME -->`` and ``<!-- end of NAME -->``, where it has these."""
     for name, text in blocks.items():
         first, last = f"<!-- {name} -->", f"<!-- end of {name} -->"
-        if document.count(first) != 1 or document.count(last) != 1:
-            raise ValueError(f"the document does not have {first} and {last} once each")
-        before, _, rest = document.partition(first)
-        document = f"{before}{first}\n{text}\n{last}{rest.partition(last)[2]}"
+        before, found, rest = document.partition(first)
+        _, closed, after = rest.partition(last)
+        if found and closed:
+            document = f"{before}{first}\n\n{text}\n\n{last}{after}"
     return document
