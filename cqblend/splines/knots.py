@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from cqblend.argument_checks import check_integer, to_float_array
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
@@ -148,8 +148,9 @@ def _choose_pole_pieces(breaks: Array, degree: int, at: Array) -> tuple[Array, A
     for offset in range(int((last - first).max()) + 1):
         tried = np.minimum(first + offset, last)
         low, high = breaks[tried], breaks[tried + 1]
-        outside = np.maximum(np.maximum(low - window, window - high), 0)
-        factor = np.multiply.reduce(1 + outside * (2 / (high - low)))
+        # 1 at the ends of the piece and beyond them 1 + 2 d, at a distance of d lengths of the piece
+        distance = np.abs((window - (low + high) / 2) * (2 / (high - low)))
+        factor = np.multiply.reduce(np.maximum(distance, 1.0))
         best = np.where(factor < least, tried, best)
         least = np.minimum(least, factor)
     piece[far] = best
@@ -261,6 +262,20 @@ def to_homogeneous(poles: Array, weights: object) -> Array:
     if not np.isfinite(made).all():
         raise InputError("a pole times its weight is beyond the range of doubles")
     return made
+
+
+def to_euclidean(homogeneous: Array) -> tuple[Array, Array]:
+    """Poles (.., dim) and weights (..) of homogeneous poles (.., dim + 1).
+
+    Raises
+    ------
+    GeometryError
+        If a weight is not positive.
+    """
+    weights = homogeneous[..., -1]
+    if weights.min() <= 0:
+        raise GeometryError(f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first")
+    return homogeneous[..., :-1] / weights[..., None], weights
 
 
 def is_clamped(degree: int, knots: Array) -> bool:

@@ -36,9 +36,9 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 
 from cqblend.brep.conversion import spline_arrays
-from cqblend.brep.measurement.spline_basis import divide_by_weights, evaluate_basis
+from cqblend.brep.measurement.spline_basis import count_knots, divide_by_weights, evaluate_basis
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange
+from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange, choose_witnesses
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -99,7 +99,7 @@ class CurveEvaluator:
             return self.evaluate_by_occt(ts, order)
         found = self._formula(ts, order)
         if not self._witnessed.covers(ts[None]):
-            at = self._witnessed.choose_witnesses(len(ts))
+            at = choose_witnesses(len(ts))
             witnessed = self.evaluate_by_occt(ts[at], order)
             if not _agrees(found[..., at], witnessed):
                 self._formula = None
@@ -132,12 +132,13 @@ class CurveEvaluator:
 
 def _agrees(found: Array, witnessed: Array) -> bool:
     """Whether points and derivatives (order + 1, d, n) are those of OCCT, but for rounding."""
-    allowed = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
-    allowed[0] *= MEASURE_TOLERANCES.witness_position
-    allowed[1:] *= MEASURE_TOLERANCES.witness_derivative
-    # A derivative that ought to be nothing is rounding of what it is a difference of.
-    allowed = np.maximum(allowed, MEASURE_TOLERANCES.witness_position * np.abs(witnessed).max(initial=0.0))
-    return bool((np.abs(found - witnessed).max(axis=(1, 2), initial=0.0) <= allowed).all())
+    sizes, errors = (np.abs(part).max(axis=(1, 2)) for part in (witnessed, found - witnessed))
+    # a derivative that ought to be nothing is rounding of what it is a difference of
+    allowed = np.maximum(
+        MEASURE_TOLERANCES.witness_derivative * sizes, MEASURE_TOLERANCES.witness_position * sizes.max()
+    )
+    allowed[0] = MEASURE_TOLERANCES.witness_position * sizes[0]
+    return bool((errors <= allowed).all())
 
 
 def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
@@ -159,7 +160,7 @@ def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
         found = basis.combine(columns.take(basis.poles, axis=1))
         return np.stack(found if weights is None else divide_by_weights(found))
 
-    return knots[np.flatnonzero(np.diff(knots, prepend=-np.inf))], evaluate_spline
+    return count_knots(knots)[0], evaluate_spline
 
 
 def _read_line(line: Geom_Line | Geom2d_Line) -> CurveFormula:

@@ -31,9 +31,9 @@ from OCP.gp import gp_Ax2, gp_Pnt, gp_Vec
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
-from cqblend.brep.measurement.spline_basis import LocalBasis, evaluate_basis
+from cqblend.brep.measurement.spline_basis import LocalBasis, count_knots, evaluate_basis
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange
+from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange, choose_witnesses
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -87,7 +87,7 @@ class SurfaceEvaluator:
             return self.evaluate_by_occt(uv, order)
         found = np.stack(self._formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
-            at = self._witnessed.choose_witnesses(uv.shape[1])
+            at = choose_witnesses(uv.shape[1])
             if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
                 self._formula = None
                 return self.evaluate_by_occt(uv, order)
@@ -122,14 +122,15 @@ def _agrees(found: Array, witnessed: Array) -> bool:
     What is allowed of a derivative is relative to the largest of its order; a second one may vanish, and counts then
     beside the curvature of a surface as large as its coordinates.
     """
-    sizes = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
-    errors = np.abs(found - witnessed).max(axis=(1, 2), initial=0.0)
-    if not errors[0] <= MEASURE_TOLERANCES.witness_position * sizes[0]:
-        return False
-    slope = sizes[1:3].max(initial=0.0)
-    bend = sizes[3:].max(initial=slope**2 / sizes[0] if sizes[0] else 0.0)
-    allowed = MEASURE_TOLERANCES.witness_derivative * np.repeat((slope, bend), (2, 3))
-    return bool((errors[1:] <= allowed[: len(errors) - 1]).all())
+    sizes, errors = (np.abs(part).max(axis=(1, 2)).tolist() for part in (witnessed, found - witnessed))
+    slope = max(sizes[1:3], default=0.0)
+    bend = max([*sizes[3:], slope**2 / sizes[0] if sizes[0] else 0.0])
+    position, derivative = MEASURE_TOLERANCES.witness_position, MEASURE_TOLERANCES.witness_derivative
+    return (
+        errors[0] <= position * sizes[0]
+        and all(error <= derivative * slope for error in errors[1:3])
+        and all(error <= derivative * bend for error in errors[3:])
+    )
 
 
 class SplineSurface:
@@ -141,6 +142,8 @@ class SplineSurface:
     knots : (ndarray, ndarray)
         Full knot vectors over one period where it is periodic.
     is_periodic : (bool, bool)
+    breaks, multiplicities : (ndarray, ndarray)
+        The distinct knots in both directions, and how often each is repeated.
     """
 
     def __init__(self, surface: Geom_BSplineSurface | Geom_BezierSurface) -> None:
@@ -148,11 +151,18 @@ class SplineSurface:
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
         self.degrees, self.knots, poles, weights = spline_arrays.surface_to_arrays(surface)
         self.is_periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
+        breaks, multiplicities = zip(*map(count_knots, self.knots), strict=True)
+        self.breaks, self.multiplicities = breaks, multiplicities
         self._shape = poles.shape[:2]
         if weights is not None:
             poles = np.concatenate((poles * weights[..., None], weights[..., None]), axis=-1)
         self._is_rational = weights is not None
         self._columns = np.ascontiguousarray(poles.reshape(-1, poles.shape[-1]).T)  # (3 or 4, nu * nv)
+
+    @property
+    def is_single_patch(self) -> bool:
+        """Whether there is no knot line in it, and no period after which it starts anew."""
+        return not any(self.is_periodic) and all(len(breaks) == 2 for breaks in self.breaks)
 
     def compute_jets(self, u: Array, v: Array, order: Order) -> list[Array]:
         """Return the jets up to an order, each (3, n).

@@ -27,8 +27,8 @@ class MeasureTolerances:
     resampling_rounds: int = 2
     """How often it is measured again, more densely, around the largest values."""
 
-    level_value: float = 1e-6
-    """Relative: values that differ by less from their neighbours' are constant there; none in between is larger."""
+    level_value: float = 1e-3
+    """Relative: between values that differ by less from each other, none is larger by more than an eighth of that."""
 
     rounding: float = 64 * 2.0**-52
     """Relative to coordinates, or radians: gaps and angles below this are rounding."""
