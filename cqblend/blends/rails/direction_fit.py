@@ -58,7 +58,8 @@ def fit_directions(rail: SampledRail, vectors: Array, method: DirectionMethod) -
     that the speed of its sections is constant: those of curves that run as straight as they can, at constant speed.
     """
     steering, kinks, c, jet = method.steering, method.kinks, rail.c, rail.jet
-    vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), rail.t)
+    if steering.pins:
+        vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), rail.t)
     rs = steering.zero_at_pins(to_tangent_coordinates(jet, vectors), rail.t)
     values = rail.primary.lift_directions(rail.uv, rail.lifted, rs)
     if kinks is None:
