@@ -74,7 +74,8 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())[:2]
+        result = blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())
+        return result.shape, result.faces
 
     return run
 

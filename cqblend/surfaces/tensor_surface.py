@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import comb, factorial
 from typing import Literal
 
@@ -22,7 +23,8 @@ from cqblend.splines.knot_line_cuts import cut_at_knot_lines
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.angles import half_angle_velocity, shift_to_period, to_half_angle_pair
 from cqblend.surfaces.knot_line_smoothness import expand_patches, measure_shape_continuity
-from cqblend.surfaces.primary_surface import JET_ORDERS, KnotCrossing, Primary
+from cqblend.surfaces.patch_evaluation import PatchTable
+from cqblend.surfaces.primary_surface import KnotCrossing, Primary
 from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 
 
@@ -106,6 +108,8 @@ class TensorSurface(Primary):
 
     def wrap_parameters(self, uv: Array) -> Array:
         """Shift native parameters (n, 2) into the domain along periodic directions."""
+        if self.periods == (None, None):
+            return uv
         out = uv.copy()
         for axis, period in enumerate(self.periods):
             if period is not None and not self.is_angular[axis]:
@@ -253,7 +257,7 @@ class TensorSurface(Primary):
             Of n each: the continuity of the parametrisation, that of the shape, and the angle by which the normal
             turns, rad.
         """
-        uv, breaks = self.wrap_parameters(uv), self.breaks[axis]
+        uv, breaks = self.wrap_parameters(uv).copy(), self.breaks[axis]
         uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
         continuity = self._measure_continuity(uv, axis)
         before, after = (self._expand_beside_knot(uv, axis, step) for step in (-1, 0))
@@ -349,17 +353,18 @@ class SplineSurface(TensorSurface):
 
     surface: Surface = field()
 
+    @cached_property
+    def _table(self) -> PatchTable:
+        return PatchTable.from_patches(self.breaks, self.patches, rational=self.rational)
+
     def jet(self, uv: Array) -> Array:
-        u, v = self.wrap_parameters(uv).T
-        jet = self.surface.jet(u, v, 2)
-        return np.stack([jet[i, j] for i, j in JET_ORDERS])
+        return self._table.evaluate_jet(self.wrap_parameters(uv))
 
     def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
         if not self.rational or self.levels_weight:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
-        u, v = self.wrap_parameters(uv).T
-        jet = Surface(self.breaks, self.patches[:, :, 3:]).jet(u, v, 1)[..., 0]
-        return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
+        weights = self._table.evaluate_homogeneous(self.wrap_parameters(uv))[:, :, 3]
+        return weights[0], weights[1:3].T
 
     def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
         orders = (order, 0) if axis == 0 else (0, order)

@@ -59,12 +59,17 @@ class BlendSurface:
 def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
     """Return the homogeneous jets of both ribbons on common breaks, none of which nearly coincide.
 
-    Those of light ribbons are reduced to the lowest degree that they really have.
+    Those of light ribbons are reduced to the lowest degree that they really have. Jets of higher order may be small
+    differences of large terms, so that their rounding is that of the position.
     """
 
     def compose_jets(ribbon: Ribbon) -> list[Curve]:
         jets = ribbon.compose_jets()[: ribbon.order + 1]
-        return [jet.reduce(tolerance=RAIL_TOLERANCES.light_degree_share) if ribbon.light else jet for jet in jets]
+        if not ribbon.light:
+            return list(jets)
+        sizes = [float(np.abs(jet.coefs).max()) for jet in jets]
+        shares = [RAIL_TOLERANCES.light_degree_share * max(1.0, sizes[0] / size) if size else 0.0 for size in sizes]
+        return [jet.reduce(tolerance=share) for jet, share in zip(jets, shares, strict=True)]
 
     first, second = (compose_jets(ribbon) for ribbon in ribbons)
     together = align_breaks([*first, *second])

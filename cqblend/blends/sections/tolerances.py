@@ -47,6 +47,12 @@ class SectionTolerances:
         Degree along of sections whose interior may be polynomial, as between planes and around axes.
     size_samples
         Parameters along, at least, at which the size of an interior is measured.
+    revolved_deviation
+        Deviation of a blend from a turned profile, as a share of its largest coordinate about the axis, that is
+        rounding.
+    revolved_gap, revolved_full_turn
+        Gap between the ends of a circular rail, as a share of its size, and difference of its angle from a full turn
+        (rad), up to which it is closed.
     """
 
     largest_degree: int = 25
@@ -65,6 +71,9 @@ class SectionTolerances:
     most_smooth_spans: int = 128
     most_simple_degree: int = 4
     size_samples: int = 257
+    revolved_deviation: float = 1e-12
+    revolved_gap: float = 1e-9
+    revolved_full_turn: float = 1e-9
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """How smoothly two faces meet along an edge, as OCCT itself evaluates them.
 
 What cqblend promises is proven elsewhere, on the coefficients of splines. This module checks it independently: it reads
-finished ``TopoDS`` shapes, of whatever origin, point by point through OCCT's own ``Geom_Surface.D2``. It evaluates none
-of cqblend's splines, rails or blends, so that a certificate and what it certifies share no arithmetic.
+finished ``TopoDS`` shapes, of whatever origin, and evaluates OCCT's geometry in bulk with OCCT as the witness: at some
+points of each side, and where the largest values were found. It evaluates none of cqblend's splines, rails or blends,
+so that a certificate and what it certifies share no arithmetic.
 
 Conventions: lengths in mm, angles in radians, curvatures in 1/mm. Normals point out of the material (``Su x Sv`` on a
 FORWARD face, its opposite on a REVERSED one). Locations of shapes are respected.
@@ -20,15 +21,15 @@ from OCP.gp import gp_Vec
 from OCP.TopAbs import TopAbs_FORWARD
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.edge_parameters import SPAN_SHARES, resample_near_maxima
-from cqblend.brep.measurement.edge_samples import EdgeSamples, choose_sample_parameters, sample_edge_side
+from cqblend.brep.measurement.edge_samples import EdgeSamples, SideSampler, choose_sample_parameters, read_edge_curve
 from cqblend.brep.measurement.edge_sides import EdgeSide, find_edge_sides
 from cqblend.brep.measurement.surface_evaluation import (
-    compute_normals_curvatures,
-    evaluate_edge,
-    evaluate_surface_jets,
+    compute_normals,
+    express_curvature,
     measure_angle_between,
-    normalise_rows,
+    measure_lengths,
 )
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import GeometryError
@@ -111,41 +112,48 @@ def measure_continuity(shape: TopoDS_Shape, edge: TopoDS_Edge, samples: int = 10
 
 
 def measure_continuity_between(
-    sides: tuple[EdgeSide, EdgeSide], samples: int = 1000, where: Callable[[Array], Array] | None = None
+    sides: tuple[EdgeSide, EdgeSide],
+    samples: int = 1000,
+    where: Callable[[Array], Array] | None = None,
+    surfaces: tuple[SurfaceEvaluator | None, SurfaceEvaluator | None] = (None, None),
 ) -> Continuity:
     """Measure how two known sides of an edge meet: :func:`measure_continuity` without the search for them.
 
-    ``where`` is a predicate of parameters (n,) of the edge: angle and curvature count only where it holds.
+    ``where`` is a predicate of parameters (n,) of the edge: angle and curvature count only where it holds. ``surfaces``
+    are the evaluators of the faces' surfaces, of those that have one already.
     """
     edge = sides[0][1]
+    curve = read_edge_curve(edge)
+    first, second = (SideSampler(side, surface) for side, surface in zip(sides, surfaces, strict=True))
 
     def compare_sides(ts: Array) -> tuple[Array, Array, Array]:
-        points, tangents = evaluate_edge(edge, ts)
-        one, two = (sample_edge_side(use, face, ts) for face, use in sides)
-        pairs = ((one.points, two.points), (one.points, points), (two.points, points))
-        gaps = np.max([np.linalg.norm(a - b, axis=1) for a, b in pairs], axis=0)
-        angles = measure_angle_between(one.normals, two.normals)
-        jumps = _spectral_norm(_express_in_edge_frame(one, tangents) - _express_in_edge_frame(two, tangents))
+        points, tangents = curve(ts, 1)
+        one, two = first.sample(ts), second.sample(ts)
+        gaps = [measure_lengths(side.points - points) for side in (one, two)]
+        gaps.append(measure_lengths(one.points - two.points))
+        angles, jumps = _compare_tangent_planes(one, two, tangents)
         if where is not None:
             counts = where(ts)
             angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
-        return gaps, angles, jumps
+        return np.maximum(np.maximum(gaps[0], gaps[1]), gaps[2]), angles, jumps
 
-    ts = choose_sample_parameters(sides, samples)
-    first = compare_sides(ts)
-    measured = int(np.isfinite(first[1]).sum())
+    ts = choose_sample_parameters((first, second), curve, samples)
+    values = compare_sides(ts)
+    measured = int(np.isfinite(values[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    ts, (gaps, angles, jumps) = resample_near_maxima(compare_sides, ts, first)
-    worst = int(np.nanargmax(angles))
-    at = ts[[worst]]
-    one, two = (sample_edge_side(use, face, at) for face, use in sides)
+    ts, rows = resample_near_maxima(compare_sides, ts, values, MEASURE_TOLERANCES.negligible_continuity)
+    worst = ts[np.nanargmax(rows, axis=1)]
+    # so few points are evaluated by OCCT itself
+    gap, angle, jump = np.fmax(np.fmax.reduce(rows, axis=1), np.fmax.reduce(compare_sides(worst), axis=1)).tolist()
     return Continuity(
-        gap=float(gaps.max()),
-        angle=float(angles[worst]),
-        curvature_jump=float(np.nanmax(jumps)),
+        gap=gap,
+        angle=angle,
+        curvature_jump=jump,
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_classify_edge(edge, evaluate_edge(edge, at)[1][0], one.normals[0], two.normals[0], float(angles[worst])),
+        kind="smooth"
+        if angle <= MEASURE_TOLERANCES.smooth_edge_angle
+        else _classify_sharp_edge(first, second, worst[1]),
         samples=measured,
     )
 
@@ -155,7 +163,7 @@ def measure_surface_contact(
 ) -> tuple[float, float, float]:
     """Measure how two surfaces meet along a common curve, at its parameters ts (n,).
 
-    ``locate`` returns parameters (n, 2) on each surface; on the first one, u runs along the curve. Returns gap, angle
+    ``locate`` returns parameters (2, n) on each surface; on the first one, u runs along the curve. Returns gap, angle
     and curvature jump as in :class:`Continuity`; on a surface, normals have no outside, and are taken to point the same
     way on both. On short spans the rounding of products of poles and weights may hide that of poles, so that the
     largest angles are measured once more on copies of the surfaces that are moved to the origin, where coordinates have
@@ -163,33 +171,28 @@ def measure_surface_contact(
     """
     sign = 0.0
 
-    def compare_surfaces(pair: Sequence[Geom_Surface], ts: Array) -> tuple[Array, Array, Array]:
+    def compare_surfaces(
+        pair: Sequence[SurfaceEvaluator], ts: Array, *, by_occt: bool = False
+    ) -> tuple[Array, Array, Array]:
         nonlocal sign
         uv = locate(ts)
-        first, second = (evaluate_surface_jets(surface, at, order=2) for surface, at in zip(pair, uv, strict=True))
-        (n, n_curvature), (m, m_curvature) = (
-            compute_normals_curvatures(jets, reverse=False) for jets in (first, second)
-        )
-        sign = sign or (-1.0 if np.nansum(n * m) < 0 else 1.0)
-        one, two = (
-            EdgeSamples(first[:, 0], n, n_curvature, uv[0]),
-            EdgeSamples(second[:, 0], sign * m, sign * m_curvature, uv[1]),
-        )
-        tangents = first[:, 1]
-        return (
-            np.linalg.norm(one.points - two.points, axis=1),
-            measure_angle_between(one.normals, two.normals),
-            _spectral_norm(_express_in_edge_frame(one, tangents) - _express_in_edge_frame(two, tangents)),
-        )
+        jets = [(surface.evaluate_by_occt if by_occt else surface)(at, 2) for surface, at in zip(pair, uv, strict=True)]
+        one = EdgeSamples(jets[0], uv[0], 1.0)
+        sign = sign or (-1.0 if np.nansum(one.normals * EdgeSamples(jets[1], uv[1], 1.0).normals) < 0 else 1.0)
+        two = EdgeSamples(jets[1], uv[1], sign)
+        return measure_lengths(one.points - two.points), *_compare_tangent_planes(one, two, jets[0][1])
 
-    ts, values = resample_near_maxima(partial(compare_surfaces, surfaces), ts, compare_surfaces(surfaces, ts))
-    found = [values]
-    for i in np.argsort(np.nan_to_num(values[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
-        x, y, z = evaluate_surface_jets(surfaces[0], locate(ts[[i]])[0], order=1)[0, 0].tolist()
-        moved = [_translate_surface(surface, gp_Vec(-x, -y, -z)) for surface in surfaces]
+    evaluators = [SurfaceEvaluator(surface) for surface in surfaces]
+    values = compare_surfaces(evaluators, ts)
+    negligible = MEASURE_TOLERANCES.negligible_continuity
+    ts, rows = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, negligible)
+    found = [rows]
+    for i in np.argsort(np.nan_to_num(rows[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
+        x, y, z = evaluators[0].evaluate_by_occt(locate(ts[[i]])[0], 0)[0, :, 0].tolist()
+        moved = [SurfaceEvaluator(_translate_surface(surface, gp_Vec(-x, -y, -z))) for surface in surfaces]
         around = np.concatenate([ts[max(i - len(SPAN_SHARES), 0) : i + len(SPAN_SHARES) + 1], ts[::20]])
-        found.append(list(compare_surfaces(moved, around)))
-    gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
+        found.append(np.stack(compare_surfaces(moved, around, by_occt=True)))
+    gap, angle, jump = np.max([np.fmax.reduce(part, axis=1) for part in found], axis=0).tolist()
     return gap, angle, jump
 
 
@@ -200,22 +203,24 @@ def _translate_surface(surface: Geom_Surface, by: gp_Vec) -> Geom_Surface:
     return copy
 
 
-def _express_in_edge_frame(side: EdgeSamples, tangents: Array) -> Array:
-    """Return curvature tensors (n, 2, 2) in the orthonormal frame (along the edge, across it) of each tangent plane."""
-    across = normalise_rows(np.cross(side.normals, tangents))
-    frame = np.stack((np.cross(across, side.normals), across), axis=1)
-    return np.asarray(frame @ side.curvature @ frame.transpose(0, 2, 1))
+def _compare_tangent_planes(one: EdgeSamples, two: EdgeSamples, tangents: Array) -> tuple[Array, Array]:
+    """Return the angles between normals and the largest differences of normal curvatures, (n,) each.
+
+    Curvatures are compared in the frames (along the edge, across it) of both tangent planes: the largest |w.h.w| over
+    all unit w, for the symmetric 2 x 2 matrix h of the differences, by Mohr's circle.
+    """
+    jets = np.stack((one.jets, two.jets), axis=2)  # both sides are worked through at once
+    normals, areas = compute_normals(jets, np.array([[one.sign], [two.sign]]))
+    forms = express_curvature(jets, normals, areas, tangents[:, None])
+    along, mixed, across = (form[0] - form[1] for form in forms)
+    jumps = np.abs(along + across) / 2 + np.hypot((along - across) / 2, mixed)
+    return measure_angle_between(normals[:, 0], normals[:, 1]), np.asarray(jumps)
 
 
-def _spectral_norm(forms: Array) -> Array:
-    """Return the largest |w.h.w| over all unit w, for symmetric 2 x 2 matrices h: Mohr's circle."""
-    mean = (forms[:, 0, 0] + forms[:, 1, 1]) / 2
-    return np.asarray(np.abs(mean) + np.hypot((forms[:, 0, 0] - forms[:, 1, 1]) / 2, forms[:, 0, 1]))
-
-
-def _classify_edge(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> EdgeKind:
-    """Tell which way an edge bends: on a convex one the second normal points away from the first face."""
-    if angle <= MEASURE_TOLERANCES.smooth_edge_angle:
-        return "smooth"
-    into_first = np.cross(first, tangent) * (1.0 if edge.Orientation() == TopAbs_FORWARD else -1.0)
-    return "concave" if into_first @ second > 0.0 else "convex"
+def _classify_sharp_edge(first: SideSampler, second: SideSampler, t: float) -> EdgeKind:
+    """Tell which way an edge bends at t: on a convex one the second normal points away from the first face."""
+    at = np.array([t])
+    normal, other = first.sample(at).normals[:, 0], second.sample(at).normals[:, 0]
+    tangent = read_edge_curve(first.edge)(at, 1)[1, :, 0]
+    into_first = np.cross(normal, tangent) * (1.0 if first.edge.Orientation() == TopAbs_FORWARD else -1.0)
+    return "concave" if into_first @ other > 0.0 else "convex"

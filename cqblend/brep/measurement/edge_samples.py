@@ -1,33 +1,28 @@
-"""Samples of a face along one of its edges: where to take them, and what OCCT evaluates there."""
+"""Samples of a face along one of its edges: where to take them, and what OCCT's geometry is there."""
 
-import math
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_Surface
-from OCP.Geom2d import Geom2d_Curve
-from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
 from OCP.GeomAbs import GeomAbs_C2
-from OCP.gp import gp_Pnt2d, gp_Vec2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
-from cqblend.brep.measurement.edge_parameters import (
-    find_curve_knots,
-    find_knot_crossings,
-    measure_line_distances,
-    spread_samples,
-)
+from cqblend.brep.measurement.bulk_curves import CurveEvaluator
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
+from cqblend.brep.measurement.edge_parameters import map_to_range, spread_samples
 from cqblend.brep.measurement.edge_sides import EdgeSide, find_sides_on_face, read_pcurve
+from cqblend.brep.measurement.knot_lines import find_curve_knots, find_knot_crossings, list_inner_lines
 from cqblend.brep.measurement.surface_evaluation import (
-    compute_normals_curvatures,
-    evaluate_pcurve,
-    evaluate_surface_jets,
+    compute_cross_products,
+    compute_normals,
+    express_curvature,
+    normalise_vectors,
 )
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.brep.topology import explore_subshapes
@@ -37,73 +32,136 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class EdgeSamples:
-    """Points, normals and curvatures of one face along one of its edges.
+    """Jets of one face along one of its edges, and what follows from them.
 
     Attributes
     ----------
-    points : ndarray, shape (n, 3)
-        Images of the samples under the face's pcurve and surface, mm.
-    normals : ndarray, shape (n, 3)
-        Outward unit normals; nan where the surface is degenerate (the pole of a sphere).
-    curvature : ndarray, shape (n, 3, 3)
-        Symmetric tensors h: the normal curvature in the unit tangent direction w is ``w.h.w``, in 1/mm and positive
-        where the face bends towards its outward normal (a sphere of radius R, seen from inside its material, has
-        -1/R); nan as above.
-    parameters : ndarray, shape (n, 2)
+    jets : ndarray, shape (6, 3, n)
+        S, Su, Sv, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and surface, mm.
+    parameters : ndarray, shape (2, n)
         Where the surface was evaluated.
+    sign : float
+        -1 on a REVERSED face, whose outward normals are against ``Su x Sv``, else 1.
     """
 
-    points: Array
-    normals: Array
-    curvature: Array
+    jets: Array
     parameters: Array
+    sign: float
+
+    @property
+    def points(self) -> Array:
+        """The points (3, n), mm."""
+        return self.jets[0]
+
+    @cached_property
+    def normals(self) -> Array:
+        """Outward unit normals (3, n); nan where the surface is degenerate (the pole of a sphere)."""
+        return compute_normals(self.jets, self.sign)[0]
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Symmetric tensors h (3, 3, n): the normal curvature in the unit tangent direction w is ``w.h.w``.
+
+        In 1/mm, and positive where the face bends towards its outward normal (a sphere of radius R, seen from inside
+        its material, has -1/R); nan where there is no normal.
+        """
+        normals, areas = compute_normals(self.jets, self.sign)
+        along = normalise_vectors(self.jets[1])
+        frame = np.stack((along, compute_cross_products(normals, along)))
+        first, mixed, second = express_curvature(self.jets, normals, areas, along)
+        form = np.array([[first, mixed], [mixed, second]])
+        return np.asarray(np.einsum("kin,kln,ljn->ijn", frame, form, frame))
 
 
-def sample_edge_side(edge: TopoDS_Edge, face: TopoDS_Face, ts: ArrayLike) -> EdgeSamples:
-    """Evaluate a face along one of its edges.
+class SideSampler:
+    """Samples one face along one of its edges; what it reads of both, it reads once.
 
-    Parameters
+    Attributes
     ----------
-    edge : TopoDS_Edge
-        An edge of the face; if it is a seam, its orientation picks the side.
-    face : TopoDS_Face
-        The face, oriented as in its shape.
-    ts : array_like, shape (n,)
-        Parameters of the edge's 3D curve.
-
-    Returns
-    -------
-    EdgeSamples
+    face, edge : TopoDS_Face, TopoDS_Edge
+        As in the side: of a seam, the edge's orientation picks the pcurve.
+    surface : SurfaceEvaluator
+        Taken over if the face's surface has an evaluator already.
 
     Raises
     ------
-    SelectionError
-        The edge is not an edge of the face.
     GeometryError
-        The edge has no pcurve on the face, or OCCT cannot evaluate the surface.
-
-    Notes
-    -----
-    Where the edge runs along a knot line of the surface, derivatives are those of the face's own side of that line.
+        The edge has no pcurve on the face.
     """
-    uses = find_sides_on_face(face, edge)
-    if not uses:
-        raise SelectionError("the edge is not an edge of the face")
-    if len(uses) == 1:
-        edge = uses[0][1]
-    pcurve, low, high = read_pcurve(edge, face)
-    surface = BRep_Tool.Surface_s(face)
-    ts = _map_to_range(np.asarray(ts, dtype=float), BRep_Tool.Range_s(edge), (low, high))
-    uv = evaluate_pcurve(pcurve, ts)
-    is_left = edge.Orientation() == face.Orientation()  # a REVERSED edge of a REVERSED face runs forward on its surface
-    face_side_uv = _shift_to_face_side(uv, ts, pcurve, surface, (high - low) * (1.0 if is_left else -1.0))
-    jets = evaluate_surface_jets(surface, face_side_uv, order=2)
-    moved = (face_side_uv != uv).any(axis=1)
-    jets[moved, 0] = evaluate_surface_jets(surface, uv[moved], order=1)[:, 0]
-    return EdgeSamples(jets[:, 0], *compute_normals_curvatures(jets, face.Orientation() == TopAbs_REVERSED), uv)
+
+    def __init__(self, side: EdgeSide, surface: SurfaceEvaluator | None = None) -> None:
+        self.face, self.edge = side
+        if BRep_Tool.IsClosed_s(self.edge, self.face):
+            self.edge = _orient_as_used(self.edge, self.face)
+        pcurve, low, high = read_pcurve(self.edge, self.face)
+        self.surface = surface or SurfaceEvaluator(BRep_Tool.Surface_s(self.face))
+        self._pcurve = CurveEvaluator(pcurve)
+        self._pcurve_ends = (low, high)
+        self._ends: tuple[float, float] = BRep_Tool.Range_s(self.edge)
+        self._lines = list_inner_lines(self.surface, GeomAbs_C2)
+
+    def find_breaks(self) -> Array:
+        """Return where the side may jump, as parameters of the edge: knots of its pcurve, crossings of knot lines."""
+        knots = find_curve_knots(self._pcurve, *self._pcurve_ends)
+        crossings = find_knot_crossings(self._pcurve, *self._pcurve_ends, self.surface)
+        return map_to_range(np.concatenate((knots, crossings)), self._pcurve_ends, self._ends)
+
+    def sample(self, ts: Array) -> EdgeSamples:
+        """Evaluate the face at parameters (n,) of the edge's 3D curve.
+
+        Where the edge runs along a knot line of the surface, derivatives are those of the face's own side of that line.
+
+        Raises
+        ------
+        GeometryError
+            OCCT cannot evaluate the surface.
+        """
+        ts = map_to_range(ts, self._ends, self._pcurve_ends)
+        uv = self._pcurve(ts)[0]
+        moved = self._shift_to_face_side(uv, ts)
+        jets = self.surface(uv if moved is None else moved, 2)
+        if moved is not None:
+            jets[0] = self.surface(uv, 0)[0]
+        return EdgeSamples(jets, uv, -1.0 if self.face.Orientation() == TopAbs_REVERSED else 1.0)
+
+    def _shift_to_face_side(self, uv: Array, ts: Array) -> Array | None:
+        """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
+
+        Only lines where second derivatives may jump matter; a pcurve that merely crosses a line stays. None if no point
+        is moved.
+        """
+        moved = None
+        for family in self._lines:
+            k, reach = family.axis, MEASURE_TOLERANCES.knot_line * family.size
+            distances = family.measure_distances(uv)
+            offset = distances[np.arange(len(ts)), np.abs(distances).argmin(axis=1)]
+            near = np.flatnonzero(np.abs(offset) <= reach)
+            velocity = self._pcurve(ts[near], 1)[1] * self._span_to_left
+            runs_along = np.abs(velocity[k]) <= reach
+            near, velocity = near[runs_along], velocity[:, runs_along]
+            if not near.size:
+                continue
+            inward = -velocity[1] if k == 0 else velocity[0]
+            line = uv[k, near] - offset[near]
+            moved = uv.copy() if moved is None else moved
+            moved[k, near] = line + np.copysign(compute_side_step(family.size, line), inward)
+        return moved
+
+    @cached_property
+    def _span_to_left(self) -> float:
+        """The length of the pcurve's range, negative if the face lies to the right of it."""
+        low, high = self._pcurve_ends
+        use = _orient_as_used(self.edge, self.face)
+        # a REVERSED edge of a REVERSED face runs forward on its surface
+        return high - low if use.Orientation() == self.face.Orientation() else low - high
 
 
-def choose_sample_parameters(sides: Sequence[EdgeSide], samples: int = 1000) -> Array:
+def read_edge_curve(edge: TopoDS_Edge) -> CurveEvaluator:
+    """Return the evaluator of an edge in space: of its 3D curve, or of the image of a pcurve if it has none."""
+    return CurveEvaluator(BRep_Tool.Curve_s(edge, 0.0, 0.0) or BRepAdaptor_Curve(edge))
+
+
+def choose_sample_parameters(sides: Sequence[SideSampler], curve: CurveEvaluator, samples: int = 1000) -> Array:
     """Return parameters at which to compare the sides of an edge: equidistant, and clustered where a side may jump.
 
     That is at the ends, the knots of the 3D curve and of the pcurves, and at crossings with knot lines of the faces'
@@ -116,16 +174,11 @@ def choose_sample_parameters(sides: Sequence[EdgeSide], samples: int = 1000) -> 
     """
     if not isinstance(samples, int | np.integer) or samples < 2:
         raise InputError(f"samples is {samples!r}: at least 2 are needed, one at each end")
-    edge = sides[0][1]
-    ends = BRep_Tool.Range_s(edge)
+    ends = BRep_Tool.Range_s(sides[0].edge)
+    breaks = np.concatenate([find_curve_knots(curve, *ends), *(side.find_breaks() for side in sides)])
     unit = (0.0, 1.0)
-    breaks = [np.array(unit), _map_to_range(find_curve_knots(BRepAdaptor_Curve(edge)), ends, unit)]
-    for face, use in sides:
-        pcurve, low, high = read_pcurve(use, face)
-        knots = find_curve_knots(Geom2dAdaptor_Curve(pcurve, low, high))
-        found = find_knot_crossings(partial(evaluate_pcurve, pcurve), low, high, BRep_Tool.Surface_s(face))
-        breaks.append(_map_to_range(np.concatenate((knots, found)), (low, high), unit))
-    return _map_to_range(spread_samples(np.unique(np.concatenate(breaks)), samples), unit, ends)
+    shares = np.unique(np.concatenate([unit, map_to_range(breaks, ends, unit).clip(*unit)]))
+    return map_to_range(spread_samples(shares, samples), unit, ends)
 
 
 def sample_outline(face: TopoDS_Face, samples: int = 65) -> Array:
@@ -133,37 +186,25 @@ def sample_outline(face: TopoDS_Face, samples: int = 65) -> Array:
     pieces = []
     for use in explore_subshapes(face, TopAbs_EDGE):
         pcurve, low, high = read_pcurve(use, face)
-        points = evaluate_pcurve(pcurve, np.linspace(low, high, samples))
+        points = CurveEvaluator(pcurve)(np.linspace(low, high, samples))[0].T
         pieces.append(np.stack([points[:-1], points[1:]], axis=1))
     return np.concatenate(pieces)
 
 
-def _shift_to_face_side(uv: Array, ts: Array, pcurve: Geom2d_Curve, surface: Geom_Surface, signed_span: float) -> Array:
-    """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
+def compute_side_step(size: float, line: Array) -> Array:
+    """Return steps off the knot lines at parameters ``line`` that surely leave them, in a domain of length ``size``."""
+    return np.maximum(MEASURE_TOLERANCES.knot_line_step * size, 16.0 * np.spacing(np.abs(line)))
 
-    ``signed_span`` is the length of the edge's range, negative if the face lies to the right of its pcurve. Only lines
-    where second derivatives may jump matter; a pcurve that merely crosses a line stays.
+
+def _orient_as_used(edge: TopoDS_Edge, face: TopoDS_Face) -> TopoDS_Edge:
+    """Return an edge with the orientation that it has in a face; of a seam, which has both, its own.
+
+    Raises
+    ------
+    SelectionError
+        The edge is not an edge of the face.
     """
-    moved = uv.copy()
-    for k, distances, size in measure_line_distances(surface, GeomAbs_C2, uv):
-        offset = distances[np.arange(len(uv)), np.abs(distances).argmin(axis=1)]
-        for i in np.nonzero(np.abs(offset) <= MEASURE_TOLERANCES.knot_line * size)[0].tolist():
-            point, velocity = gp_Pnt2d(), gp_Vec2d()
-            pcurve.D1(float(ts[i]), point, velocity)
-            if abs(velocity.Coord()[k] * signed_span) <= MEASURE_TOLERANCES.knot_line * size:
-                inward = (-velocity.Y(), velocity.X())[k] * signed_span
-                line = uv[i, k] - offset[i]
-                moved[i, k] = line + math.copysign(compute_side_step(size, line), inward)
-    return moved
-
-
-def compute_side_step(size: float, line: float) -> float:
-    """Return a step off the knot line at parameter ``line`` that surely leaves it, in a domain of length ``size``."""
-    return max(MEASURE_TOLERANCES.knot_line_step * size, 16.0 * float(np.spacing(abs(line))))
-
-
-def _map_to_range(ts: Array, source: tuple[float, float], target: tuple[float, float]) -> Array:
-    """Map parameters from one range onto another; identical ranges leave every bit as it was."""
-    if source == target:
-        return ts
-    return target[0] + (ts - source[0]) * ((target[1] - target[0]) / (source[1] - source[0]))
+    uses = find_sides_on_face(face, edge)
+    if not uses:
+        raise SelectionError("the edge is not an edge of the face")
+    return uses[0][1] if len(uses) == 1 else edge

@@ -7,14 +7,15 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.GeomAbs import GeomAbs_C1, GeomAbs_C3
-from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT
 from OCP.TopoDS import TopoDS, TopoDS_Face
 
-from cqblend.brep.measurement.edge_parameters import CLUSTER_OFFSETS, find_knot_lines
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
+from cqblend.brep.measurement.edge_parameters import CLUSTER_OFFSETS
 from cqblend.brep.measurement.edge_samples import compute_side_step
 from cqblend.brep.measurement.edge_sides import require_shape
+from cqblend.brep.measurement.knot_lines import find_knot_lines, list_inner_lines
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals, measure_angle_between
 
 
@@ -37,11 +38,12 @@ class Crease:
         return f"crease of {self.angle:.2g} rad at (u, v) = ({u:.6g}, {v:.6g}), ({x:.6g}, {y:.6g}, {z:.6g})"
 
 
-def find_inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
+def find_inner_crease(face: TopoDS_Face, samples: int = 101, surface: SurfaceEvaluator | None = None) -> Crease:
     """Find the sharpest crease inside a face: along knot lines across which its surface need not be C1.
 
     Both one-sided normals are read beside every such line, at ``samples`` points of it and beside the knots that
-    cross it; what lies outside the face's boundary does not count. Seams are edges, and not measured here.
+    cross it; what lies outside the face's boundary does not count. Seams are edges, and not measured here. ``surface``
+    is the evaluator of the face's surface, if there is one already.
 
     Raises
     ------
@@ -49,10 +51,12 @@ def find_inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
         ``face`` is not a face.
     """
     face = TopoDS.Face_s(require_shape(face, "face", TopAbs_FACE))
+    surface = surface or SurfaceEvaluator(BRep_Tool.Surface_s(face))
+    if not list_inner_lines(surface, GeomAbs_C1):
+        return Crease(0.0, None, None)
     bounds = BRepTools.UVBounds_s(face)
-    adaptor = GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *bounds)
-    lines = find_knot_lines(adaptor, GeomAbs_C1)
-    knots = find_knot_lines(adaptor, GeomAbs_C3)
+    lines = find_knot_lines(surface, GeomAbs_C1, bounds)
+    knots = find_knot_lines(surface, GeomAbs_C3, bounds)
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
         low, high = bounds[2 * other : 2 * other + 2]
@@ -71,8 +75,8 @@ def find_inner_crease(face: TopoDS_Face, samples: int = 101) -> Crease:
         uv = uv[[boundary.Perform(gp_Pnt2d(*middle)) != TopAbs_OUT for middle in uv.mean(axis=1).tolist()]]
     if not len(uv):
         return Crease(0.0, None, None)
-    points, normals = (array.reshape(-1, 2, 3) for array in evaluate_face_normals(face, uv.reshape(-1, 2)))
-    angles = np.nan_to_num(measure_angle_between(normals[:, 0], normals[:, 1]))
+    points, normals = (array.reshape(-1, 2, 3) for array in evaluate_face_normals(face, uv.reshape(-1, 2), surface))
+    angles = np.nan_to_num(measure_angle_between(normals[:, 0].T, normals[:, 1].T))
     worst = int(angles.argmax())
     u, v = uv[worst].mean(axis=0).tolist()
     x, y, z = points[worst, 0].tolist()

@@ -1,107 +1,101 @@
-"""Curves and surfaces evaluated by OCCT, point by point: positions, normals and curvatures.
+"""Normals, curvatures and angles of OCCT's surfaces, from jets that are evaluated in bulk.
 
-Nothing here uses cqblend's own evaluation of splines: certificates are measured with these functions.
+Vectors have their coordinates along the first axis and the samples along the last. Nothing here uses cqblend's own
+evaluation of splines: certificates are measured with these functions.
 """
 
-from typing import Literal
+from __future__ import annotations
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.Geom import Geom_Surface
-from OCP.Geom2d import Geom2d_Curve
-from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec
-from OCP.Standard import Standard_Failure
 from OCP.TopAbs import TopAbs_REVERSED
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
+from OCP.TopoDS import TopoDS_Face
 
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
 
-def evaluate_pcurve(pcurve: Geom2d_Curve, ts: Array) -> Array:
-    """Return points (n, 2) of a pcurve."""
-    point, evaluate, flat = gp_Pnt2d(), pcurve.D0, []
-    for t in ts.tolist():
-        evaluate(t, point)
-        flat += point.Coord()
-    return np.array(flat).reshape(-1, 2)
-
-
-def evaluate_edge(edge: TopoDS_Edge, ts: Array) -> tuple[Array, Array]:
-    """Return points and derivatives, (n, 3) each, of an edge in space: of its 3D curve if it has one."""
-    point, tangent, evaluate, flat = gp_Pnt(), gp_Vec(), BRepAdaptor_Curve(edge).D1, []
-    for t in ts.tolist():
-        evaluate(t, point, tangent)
-        flat += point.Coord()
-        flat += tangent.Coord()
-    values = np.array(flat).reshape(-1, 2, 3)
-    return values[:, 0], values[:, 1]
-
-
-def evaluate_surface_jets(surface: Geom_Surface, uv: Array, order: Literal[1, 2]) -> Array:
-    """Return jets of a surface: S, Su, Sv and, to order 2, Suu, Svv, Suv, as (n, 3 or 6, 3).
-
-    The samples come first here, unlike in jets of cqblend's own surfaces.
-
-    Raises
-    ------
-    GeometryError
-        OCCT cannot evaluate the surface.
-    """
-    evaluate = surface.D1 if order == 1 else surface.D2
-    point, vectors = gp_Pnt(), [gp_Vec() for _ in range(2 if order == 1 else 5)]
-    readers = [point.Coord, *(vector.Coord for vector in vectors)]
-    flat: list[float] = []
-    for u, v in uv.tolist():
-        try:
-            evaluate(u, v, point, *vectors)
-        except Standard_Failure as error:
-            raise GeometryError(f"OCCT cannot differentiate the surface at (u, v) = ({u:.9g}, {v:.9g})") from error
-        for read in readers:
-            flat += read()
-    return np.array(flat).reshape(-1, len(readers), 3)
-
-
-def compute_normals_curvatures(jets: Array, reverse: bool) -> tuple[Array, Array]:
-    """Return unit normals (n, 3) and curvature tensors (n, 3, 3) from second order jets (n, 6, 3).
-
-    Normals are along ``Su x Sv``, or with ``reverse`` against it; nan where the surface is degenerate.
-    """
-    su, sv = jets[:, 1], jets[:, 2]
-    cross = -np.cross(su, sv) if reverse else np.cross(su, sv)
-    normals = normalise_rows(cross)
-    size = np.linalg.norm(cross, axis=1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        dual = np.stack((np.cross(sv, normals), np.cross(normals, su)), axis=1) / size[:, None]
-    if reverse:
-        dual = -dual
-    luu, lvv, luv = np.einsum("nki,ni->kn", jets[:, 3:], normals)
-    form = np.stack((luu, luv, luv, lvv), axis=-1).reshape(-1, 2, 2)
-    return normals, np.asarray(dual.transpose(0, 2, 1) @ form @ dual)
-
-
-def evaluate_face_normals(face: TopoDS_Face, uv: Array) -> tuple[Array, Array]:
+def evaluate_face_normals(face: TopoDS_Face, uv: Array, surface: SurfaceEvaluator | None = None) -> tuple[Array, Array]:
     """Return points and outward unit normals (n, 3) of a face at parameters (n, 2); normals are nan where degenerate.
 
+    ``surface`` is the evaluator of the face's surface, if there is one already.
+
     Raises
     ------
     GeometryError
         OCCT cannot evaluate the surface.
     """
-    jets = evaluate_surface_jets(BRep_Tool.Surface_s(face), uv, order=1)
-    normals = normalise_rows(np.cross(jets[:, 1], jets[:, 2]))
-    return jets[:, 0], -normals if face.Orientation() == TopAbs_REVERSED else normals
+    points, su, sv = (surface or SurfaceEvaluator(BRep_Tool.Surface_s(face)))(uv.T, 1)
+    normals = normalise_vectors(compute_cross_products(su, sv))
+    return points.T, -normals.T if face.Orientation() == TopAbs_REVERSED else normals.T
 
 
-def normalise_rows(vectors: Array) -> Array:
-    """Return unit vectors; nan for vectors that are so short beside the longest that they may be rounding."""
-    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    is_sound = size > MEASURE_TOLERANCES.degenerate_ratio * np.nanmax(size)
-    return np.asarray(np.divide(vectors, size, out=np.full_like(vectors, np.nan), where=is_sound))
+def compute_cross_products(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors (3, ...), in a third of the time of ``numpy.cross``."""
+    (a0, a1, a2), (b0, b1, b2) = a, b
+    first = a1 * b2 - a2 * b1
+    products = np.empty((3, *first.shape))
+    products[0] = first
+    np.subtract(a2 * b0, a0 * b2, out=products[1])
+    np.subtract(a0 * b1, a1 * b0, out=products[2])
+    return products
+
+
+def compute_dot_products(a: Array, b: Array) -> Array:
+    """Return the dot products of vectors (3, ...)."""
+    return np.asarray(np.einsum("i...,i...->...", a, b))
+
+
+def measure_lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors (3, ...)."""
+    return np.asarray(np.sqrt(np.einsum("i...,i...->...", vectors, vectors)))
+
+
+def normalise_vectors(vectors: Array) -> Array:
+    """Return unit vectors (3, ..., n); nan for those so short beside the longest of n that they may be rounding."""
+    return np.asarray(vectors / _measure_sound_lengths(vectors))
+
+
+def _measure_sound_lengths(vectors: Array) -> Array:
+    """Return the lengths (..., n) of vectors, nan of those so short beside the longest that they may be rounding."""
+    lengths = measure_lengths(vectors)
+    longest = np.fmax.reduce(lengths, axis=-1, initial=0.0, keepdims=True)
+    lengths[~(lengths > MEASURE_TOLERANCES.degenerate_ratio * longest)] = np.nan
+    return lengths
 
 
 def measure_angle_between(a: Array, b: Array) -> Array:
     """Angles between vectors, ``atan2(|a x b|, a.b)``: exact to rounding also near 0 and pi, unlike arccos."""
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("...i,...i->...", a, b)))
+    return np.asarray(np.arctan2(measure_lengths(compute_cross_products(a, b)), compute_dot_products(a, b)))
+
+
+def compute_normals(jets: Array, signs: Array | float) -> tuple[Array, Array]:
+    """Return unit normals (3, ..., n) along ``sign Su x Sv``, and ``sign |Su x Sv|`` (..., n); nan where degenerate.
+
+    ``jets`` (3 or more, 3, ..., n) begin with S, Su and Sv.
+    """
+    cross = compute_cross_products(jets[1], jets[2])
+    areas = signs * _measure_sound_lengths(cross)
+    return cross / areas, areas
+
+
+def express_curvature(jets: Array, normals: Array, areas: Array, tangents: Array) -> tuple[Array, Array, Array]:
+    """Return the normal curvature form in the frame (along, across) of each tangent plane.
+
+    ``jets`` (6, 3, ..., n) are S, Su, Sv, Suu, Svv and Suv, ``normals`` and ``areas`` those of :func:`compute_normals`;
+    along is the projection of ``tangents`` (3, ..., n), across is the normal times that. The entries (along, along),
+    (along, across) and (across, across), in 1/mm, are positive where the surface bends towards its normal.
+    """
+    along = normalise_vectors(tangents - compute_dot_products(tangents, normals) * normals)
+    across = compute_cross_products(normals, along)
+    luu, lvv, luv = np.einsum("ki...,i...->k...", jets[3:], normals)
+    # Su and Sv in that frame; the directions are combinations of both with these over the area
+    (u_along, v_along), (u_across, v_across) = (
+        np.einsum("ki...,i...->k...", jets[1:3], direction) / areas for direction in (along, across)
+    )
+    return (
+        luu * v_across**2 - 2 * luv * u_across * v_across + lvv * u_across**2,
+        luv * (u_along * v_across + u_across * v_along) - luu * v_across * v_along - lvv * u_across * u_along,
+        luu * v_along**2 - 2 * luv * u_along * v_along + lvv * u_along**2,
+    )

@@ -1,60 +1,33 @@
-"""How far an edge's curve and the images of its pcurves lie apart, and the edge tolerance that covers it.
+"""The edge tolerance that covers how far an edge's curve and the images of its pcurves lie apart.
 
-A STEP reader sets an edge's tolerance to the deviation at 23 parameters, and ordinary ``BRepCheck`` looks at the same
-23; between them, the deviation may be a thousand times as large. A trimmed copy of such an edge is checked at other
-parameters: a body that was valid no longer is. So every edge that is made or trimmed here is measured along its whole
-length, by OCCT's own search for the largest deviation, and gets the tolerance that it needs.
+A trimmed copy of an edge is checked at other parameters than the edge was: a body that was valid need not be so any
+more. So every edge that is made or trimmed here is measured along its whole length, and gets the tolerance that it
+needs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
 from OCP.BRep import BRep_Tool
-from OCP.BRepLib import BRepLib_ValidateEdge
-from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
-from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.support_face import read_support_face
+from cqblend.brep.measurement.curve_deviation import measure_curve_deviation
+from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
-from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
-from cqblend.errors import GeometryError
+from cqblend.brep.topology import (
+    BUILDER,
+    ShapeIndex,
+    explore_subshapes,
+    find_end_vertices,
+    raise_vertex_tolerance,
+)
 from cqblend.splines import interpolation
 from cqblend.surfaces.vectors import to_tangent_coordinates
-
-
-def measure_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
-    """Return the largest distance (mm) between an edge's curve and the image of its parameter curve on a face.
-
-    Both at the same parameter, if the edge claims as much, along all of the edge. The orientation of the use tells the
-    two sides of a seam apart. 0 of a degenerate edge.
-
-    Raises
-    ------
-    GeometryError
-        If the edge has no parameter curve on the face, or OCCT cannot compare them.
-    """
-    curve, pcurve = BRep_Tool.Curve_s(use, 0.0, 0.0), BRep_Tool.CurveOnSurface_s(use, face, 0.0, 0.0)
-    if BRep_Tool.Degenerated_s(use) or curve is None:
-        return 0.0
-    if pcurve is None:
-        raise GeometryError("an edge has no curve in the parameters of its face: repair the shape first (ShapeFix)")
-    on_face = Adaptor3d_CurveOnSurface(
-        Geom2dAdaptor_Curve(pcurve, *BRep_Tool.Range_s(use, face)), GeomAdaptor_Surface(BRep_Tool.Surface_s(face))
-    )
-    search = BRepLib_ValidateEdge(
-        GeomAdaptor_Curve(curve, *BRep_Tool.Range_s(use)), on_face, BRep_Tool.SameParameter_s(use)
-    )
-    search.SetExactMethod(True)
-    search.Process()
-    if not search.IsDone():
-        raise GeometryError("OCCT cannot tell how far an edge lies from its curve on a face")
-    return float(search.GetMaxDistance())
 
 
 def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float:
@@ -81,33 +54,54 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float
         return deviation
     degree, knots, poles, _ = interpolation.interpolate(t, uv).to_bspline()
     BUILDER.UpdateEdge(use, spline_arrays.curve2d_from_arrays(degree, knots, poles), face, BRep_Tool.Tolerance_s(use))
-    deviation_now = measure_deviation(use, face)
+    deviation_now = measure_curve_deviation(use, face)
     if deviation_now < deviation / 2:
         return deviation_now
     BUILDER.UpdateEdge(use, old, face, BRep_Tool.Tolerance_s(use))
     return deviation
 
 
-def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, vertices: ShapeIndex) -> float:
+class EdgeDeviations:
+    """The largest distance (mm) between the curve of every new edge and the images of its pcurves."""
+
+    def __init__(self, faces: Iterable[TopoDS_Face]) -> None:
+        self._edges = ShapeIndex.from_shapes(faces, TopAbs_EDGE)
+        self._values: dict[int, float] = {}
+
+    def record(self, edge: TopoDS_Edge, deviation: float) -> None:
+        """Record the deviation of an edge on one more face."""
+        number = self._edges.find_number(edge)
+        self._values[number] = max(deviation, self._values.get(number, 0.0))
+
+    def get(self, edge: TopoDS_Edge) -> float:
+        """Return the largest deviation of an edge."""
+        return self._values[self._edges.find_number(edge)]
+
+    @property
+    def largest_tolerance(self) -> float:
+        """The largest tolerance (mm) of these edges."""
+        return max(BRep_Tool.Tolerance_s(self._edges[number]) for number in self._values)
+
+
+def raise_edge_tolerances(faces: Sequence[TopoDS_Face], index: SolidIndex) -> EdgeDeviations:
     """Raise the tolerance of every new edge of some faces to what its curves need, and that of its new vertices.
 
-    New is what the input does not number in ``edges`` and ``vertices``; what it does is shared with it and stays as it
-    is. Pcurves are fitted again first where that brings them much nearer. Returns the largest tolerance of a new edge
-    (mm).
+    New is what the input does not have; what it has is shared with it and stays as it is. Pcurves are fitted again
+    first where that brings them much nearer.
     """
-    largest = 0.0
+    deviations = EdgeDeviations(faces)
     for face in faces:
         for use in explore_subshapes(face, TopAbs_EDGE):
-            if edges.find_number(use):
+            if use in index.edges:
                 continue
-            deviation = measure_deviation(use, face)
+            deviation = measure_curve_deviation(use, face)
             if deviation > SHELL_EDIT_TOLERANCES.refit_deviation:
                 deviation = refit_pcurve(use, face, deviation)
             needed = SHELL_EDIT_TOLERANCES.deviation_margin * deviation
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
-            largest = max(largest, BRep_Tool.Tolerance_s(use))
+            deviations.record(use, deviation)
             for vertex in find_end_vertices(use):
-                if not vertices.find_number(vertex):
+                if vertex not in index.vertices:
                     raise_vertex_tolerance(vertex, BRep_Tool.Tolerance_s(use))
-    return largest
+    return deviations

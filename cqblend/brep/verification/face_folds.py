@@ -7,12 +7,12 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.GeomAbs import GeomAbs_C3
-from OCP.GeomAdaptor import GeomAdaptor_Surface
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_OUT
 from OCP.TopoDS import TopoDS_Face
 
-from cqblend.brep.measurement.edge_parameters import find_knot_lines
+from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
+from cqblend.brep.measurement.knot_lines import find_knot_lines
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
 from cqblend.splines.bernstein import Array
 
@@ -23,9 +23,10 @@ def find_folds(face: TopoDS_Face) -> list[str]:
     Its normals at neighbouring points of a grid point apart, and so do those at two neighbours of nine points in
     between: the normal flips, rather than turns fast.
     """
-    lines = find_knot_lines(GeomAdaptor_Surface(BRep_Tool.Surface_s(face), *BRepTools.UVBounds_s(face)), GeomAbs_C3)
+    surface = SurfaceEvaluator(BRep_Tool.Surface_s(face))
+    lines = find_knot_lines(surface, GeomAbs_C3, BRepTools.UVBounds_s(face))
     uv = np.stack(np.meshgrid(*(_sample_intervals(ends) for ends in lines), indexing="ij"), axis=-1)
-    _, normals = evaluate_face_normals(face, uv.reshape(-1, 2))
+    _, normals = evaluate_face_normals(face, uv.reshape(-1, 2), surface)
     normals = normals.reshape(*uv.shape[:2], 3)
     pairs = np.concatenate(
         [_find_opposed_normals(uv, normals), _find_opposed_normals(uv.swapaxes(0, 1), normals.swapaxes(0, 1))]
@@ -36,7 +37,8 @@ def find_folds(face: TopoDS_Face) -> list[str]:
     within = [all(boundary.Perform(gp_Pnt2d(*end)) != TopAbs_OUT for end in pair) for pair in pairs.tolist()]
     first, last = pairs[within][:, :1], pairs[within][:, 1:]
     path = first + np.linspace(0.0, 1.0, 9)[:, None] * (last - first)
-    points, normals = (array.reshape(*path.shape[:2], 3) for array in evaluate_face_normals(face, path.reshape(-1, 2)))
+    found = evaluate_face_normals(face, path.reshape(-1, 2), surface)
+    points, normals = (array.reshape(*path.shape[:2], 3) for array in found)
     flips = np.argwhere(np.einsum("ijk,ijk->ij", normals[:, 1:], normals[:, :-1]) < 0.0)
     if not len(flips):
         return []

@@ -9,7 +9,7 @@ from OCP.LocalAnalysis import LocalAnalysis_SurfaceContinuity
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
-from cqblend.brep.measurement.edge_samples import choose_sample_parameters, sample_edge_side
+from cqblend.brep.measurement.edge_samples import SideSampler, choose_sample_parameters, read_edge_curve
 from cqblend.brep.measurement.edge_sides import EdgeSide, get_two_sides
 from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
@@ -76,14 +76,15 @@ def check_edges(
 
 def analyse_continuity(sides: tuple[EdgeSide, EdgeSide]) -> tuple[float, float, bool]:
     """Return OCCT's largest gap and angle along an edge, and whether the outward normals ever point apart."""
-    ts = choose_sample_parameters(sides, VERIFICATION_TOLERANCES.analysis_samples)
-    one, two = (sample_edge_side(use, face, ts) for face, use in sides)
-    surfaces = [BRep_Tool.Surface_s(face) for face, _ in sides]
+    first, second = (SideSampler(side) for side in sides)
+    curve = read_edge_curve(sides[0][1])
+    ts = choose_sample_parameters((first, second), curve, VERIFICATION_TOLERANCES.analysis_samples)
+    one, two = first.sample(ts), second.sample(ts)
     gap = angle = 0.0
-    for (u1, v1), (u2, v2) in zip(one.parameters.tolist(), two.parameters.tolist(), strict=True):
+    for (u1, v1), (u2, v2) in zip(one.parameters.T.tolist(), two.parameters.T.tolist(), strict=True):
         local = LocalAnalysis_SurfaceContinuity(
-            surfaces[0], u1, v1, surfaces[1], u2, v2, GeomAbs_G1, *_ANALYSIS_EPSILONS
+            first.surface.surface, u1, v1, second.surface.surface, u2, v2, GeomAbs_G1, *_ANALYSIS_EPSILONS
         )
         if local.IsDone():
             gap, angle = max(gap, local.C0Value()), max(angle, local.G1Angle())
-    return gap, angle, bool((np.einsum("ni,ni->n", one.normals, two.normals) < 0.0).any())
+    return gap, angle, bool((np.einsum("in,in->n", one.normals, two.normals) < 0.0).any())

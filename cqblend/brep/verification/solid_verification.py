@@ -190,7 +190,7 @@ def check_solid(
     after: TopoDS_Shape,
     new_faces: Sequence[TopoDS_Face],
     *,
-    grows: bool | None = None,
+    grows: bool | Sequence[bool] | None = None,
     tolerance: float = 1e-5,
 ) -> ReplacementCheck:
     """Look for anything wrong with a solid that was made from another by replacing a few faces.
@@ -236,8 +236,10 @@ def check_solid(
     problems += [line for face in new_faces for line in find_folds(face)]
     collisions = [line for face in new_faces if face in index_after for line in find_collisions(face, after)]
     problems += collisions
-    if grows is not None and not is_on_wanted_side(before, new_faces, grows):
-        problems += check_volume_change(old, new, grows)
+    wanted = [grows] * len(new_faces) if isinstance(grows, bool) else list(grows or ())
+    sides = [is_on_wanted_side(before, [face], one) for face, one in zip(new_faces, wanted, strict=bool(wanted))]
+    if not all(sides) and len(set(wanted)) == 1:
+        problems += check_volume_change(old, new, wanted[0])
     return ReplacementCheck(tuple(problems), crosses or bool(collisions))
 
 

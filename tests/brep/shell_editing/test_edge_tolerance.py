@@ -18,7 +18,7 @@ from OCP.TopoDS import TopoDS
 from places import CASES
 
 import cqblend
-from cqblend.brep.shell_editing.edge_tolerance import measure_deviation
+from cqblend.brep.measurement.curve_deviation import measure_curve_deviation
 from cqblend.brep.step_files import read_step
 from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, locate_vertex
 
@@ -93,9 +93,9 @@ def test_deviations_are_found_between_the_parameters_that_are_looked_at(stray):
     edge = nearest(box, 20, 0, 10).wrapped
     for face in edge_faces(box, edge):
         measured = dense(edge, face)
-        assert measured <= measure_deviation(edge, face) * (1 + 1e-9) + 1e-15
-        assert measure_deviation(edge, face) <= 1.05 * measured + 1e-12
-    assert max(measure_deviation(edge, face) for face in edge_faces(box, edge)) > 0.9 * STRAY
+        assert measured <= measure_curve_deviation(edge, face) * (1 + 1e-9) + 1e-15
+        assert measure_curve_deviation(edge, face) <= 1.05 * measured + 1e-12
+    assert max(measure_curve_deviation(edge, face) for face in edge_faces(box, edge)) > 0.9 * STRAY
 
 
 def edge_faces(body: cq.Shape, edge) -> list:
