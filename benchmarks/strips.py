@@ -1,24 +1,40 @@
-"""How many strips a surface takes: ours, Elber's at the same tolerance, and N*.
+"""How many strips a surface takes, and how long that takes: ours, Elber's number at the same tolerance, and N*.
 
-Run ``python -m benchmarks.strips`` from the project's folder. For each model, tolerance (as a share of the diagonal of
-its box) and direction of the rulings: the number of strips, Elber's (Algorithm 1), N*, the proven bound over the
-tolerance, and CPU ms. At the end the geometric means of Elber's number over ours, by direction and of the better
-direction of each, the least of them, and the time that the 32 patches of the teapot take.
+Run ``python -m benchmarks.strips`` from the project's folder for three tables in Markdown. For each model, tolerance
+(as a share of the diagonal of its box) and direction of the rulings: the number of strips, Elber's (Algorithm 1), N*,
+the proven bound over the tolerance, CPU ms, and ms a strip. Below it the geometric means of Elber's number over ours,
+by direction and of the better direction of each, and the least of them. Then the same of the 32 patches of the teapot,
+divided together, and CPU seconds of `cqblend.unroll` of the teapot as a solid, whose pieces cover themselves at the
+coarser tolerance. Times are medians.
 """
 
 from __future__ import annotations
 
+import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+import cqblend
 from cqblend import teapot
-from cqblend.patterns.strips.surface_division import divide_surface
+from cqblend.patterns.strips.surface_division import SurfaceDivision, divide_surface, divide_surfaces
 from cqblend.splines import Surface
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+
+import unroll_models
+
 Array = NDArray[np.float64]
+ResultT = TypeVar("ResultT")
+
+REPEATS = 5
+WAYS: tuple[Literal["u", "v"], ...] = ("u", "v")
 
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4)
 
@@ -103,40 +119,77 @@ def mean(ratios: list[float]) -> float:
     return float(np.exp(np.log(ratios).mean()))
 
 
-def main() -> None:
-    print(f"{'':12s}{'tolerance':>10s}{'':>4s}{'N':>6s}{'Elber':>7s}{'N*':>9s}{'bound':>8s}{'ms':>8s}")
+def measure_cpu(job: Callable[[], ResultT]) -> tuple[ResultT, float]:
+    """Return the result of a job and the median of its CPU times, s."""
+    times = []
+    for _ in range(REPEATS):
+        start = time.process_time()
+        result = job()
+        times.append(time.process_time() - start)
+    return result, float(np.median(times))
+
+
+def print_table(columns: str, rows: list[str]) -> None:
+    """Print a table in Markdown of rows whose cells are separated by commas."""
+    cells = [[cell.strip() for cell in row.split(",")] for row in (columns, *rows)]
+    lines = [cells[0], ["---"] + ["--:"] * (len(cells[0]) - 1), *cells[1:]]
+    print(*(f"| {' | '.join(line)} |" for line in lines), "", sep="\n")
+
+
+def tabulate_models() -> None:
+    """Print the table of the models, and the ratios below it."""
+    rows: list[str] = []
     each: list[float] = []
     best: list[float] = []
     for name, surface in models().items():
         size = diagonal(surface)
         for share in TOLERANCES:
             found = []
-            for way in ("u", "v"):
-                start = time.process_time()
-                one = divide_surface(surface, share * size, direction=way)  # type: ignore[arg-type]
-                ms = 1e3 * (time.process_time() - start)
-                n, bound = len(one.strips), one.bound / (share * size)
-                print(
-                    f"{name:12s}{share:10g}{way:>4s}{n:6d}{one.elber_count:7d}{one.ideal_count:9.2f}{bound:8.4f}{ms:8.1f}"
+            for way in WAYS:
+                one, seconds = measure_cpu(partial(divide_surface, surface, share * size, direction=way))
+                n, ms = len(one.strips), 1e3 * seconds
+                bound = one.bound / (share * size)
+                rows.append(
+                    f"{name}, {share:g}, {way}, {n}, {one.elber_count}, {one.ideal_count:.2f}, {bound:.4f}, "
+                    f"{ms:.1f}, {ms / n:.2f}"
                 )
                 found.append((n, one.elber_count))
             each += [elber / n for n, elber in found]
             best.append(min(elber for _, elber in found) / min(n for n, _ in found))
+    print_table("model, tolerance, rulings, N, Elber, N*, bound, ms, ms a strip", rows)
     print(f"Elber's over ours, by direction: {mean(each):.3f}, least {min(each):.3f}")
-    print(f"Elber's over ours, better of each: {mean(best):.3f}, least {min(best):.3f}")
+    print(f"Elber's over ours, better of each: {mean(best):.3f}, least {min(best):.3f}\n")
+
+
+def tabulate_teapot_patches() -> None:
+    """Print the table of the teapot's patches; in the direction "auto" both are divided, and the better one counts."""
     teapots = patches()
     size = float(np.linalg.norm(np.ptp(teapot.poles().reshape(-1, 3), axis=0)))
-    start, wall = time.process_time(), time.perf_counter()
-    counts = {
-        way: [divide_surface(patch, 1e-3 * size, direction=way) for patch in teapots]  # type: ignore[arg-type]
-        for way in ("u", "v")
-    }
-    cpu, wall = time.process_time() - start, time.perf_counter() - wall
-    text = ", ".join(
-        f"{sum(len(one.strips) for one in found)} in {way} (Elber {sum(one.elber_count for one in found)})"
-        for way, found in counts.items()
-    )
-    print(f"32 teapot patches at 0.001: {text}; {cpu:.2f} s CPU, {wall:.2f} s")
+    rows = []
+    for share in (1e-1, *TOLERANCES):
+        for way in (*WAYS, "auto"):
+            found, seconds = measure_cpu(partial(divide_surfaces, teapots, share * size, direction=way))
+            divisions = [one for one in found if isinstance(one, SurfaceDivision)]
+            n, elber = sum(len(one.strips) for one in divisions), sum(one.elber_count for one in divisions)
+            rows.append(f"{share:g}, {way}, {n}, {elber}, {1e3 * seconds:.1f}, {1e3 * seconds / n:.2f}")
+    print_table("tolerance, rulings, N, Elber, ms, ms a strip", rows)
+
+
+def tabulate_teapot_solid() -> None:
+    """Print the table of the teapot as a solid, unrolled."""
+    solid = unroll_models.teapot()
+    size = solid.BoundingBox().DiagonalLength
+    rows = []
+    for share in (1e-2, 3e-3, 1e-3):
+        pattern, seconds = measure_cpu(partial(cqblend.unroll, solid, share * size))
+        rows.append(f"{share:g}, {pattern.report.strips}, {len(pattern.strips)}, {seconds:.2f}")
+    print_table("tolerance, N, pieces, s", rows)
+
+
+def main() -> None:
+    tabulate_models()
+    tabulate_teapot_patches()
+    tabulate_teapot_solid()
 
 
 if __name__ == "__main__":
