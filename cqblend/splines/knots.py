@@ -83,12 +83,12 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
     array([0])
     """
     p = degree
-    spans = p + np.flatnonzero(knots[p : -p - 1] < knots[p + 1 : len(knots) - p])
+    spans = (knots[p : -p - 1] < knots[p + 1 : len(knots) - p]).nonzero()[0] + p
     around = knots[spans + _list_offsets(1 - p, 2 * p)] if p else knots[:0, None]  # (2p, m): p knots on both sides
     a, b = knots[spans], knots[spans + 1]
     d = poles[spans + _list_offsets(-p, p + 1)]  # (p+1, m, ..)
     d = np.ascontiguousarray(d.transpose(0, *range(2, d.ndim), 1))
-    breaks = np.append(a, b[-1])
+    breaks = np.concatenate([a, b[-1:]])
     if len(spans) == 1 and is_clamped(p, knots):
         return breaks, d, np.empty(0, dtype=int)
     e = np.empty_like(d)
@@ -104,8 +104,7 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
         x = (length / beyond[p - s - 1 :: -1])[wide]
         e[: p - s] = x * e[: p - s] + (1 - x) * e[1 : p - s + 1]
     # e[r] = f[a^r, b^(p-r)]: the coefficients in descending order
-    inner = breaks[1:-1]
-    return breaks, np.ascontiguousarray(e[::-1]), p - (knots.searchsorted(inner, "right") - knots.searchsorted(inner))
+    return breaks, np.ascontiguousarray(e[::-1]), p - (spans[1:] - spans[:-1])
 
 
 @lru_cache(maxsize=256)

@@ -9,6 +9,7 @@ in a new region. Offset surfaces and all others, and those on which the two do n
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -56,24 +57,43 @@ class SurfaceEvaluator:
     surface : Geom_Surface
     is_analytic : bool
         Whether it is a plane, a cylinder, a cone, a sphere or a torus, which is smooth everywhere.
-    spline : SplineSurface or None
-        The surface's poles and knots if it is a spline.
     """
 
     def __init__(self, surface: Geom_Surface) -> None:
         self.surface = surface
-        basis = surface
-        while isinstance(basis, Geom_RectangularTrimmedSurface):
-            basis = basis.BasisSurface()
-        self.spline = SplineSurface(basis) if isinstance(basis, Geom_BSplineSurface | Geom_BezierSurface) else None
-        self._formula = self.spline.compute_jets if self.spline else _find_formula(basis)
-        self.is_analytic = isinstance(basis, Geom_ElementarySurface)
+        while isinstance(surface, Geom_RectangularTrimmedSurface):
+            surface = surface.BasisSurface()
+        self._basis = surface
+        self.is_analytic = isinstance(surface, Geom_ElementarySurface)
         self._witnessed = WitnessedRange()
+        self._is_contradicted = False
 
     @property
     def is_in_bulk(self) -> bool:
         """Whether there is a formula, which OCCT has not contradicted."""
-        return self._formula is not None
+        return self._formula is not None and not self._is_contradicted
+
+    @property
+    def is_single_patch(self) -> bool:
+        """Whether there is no knot line in it, and no period after which it starts anew, but that of an angle."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineSurface):
+            is_patch = basis.NbUKnots() == 2 and basis.NbVKnots() == 2
+            return bool(is_patch and not basis.IsUPeriodic() and not basis.IsVPeriodic())
+        if isinstance(basis, Geom_SurfaceOfRevolution | Geom_SurfaceOfLinearExtrusion):
+            return CurveEvaluator(basis.BasisCurve()).is_single_span
+        return self.is_analytic or isinstance(basis, Geom_BezierSurface)
+
+    @cached_property
+    def spline(self) -> SplineSurface | None:
+        """The surface's poles and knots if it is a spline."""
+        is_spline = isinstance(self._basis, Geom_BSplineSurface | Geom_BezierSurface)
+        return SplineSurface(self._basis) if is_spline else None
+
+    @cached_property
+    def _formula(self) -> SurfaceFormula | None:
+        """The formula of the surface, if there is one."""
+        return self.spline.compute_jets if self.spline else _find_formula(self._basis)
 
     def __call__(self, uv: Array, order: Order) -> Array:
         """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, 3, n), at parameters (2, n).
@@ -83,13 +103,14 @@ class SurfaceEvaluator:
         GeometryError
             If OCCT cannot evaluate the surface.
         """
-        if self._formula is None or uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk:
+        formula = None if uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk else self._formula
+        if formula is None or self._is_contradicted:
             return self.evaluate_by_occt(uv, order)
-        found = np.stack(self._formula(uv[0], uv[1], order))
+        found = np.stack(formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
             at = choose_witnesses(uv.shape[1])
             if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
-                self._formula = None
+                self._is_contradicted = True
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
         return found
@@ -158,11 +179,6 @@ class SplineSurface:
             poles = np.concatenate((poles * weights[..., None], weights[..., None]), axis=-1)
         self._is_rational = weights is not None
         self._columns = np.ascontiguousarray(poles.reshape(-1, poles.shape[-1]).T)  # (3 or 4, nu * nv)
-
-    @property
-    def is_single_patch(self) -> bool:
-        """Whether there is no knot line in it, and no period after which it starts anew."""
-        return not any(self.is_periodic) and all(len(breaks) == 2 for breaks in self.breaks)
 
     def compute_jets(self, u: Array, v: Array, order: Order) -> list[Array]:
         """Return the jets up to an order, each (3, n).

@@ -142,8 +142,7 @@ def measure_continuity_between(
     measured = int(np.isfinite(values[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    rounding = _estimate_rounding(float(np.abs(curve(ts[[0, -1]])).max()))
-    ts, rows = resample_near_maxima(compare_sides, ts, values, rounding)
+    ts, rows = resample_near_maxima(compare_sides, ts, values, MEASURE_TOLERANCES.negligible_continuity)
     worst = ts[np.nanargmax(rows, axis=1)]
     # so few points are evaluated by OCCT itself
     gap, angle, jump = np.fmax(np.fmax.reduce(rows, axis=1), np.fmax.reduce(compare_sides(worst), axis=1)).tolist()
@@ -185,8 +184,8 @@ def measure_surface_contact(
 
     evaluators = [SurfaceEvaluator(surface) for surface in surfaces]
     values = compare_surfaces(evaluators, ts)
-    rounding = _estimate_rounding(float(np.abs(evaluators[0](locate(ts[[0, -1]])[0], 0)).max()))
-    ts, rows = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, rounding)
+    negligible = MEASURE_TOLERANCES.negligible_continuity
+    ts, rows = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, negligible)
     found = [rows]
     for i in np.argsort(np.nan_to_num(rows[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
         x, y, z = evaluators[0].evaluate_by_occt(locate(ts[[i]])[0], 0)[0, :, 0].tolist()
@@ -216,14 +215,6 @@ def _compare_tangent_planes(one: EdgeSamples, two: EdgeSamples, tangents: Array)
     along, mixed, across = (form[0] - form[1] for form in forms)
     jumps = np.abs(along + across) / 2 + np.hypot((along - across) / 2, mixed)
     return measure_angle_between(normals[:, 0], normals[:, 1]), np.asarray(jumps)
-
-
-def _estimate_rounding(coordinate: float) -> tuple[float, float, float]:
-    """Return below what gap (mm), angle and curvature jump are rounding, for coordinates (mm) of a size.
-
-    Jumps of curvature have no limit: how much of them is rounding depends on the parametrisation.
-    """
-    return MEASURE_TOLERANCES.rounding * coordinate, MEASURE_TOLERANCES.rounding, 0.0
 
 
 def _classify_sharp_edge(first: SideSampler, second: SideSampler, t: float) -> EdgeKind:

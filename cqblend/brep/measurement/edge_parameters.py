@@ -37,19 +37,19 @@ def spread_samples(breaks: Array, count: int) -> Array:
 
 
 def resample_near_maxima(
-    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...], rounding: Sequence[float]
+    measure: Callable[[Array], tuple[Array, ...]], ts: Array, values: tuple[Array, ...], negligible: Sequence[float]
 ) -> tuple[Array, Array]:
     """Measure again, more densely, around the largest values; return all parameters (m,) and values (k, m).
 
     ``values`` is one array (n,) for each of the k quantities that ``measure`` returns, at parameters ts (n,);
-    ``rounding`` is one number for each, below which it is rounding only. Where that is so, or a value is nearly that of
-    its neighbours, nothing much larger is in between; and what has hardly risen will not rise again. Spans beside a
+    ``negligible`` is one number for each, below which it does not matter. Where a value is nearly that of its
+    neighbours, nothing much larger is in between; and what has hardly risen will not rise again. Spans beside a
     sample that is not finite are left out: towards a degenerate point, rounding grows without limit. Every twentieth
     old sample is measured again with the new ones, as normals are judged degenerate beside the others of a call.
     """
     rows, level = np.stack(values), MEASURE_TOLERANCES.level_value
     top = np.fmax.reduce(rows, axis=1)
-    can_rise = (top > rounding) & (np.fmin.reduce(rows, axis=1) < (1.0 - level) * top)
+    can_rise = (top > negligible) & (np.fmin.reduce(rows, axis=1) < (1.0 - level) * top)
     for _ in range(MEASURE_TOLERANCES.resampling_rounds):
         if not can_rise.any():
             break
@@ -59,6 +59,8 @@ def resample_near_maxima(
         at, left, right = (np.take_along_axis(rising, index, axis=1) for index in (worst, before, after))
         is_finite = np.isfinite(rows).all(axis=0)
         usable = is_finite[before] & is_finite[after] & (np.minimum(left, right) < (1.0 - level) * at)
+        if not usable.any():
+            break
         low, high = ts[before[usable]], ts[after[usable]]
         fine = np.unique(np.concatenate([(low + SPAN_SHARES[:, None] * (high - low)).ravel(), ts[::20]]))
         found = np.stack(measure(fine))

@@ -36,10 +36,10 @@ def find_curve_knots(curve: CurveEvaluator, low: float, high: float) -> Array:
     they are all there is.
     """
     ends = np.array([low, high])
+    if curve.is_single_span:
+        return ends
     if curve.knots is not None:
         return _clip_knots(curve.knots, ends)
-    if curve.is_analytic:
-        return ends
     adaptor = curve.curve
     if isinstance(adaptor, Geom2d_Curve):
         adaptor = Geom2dAdaptor_Curve(adaptor, low, high)
@@ -93,7 +93,7 @@ class LineFamily(NamedTuple):
 
 def list_inner_lines(surface: SurfaceEvaluator, order: GeomAbs_Shape) -> list[LineFamily]:
     """Return the knot lines inside a surface's domain at which it need not be of a class, one family a direction."""
-    if surface.is_analytic or (surface.spline is not None and surface.spline.is_single_patch):
+    if surface.is_single_patch:
         return []
     periodic = (surface.surface.IsUPeriodic(), surface.surface.IsVPeriodic())
     families = []

@@ -43,7 +43,7 @@ from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.edge_tolerance import raise_edge_tolerances
+from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
@@ -78,10 +78,16 @@ CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 
 @dataclass(frozen=True)
 class BuiltEdge:
-    """An edge of a blend face that is no rail, with its two sides."""
+    """An edge of a blend face that is no rail, with its two sides.
+
+    ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
+    edge it is at, 0 or 1, if it is at one.
+    """
 
     kind: NewEdgeKind
     sides: tuple[EdgeSide, EdgeSide]
+    deviation: float
+    end: int | None = None
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,8 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         forward = parts.bound_face(strip.surface, strip.boundary)
         blend_faces.append(TopoDS.Face_s(forward.Reversed()))
         caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
+    new_faces = [*blend_faces, *chain.from_iterable(caps)]
+    deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
     owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
@@ -132,12 +140,11 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        others = _list_other_edges(strip, blend_face, blend_faces, owners, parts)
+        others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    new_faces = [*blend_faces, *chain.from_iterable(caps)]
-    tolerance = raise_edge_tolerances([*rebuilt.values(), *new_faces], index.edges, index.vertices)
-    return ProposedSolid(replace_solid_faces(index.solid, rebuilt, index.faces, new_faces), tuple(strips), tolerance)
+    solid = replace_solid_faces(index.solid, rebuilt, index.faces, new_faces)
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
 def _list_edge_owners(
@@ -160,9 +167,9 @@ def _list_edge_owners(
 
 def _list_other_edges(
     strip: StripPlan,
-    blend_face: TopoDS_Face,
     blend_faces: Sequence[TopoDS_Face],
     owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
+    deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
     """Return the edges of a blend face that are no rails, with their two sides."""
@@ -172,12 +179,13 @@ def _list_other_edges(
         if planned in rails:
             continue
         edge, (first, second) = parts.build_edge(planned), owners[planned]
+        deviation = deviations.get(edge)
         if first.IsSame(second):
-            found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge)))))
+            found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
-        other = second if first.IsSame(blend_face) else first
-        kind: NewEdgeKind = "between" if is_among(other, blend_faces) else "end"
-        found.append(BuiltEdge(kind, ((blend_face, edge), (other, edge))))
+        kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
+        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
 
 

@@ -88,12 +88,10 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
         pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
-        method="wire substitution"
-        + (", on a surface of revolution" if isinstance(strip.geometry, RevolvedSection) else "")
-        + (", flat ends" if strip.cap_count else ""),
+        method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
-        edges=tuple(certify_edge(edge, joint) for edge in strip.other_edges),
+        edges=tuple(certify_edge(edge, joint, blend_surface) for edge in strip.other_edges),
         outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
