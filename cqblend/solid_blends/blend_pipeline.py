@@ -90,12 +90,13 @@ def blend_shape(
 
     for chains in selection.networks:
         picked = [number for chain in chains for number in chain.edges]
+        joint: Joint | None = None
         try:
-            networks.append(
-                DraftedNetwork(picked, [contexts.get(joint) for joint in _require_joints(chains, contexts)])
-            )
+            joints = _require_joints(chains, contexts)
+            joint = joints[0]
+            networks.append(DraftedNetwork(picked, list(map(contexts.get, joints))))
         except CqblendError as error:
-            leave_out(picked, error, chains[0].joint)
+            leave_out(picked, error, joint)
     result, strips = selection.shape, dict[DraftedNetwork, Sequence[CertifiedStrip]]()
     for index in dict.fromkeys(network.index for network in networks):
         own = [network for network in networks if network.index is index]
