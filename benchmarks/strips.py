@@ -11,17 +11,18 @@ coarser tolerance. Times are medians.
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 import cqblend
+from benchmarks.tables import Table
+from benchmarks.timing import run_timed
 from cqblend import teapot
 from cqblend.patterns.strips.surface_division import SurfaceDivision, divide_surface, divide_surfaces
 from cqblend.splines import Surface
@@ -31,9 +32,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 import unroll_models
 
 Array = NDArray[np.float64]
-ResultT = TypeVar("ResultT")
 
-REPEATS = 5
 WAYS: tuple[Literal["u", "v"], ...] = ("u", "v")
 
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4)
@@ -119,26 +118,9 @@ def mean(ratios: list[float]) -> float:
     return float(np.exp(np.log(ratios).mean()))
 
 
-def measure_cpu(job: Callable[[], ResultT]) -> tuple[ResultT, float]:
-    """Return the result of a job and the median of its CPU times, s."""
-    times = []
-    for _ in range(REPEATS):
-        start = time.process_time()
-        result = job()
-        times.append(time.process_time() - start)
-    return result, float(np.median(times))
-
-
-def print_table(columns: str, rows: list[str]) -> None:
-    """Print a table in Markdown of rows whose cells are separated by commas."""
-    cells = [[cell.strip() for cell in row.split(",")] for row in (columns, *rows)]
-    lines = [cells[0], ["---"] + ["--:"] * (len(cells[0]) - 1), *cells[1:]]
-    print(*(f"| {' | '.join(line)} |" for line in lines), "", sep="\n")
-
-
-def tabulate_models() -> None:
-    """Print the table of the models, and the ratios below it."""
-    rows: list[str] = []
+def tabulate_models() -> Table:
+    """Return the table of the models, and in its last rows the ratios."""
+    rows: list[list[str | float]] = []
     each: list[float] = []
     best: list[float] = []
     for name, surface in models().items():
@@ -146,51 +128,50 @@ def tabulate_models() -> None:
         for share in TOLERANCES:
             found = []
             for way in WAYS:
-                one, seconds = measure_cpu(partial(divide_surface, surface, share * size, direction=way))
-                n, ms = len(one.strips), 1e3 * seconds
-                bound = one.bound / (share * size)
-                rows.append(
-                    f"{name}, {share:g}, {way}, {n}, {one.elber_count}, {one.ideal_count:.2f}, {bound:.4f}, "
-                    f"{ms:.1f}, {ms / n:.2f}"
-                )
+                one, ms = run_timed(partial(divide_surface, surface, share * size, direction=way))
+                n, bound = len(one.strips), f"{one.bound / (share * size):.4f}"
+                rows.append([name, f"{share:g}", way, n, one.elber_count, f"{one.ideal_count:.2f}", bound, ms, ms / n])
                 found.append((n, one.elber_count))
             each += [elber / n for n, elber in found]
             best.append(min(elber for _, elber in found) / min(n for n, _ in found))
-    print_table("model, tolerance, rulings, N, Elber, N*, bound, ms, ms a strip", rows)
-    print(f"Elber's over ours, by direction: {mean(each):.3f}, least {min(each):.3f}")
-    print(f"Elber's over ours, better of each: {mean(best):.3f}, least {min(best):.3f}\n")
+    for title, ratios in (("Elber over N, all", each), ("Elber over N, better of u and v", best)):
+        rows.append([title, "", "", "", f"{mean(ratios):.3f}, least {min(ratios):.3f}", "", "", "", ""])
+    columns = ("model", "tolerance", "rulings", "N", "Elber", "N*", "bound", "ms", "ms a strip")
+    return Table("division", columns, rows)
 
 
-def tabulate_teapot_patches() -> None:
-    """Print the table of the teapot's patches; in the direction "auto" both are divided, and the better one counts."""
+def tabulate_teapot_patches() -> Table:
+    """Return the table of the teapot's patches; in the direction "auto" both are divided, and the better one counts."""
     teapots = patches()
     size = float(np.linalg.norm(np.ptp(teapot.poles().reshape(-1, 3), axis=0)))
-    rows = []
+    rows: list[list[str | float]] = []
     for share in (1e-1, *TOLERANCES):
         for way in (*WAYS, "auto"):
-            found, seconds = measure_cpu(partial(divide_surfaces, teapots, share * size, direction=way))
+            found, ms = run_timed(partial(divide_surfaces, teapots, share * size, direction=way))
             divisions = [one for one in found if isinstance(one, SurfaceDivision)]
             n, elber = sum(len(one.strips) for one in divisions), sum(one.elber_count for one in divisions)
-            rows.append(f"{share:g}, {way}, {n}, {elber}, {1e3 * seconds:.1f}, {1e3 * seconds / n:.2f}")
-    print_table("tolerance, rulings, N, Elber, ms, ms a strip", rows)
+            rows.append([f"{share:g}", way, n, elber, ms, ms / n])
+    return Table("teapot_patches", ("tolerance", "rulings", "N", "Elber", "ms", "ms a strip"), rows)
 
 
-def tabulate_teapot_solid() -> None:
-    """Print the table of the teapot as a solid, unrolled."""
+def tabulate_teapot_solid() -> Table:
+    """Return the table of the teapot as a solid, unrolled."""
     solid = unroll_models.teapot()
     size = solid.BoundingBox().DiagonalLength
-    rows = []
+    rows: list[list[str | float]] = []
     for share in (1e-2, 3e-3, 1e-3):
-        pattern, seconds = measure_cpu(partial(cqblend.unroll, solid, share * size))
-        rows.append(f"{share:g}, {pattern.report.strips}, {len(pattern.strips)}, {seconds:.2f}")
-    print_table("tolerance, N, pieces, s", rows)
+        pattern, ms = run_timed(partial(cqblend.unroll, solid, share * size))
+        rows.append([f"{share:g}", pattern.report.strips, len(pattern.strips), f"{ms / 1e3:.2f}"])
+    return Table("teapot_solid", ("tolerance", "N", "pieces", "s"), rows)
 
 
-def main() -> None:
-    tabulate_models()
-    tabulate_teapot_patches()
-    tabulate_teapot_solid()
+def tabulate() -> Iterator[Table]:
+    """Yield all three tables."""
+    yield tabulate_models()
+    yield tabulate_teapot_patches()
+    yield tabulate_teapot_solid()
 
 
 if __name__ == "__main__":
-    main()
+    for table in tabulate():
+        print(f"\n{table}", flush=True)
