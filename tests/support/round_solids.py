@@ -1,7 +1,7 @@
 """Random solids of revolution, and how finished faces meet along circles: by OCCT, and in long doubles.
 
-Measurements share no code with cqblend: faces are read from OCCT, evaluated by its D1 and D2, and once more in long doubles by the
-formulas of their surfaces, from the doubles in them.
+Measurements share no code with cqblend: faces are read from OCCT, evaluated by its D1 and D2, and once more in long
+doubles by the formulas of their surfaces, from the doubles in them.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from OCP.Geom import (
     Geom_Curve,
     Geom_CylindricalSurface,
     Geom_Plane,
+    Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
     Geom_Surface,
     Geom_SurfaceOfRevolution,
@@ -119,6 +120,8 @@ def locate_long(pcurve: Geom2d_Circle | Geom2d_Line, t: np.ndarray) -> np.ndarra
 
 def evaluate_long(surface: Geom_Surface, uv: np.ndarray) -> np.ndarray:
     """Return the jets (6, n, 3) of a surface by its formula, at long doubles (n, 2)."""
+    while isinstance(surface, Geom_RectangularTrimmedSurface):
+        surface = surface.BasisSurface()
     u, v = uv.T
     zero, one = np.zeros_like(v), np.ones_like(v)
     if isinstance(surface, Geom_SurfaceOfRevolution):
