@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from cqblend import cadquery_plugin, errors, installation_check
-from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdges
+from cqblend.certificate import Certificate, EdgeRecord, EndRecord, RailRecord, SkippedEdges
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ __all__ = [
     "Continuity",
     "CqblendError",
     "Curve",
+    "EdgeRecord",
     "EndRecord",
     "Family",
     "Guide",

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]
+NewEdgeKind = Literal["end", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
@@ -89,6 +90,46 @@ class EndRecord:
         before = f", {self.before:.3g} mm before it" if self.before else ""
         cause = f": {self.cause}" if self.cause else ""
         return f"edge {self.edge} has a {self.kind} end at vertex {self.vertex}{before}{cause}"
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeRecord:
+    """How well the two faces at an edge of a blend face that is no rail meet, measured along the whole edge.
+
+    Attributes
+    ----------
+    kind : {"end", "seam", "between"}
+        ``"end"``: between the blend and the face or cap that it ends on; ``"seam"``: where a closed blend meets itself;
+        ``"between"``: between two blend faces.
+    edge, vertex : int
+        The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
+        the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
+    gap : float
+        Largest distance of a face from the edge's own curve, mm.
+    angle : float or None
+        Largest angle between the normals, rad; None of an end, where the faces may meet at any.
+    tolerance : float
+        The edge's tolerance, mm, which covers the gap.
+    """
+
+    kind: NewEdgeKind
+    edge: int
+    vertex: int
+    gap: float
+    angle: float | None
+    tolerance: float
+
+    @property
+    def strays(self) -> bool:
+        """Whether a face is further from the edge than its tolerance says."""
+        return self.gap > self.tolerance
+
+    def __str__(self) -> str:
+        name = {"end": f"the end at vertex {self.vertex}", "seam": "the seam", "between": "an edge between two blends"}
+        angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
+        return (
+            f"edge {self.edge}: {name[self.kind]} has gap {self.gap:.1e} mm{angle}, tolerance {self.tolerance:.1e} mm"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +214,8 @@ class Certificate:
         Functions that compute the proof and the energy of each blend, called when `proof` and `fairness` are read.
     skipped : tuple of SkippedEdges
         Picked edges that were not blended, and why.
+    edges : tuple of EdgeRecord
+        All edges of the blend faces that are no rails.
 
     Examples
     --------
@@ -202,6 +245,7 @@ class Certificate:
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
     skipped: tuple[SkippedEdges, ...] = ()
+    edges: tuple[EdgeRecord, ...] = ()
 
     @cached_property
     def valid(self) -> bool:
@@ -291,6 +335,7 @@ class Certificate:
             proofs=tuple(prove for one in certificates for prove in one.proofs),
             energies=tuple(energy for one in certificates for energy in one.energies),
             skipped=tuple(edge for one in certificates for edge in one.skipped),
+            edges=tuple(edge for one in certificates for edge in one.edges),
         )
 
     def __str__(self) -> str:
@@ -311,8 +356,9 @@ class Certificate:
         ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
+        edges = [str(edge) for edge in self.edges if edge.strays or edge.kind == "between"]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
-        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *skipped))
+        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *edges, *skipped))
 
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:

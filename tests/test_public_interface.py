@@ -207,6 +207,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "PdeBlend": pde,
     "PotentialBlend": potential,
     "Rail": rail,
+    "EdgeRecord": lambda: blended().certificate.edges[0],
     "EndRecord": lambda: blended().certificate.ends[0],
     "RailRecord": lambda: blended().certificate.rails[0],
     "SkippedEdges": lambda: skipping().skipped[0],
@@ -216,8 +217,8 @@ SELVES: dict[str, Callable[[], Any]] = {
 }
 
 RECORDS = (
-    "Blend", "BlendResult", "Certificate", "Continuity", "EndRecord", "Normalised", "Pattern", "PdeBlend",
-    "PotentialBlend", "RailRecord", "SkippedEdges", "Verification",
+    "Blend", "BlendResult", "Certificate", "Continuity", "EdgeRecord", "EndRecord", "Normalised", "Pattern",
+    "PdeBlend", "PotentialBlend", "RailRecord", "SkippedEdges", "Verification",
 )  # fmt: skip
 """Classes that only hold what a function of cqblend has found out; what somebody else puts into them is his."""
 

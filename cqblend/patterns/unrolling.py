@@ -15,7 +15,8 @@ import numpy as np
 from cqblend.errors import CqblendError, Failure, GeometryError
 from cqblend.patterns.division_checks import (
     SelfOverlap,
-    find_face_mismatch,
+    find_area_mismatch,
+    find_border_mismatch,
     find_missing_vertices,
     find_self_overlap,
 )
@@ -23,7 +24,7 @@ from cqblend.patterns.flattening.face_division import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
-    divide_patch,
+    divide_patches,
     merge_thin_strips,
 )
 from cqblend.patterns.flattening.flat_face import DividedPatch
@@ -64,13 +65,12 @@ def unroll_patches(shell: PatchShell, options: UnrollOptions, progress: Progress
     tell = _ignore_progress if progress is None else progress
     state = _UnrollState(shell, options, failures=[Failure((face,), error) for face, error in shell.refused.items()])
     dividing = ASSEMBLY_TOLERANCES.dividing_share
-    for i, patch in enumerate(shell.patches):
-        tell(dividing * i / len(shell.patches), f"dividing face {patch.index}")
-        state.divide_patch(patch)
+    count = len(shell.patches)
+    state.divide_patches(lambda i: tell(dividing * i / count, f"dividing face {shell.patches[i].index}"))
     rounds = 0
     while True:
         edges = state.sample_edges()
-        if state.lay_faces_flat(edges, tell):
+        if state.redivide_short(edges) or state.lay_faces_flat(edges, tell):
             continue
         rounds += 1
         if rounds < ASSEMBLY_TOLERANCES.most_rounds and state.require_missing_vertices():
@@ -116,9 +116,9 @@ class _UnrollState:
         The others, divided.
     required_parameters
         By number of the edge: where it needs vertices.
-    edges, laid, assembled, overlaps
-        The last edges; by index of the patch, the faces as they were laid flat; the last pieces; by draft, its paths
-        and whether they overlap.
+    edges, matching, laid, assembled, overlaps
+        The last edges; by index of the patch, the faces whose strips are as long as their edges, and the faces as they
+        were laid flat; the last pieces; by draft, its paths and whether they overlap.
     """
 
     shell: PatchShell
@@ -127,16 +127,19 @@ class _UnrollState:
     faces: list[DividedPatch] = field(default_factory=list)
     required_parameters: dict[int, Array] = field(default_factory=dict)
     edges: SampledEdges | None = None
+    matching: dict[int, DividedPatch] = field(default_factory=dict)
     laid: dict[int, _LaidFace] = field(default_factory=dict)
     assembled: AssembledPieces | None = None
     overlaps: dict[PieceDraft, tuple[tuple[Path, ...], SelfOverlap | None]] = field(default_factory=dict)
 
-    def divide_patch(self, patch: Patch) -> None:
-        """Divide a patch, or note why it cannot be."""
-        try:
-            self.faces.append(divide_patch(patch, self.options))
-        except CqblendError as error:
-            self.failures.append(_make_failure(patch, error))
+    def divide_patches(self, tell: Callable[[int], object]) -> None:
+        """Divide all patches, and note those that cannot be; `tell` is called with the index of each."""
+        divided = divide_patches(self.shell.patches, self.options, tell)
+        for patch, found in zip(self.shell.patches, divided, strict=True):
+            if isinstance(found, CqblendError):
+                self.failures.append(_make_failure(patch, found))
+            else:
+                self.faces.append(found)
 
     def replace_division(self, face: DividedPatch, divide: Callable[[], DividedPatch]) -> bool:
         """Replace the division of a face by another one; drop the face and return False if that raises an error."""
@@ -192,15 +195,15 @@ class _UnrollState:
         return self.assembled
 
     def redivide_faulty(self, assembled: AssembledPieces, edges: SampledEdges) -> bool:
-        """Divide faces anew whose pieces overlap themselves or do not match the face; return whether there were any.
+        """Divide faces anew whose pieces overlap themselves or miss its area; return whether there were any.
 
-        Strips whose pieces overlap are cut across. If they do so only because their borders are bent, or do not match
-        the face in length or area, the face is divided with a finer tolerance.
+        Strips whose pieces overlap are cut across. If they do so only because their borders are bent, or miss the area
+        of the face, it is divided with a finer tolerance.
         """
         overlaps = self._find_self_overlaps(assembled)
-        pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
+        pieces: dict[int, list[Piece]] = defaultdict(list)
         for draft, piece in zip(assembled.drafts, assembled.pieces, strict=True):
-            pieces[draft.face.patch.index].append((draft, piece))
+            pieces[draft.face.patch.index].append(piece)
         found = False
         for face in tuple(self.faces):
             own = [(draft, overlap) for draft, overlap in overlaps if draft.face is face]
@@ -209,14 +212,31 @@ class _UnrollState:
                 self.replace_division(face, partial(cut_strips_across, face, cuts))
             elif own:
                 self.replace_division(face, partial(divide_finer, face, self.options, _SELF_OVERLAP_ERROR))
-            elif (mismatch := find_face_mismatch(face, pieces[face.patch.index], edges)) is not None:
-                error, factor = mismatch
-                factor = ASSEMBLY_TOLERANCES.refinement_margin * factor
-                self.replace_division(face, partial(divide_finer, face, self.options, error, factor))
+            elif (mismatch := find_area_mismatch(face, pieces[face.patch.index], edges)) is not None:
+                self._divide_finer(face, *mismatch)
             else:
                 continue
             found = True
         return found
+
+    def redivide_short(self, edges: SampledEdges) -> bool:
+        """Divide faces finer whose strips are too short for their edges; return whether there were any."""
+        found = False
+        for face in tuple(self.faces):
+            if self.matching.get(face.patch.index) is face:
+                continue
+            mismatch = find_border_mismatch(face, edges)
+            if mismatch is None:
+                self.matching[face.patch.index] = face
+            else:
+                self._divide_finer(face, *mismatch)
+                found = True
+        return found
+
+    def _divide_finer(self, face: DividedPatch, error: GeometryError, mismatch: float) -> None:
+        """Divide a face finer because of an error, given the ratio of a mismatch to the allowed one."""
+        factor = ASSEMBLY_TOLERANCES.refinement_margin * mismatch
+        self.replace_division(face, partial(divide_finer, face, self.options, error, factor))
 
     def _find_self_overlaps(self, assembled: AssembledPieces) -> list[tuple[PieceDraft, SelfOverlap]]:
         """Return the drafts of pieces that overlap themselves, and why; of unchanged pieces that is known."""

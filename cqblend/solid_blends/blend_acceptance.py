@@ -49,6 +49,10 @@ def check_promises(certificate: Certificate, context: StripContext, blend: Blend
             promises.append(_Promise("angle", rail.angle, angle, "rad"))
         if continuity in ("G2", "G3"):
             promises.append(_Promise("curvature jump", rail.curvature_jump, jump, "1/mm"))
+    for edge in certificate.edges:
+        promises.append(_Promise(f"gap at its {edge.kind}", edge.gap, edge.tolerance, "mm"))
+        if edge.angle is not None:
+            promises.append(_Promise(f"angle at its {edge.kind}", edge.angle, max(angle, crease_limit), "rad"))
     for name, value, limit, unit in promises:
         if not value <= limit:
             raise VerificationError(

@@ -6,6 +6,7 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ri
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
+from cqblend.errors import CqblendError
 from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
@@ -50,7 +52,12 @@ class StripContext:
         """Contacts all around a closed joint, inside an open one."""
         count = SOLID_BLEND_TOLERANCES.check_stations
         numbers = np.arange(count)
-        return self.solve(numbers / (count - 1) if self.joint.spine.closed else (numbers + 0.5) / count)
+        if self.joint.spine.closed:
+            return self.solve(numbers / (count - 1))
+        inside = (numbers + 0.5) / count
+        with suppress(CqblendError):  # what is asked for later, solved at once; at an end, the joint may fade out
+            self.solve(np.concatenate([inside, (0.0, 1.0)]))
+        return self.solve(inside)
 
     @cached_property
     def rail_distances(self) -> Array:

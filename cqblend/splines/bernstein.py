@@ -163,7 +163,7 @@ def differentiate_coefs(coefs: Array) -> Array:
     return degree * (coefs[1:] - coefs[:-1]) if degree else np.zeros_like(coefs)
 
 
-def restrict_pieces(coefs: Array, x0: Array, x1: Array) -> Array:
+def restrict_pieces(coefs: Array, x0: Array | float, x1: Array | float) -> Array:
     """Coefficients over the part [x0, x1] of each piece, 0 <= x0 < x1 <= 1 (or outside, as polynomial continuation).
 
     Parameters
@@ -171,7 +171,7 @@ def restrict_pieces(coefs: Array, x0: Array, x1: Array) -> Array:
     coefs
         (p+1, .., n).
     x0, x1
-        (n,) local parameters, x0 < 1. Where x0 = 0 and x1 = 1 the piece comes back bit for bit.
+        Local parameters, numbers or (n,), x0 < 1. Where x0 = 0 and x1 = 1 the piece comes back bit for bit.
     """
     out = coefs.copy()
     p = len(out) - 1

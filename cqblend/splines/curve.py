@@ -30,6 +30,7 @@ from cqblend.splines.knots import (
     check_knot_vector,
     extract_pieces,
     is_clamped,
+    to_euclidean,
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import match_degrees
@@ -143,7 +144,7 @@ class Curve(Spline):
             degree, knots, poles, weights = self._source
             return degree, knots.copy(), poles.copy(), None if weights is None else weights.copy()
         knots, homogeneous = assemble_bspline(self._breaks[0], self._coefs, self._continuity[0])
-        return (self.degree, knots, *self._dehomogenise_poles(homogeneous))
+        return (self.degree, knots, *(to_euclidean(homogeneous) if self._rational else (homogeneous, None)))
 
     @property
     def degree(self) -> int:

@@ -108,7 +108,31 @@ def _tabulate_factors(degree: int, order: int) -> Array:
     return table
 
 
-def build_design_matrix(breaks: Array, degree: int, t: Array, order: int) -> Array:
+def evaluate_everywhere(breaks: Array, coefs: Array, t: Array, orders: Sequence[int]) -> Array:
+    """Evaluate derivatives (len(orders), .., N) of splines with coefficients (p+1, .., n), each at all t (N,)."""
+    size, *rest, n = coefs.shape
+    if n <= _DENSE_PIECES:
+        matrix = coefs.transpose(*range(1, coefs.ndim - 1), 0, -1).reshape(-1, size * n)
+        values = [matrix @ _build_design_matrix(breaks, size - 1, t, order).T for order in orders]
+        return np.array(values).reshape(len(orders), *rest, len(t))
+    block = max(1, _GATHERED_SIZE * n // coefs.size)
+    out = np.empty((len(orders), *rest, len(t)))
+    for start in range(0, len(t), block):
+        chosen = slice(start, start + block)
+        piece, s, x, length = locate_pieces(breaks, t[chosen])
+        factors = tabulate_derivative_basis(size - 1, orders, s, x, length)
+        out[..., chosen] = contract_differences(coefs.take(piece, axis=-1), orders, factors)
+    return out
+
+
+_DENSE_PIECES = 32
+"""Number of pieces up to which one matrix for all of them is faster than gathering the coefficients at each point."""
+
+_GATHERED_SIZE = 1 << 18
+"""Coefficients gathered at a time."""
+
+
+def _build_design_matrix(breaks: Array, degree: int, t: Array, order: int) -> Array:
     """Matrix (len(t), (p + 1) n) from coefficients (p+1, n) of all pieces of degree p to derivatives at t."""
     piece, s, x, length = locate_pieces(breaks, t)
     n = len(breaks) - 1
@@ -149,10 +173,11 @@ def dehomogenise_derivatives(jets: Array, total: int | None = None) -> Array:
         (K+1, L+1, dim, ..).
     """
     rows, columns = jets.shape[:2]
-    factorials = _tabulate_factorials(rows, columns, jets.ndim - 2)
     # for Taylor coefficients the rule is a plain convolution; weights relative to the first, which counts as zero
-    taylor = jets / factorials
-    taylor /= jets[0, 0, -1]
+    taylor = jets / jets[0, 0, -1]
+    factorials = None if max(rows, columns) <= 2 else _tabulate_factorials(rows, columns, jets.ndim - 2)
+    if factorials is not None:
+        taylor /= factorials
     taylor[0, 0, -1] = 0.0
     out, weight = taylor[:, :, :-1], taylor[:, :, -1:]
     for k in range(rows):
@@ -162,4 +187,4 @@ def dehomogenise_derivatives(jets: Array, total: int | None = None) -> Array:
             elif k or m:
                 terms = weight[: k + 1, : m + 1] * out[k::-1, m::-1][: k + 1, : m + 1]
                 out[k, m] -= np.add.reduce(terms, axis=(0, 1))
-    return np.asarray(out * factorials)
+    return out if factorials is None else np.asarray(out * factorials)

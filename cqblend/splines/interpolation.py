@@ -6,6 +6,7 @@ Depends on curves only.
 
 from functools import lru_cache
 from math import comb, factorial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -192,6 +193,52 @@ def interpolate(
             jets[1:] = _solve_break_derivatives(lengths, data, k, periodic, sign, given)
     coefs = _form_hermite_coefs(breaks, _pair_ends(jets))
     return Curve._from_pieces((breaks,), coefs, False, (np.full(n - 1, 2 * k),))
+
+
+class OneSidedData(NamedTuple):
+    """Values and slopes (n + 1, dim) of a function at its breaks: limits from the left, and from the right."""
+
+    values_before: Array
+    values_after: Array
+    slopes_before: Array
+    slopes_after: Array
+
+
+def interpolate_between_corners(t: Array, data: OneSidedData, is_corner: Array, continuity: Array) -> Curve:
+    """Cubic spline through values at its breaks, C2 but at corners, where slopes are given on both sides.
+
+    All stretches between corners are solved for at once.
+
+    Parameters
+    ----------
+    t
+        (n + 1,) strictly increasing.
+    data
+        Slopes count at corners only; elsewhere both values must be the same.
+    is_corner
+        (n + 1,), True at both ends.
+    continuity
+        (n - 1,) known at the inner breaks.
+    """
+    lengths = t[1:] - t[:-1]
+    chord = (data.values_before[1:] - data.values_after[:-1]) / lengths[:, None]
+    both = lengths[:-1] + lengths[1:]
+    low, up = lengths[1:] / both, lengths[:-1] / both
+    right = np.zeros_like(data.values_after)
+    right[1:-1] = 3 * (low[:, None] * chord[:-1] + up[:, None] * chord[1:])
+    right[1:-1] -= np.where(is_corner[:-2, None], low[:, None] * data.slopes_after[:-2], 0.0)
+    right[1:-1] -= np.where(is_corner[2:, None], up[:, None] * data.slopes_before[2:], 0.0)
+    right[is_corner] = 0.0
+    diagonals = np.zeros((3, len(t)))
+    diagonals[0, 1:-1] = np.where(is_corner[:-2] | is_corner[1:-1], 0.0, low)
+    diagonals[1] = 2.0
+    diagonals[2, 1:-1] = np.where(is_corner[2:] | is_corner[1:-1], 0.0, up)
+    slopes = _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
+    jets = np.empty((2, len(lengths), 2, right.shape[1]))
+    jets[0, :, 0], jets[0, :, 1] = data.values_after[:-1], data.values_before[1:]
+    jets[1, :, 0] = np.where(is_corner[:-1, None], data.slopes_after[:-1], slopes[:-1])
+    jets[1, :, 1] = np.where(is_corner[1:, None], data.slopes_before[1:], slopes[1:])
+    return Curve._from_pieces((t,), _form_hermite_coefs(t, jets), False, (continuity,))
 
 
 def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: Array | None) -> Array:

@@ -51,7 +51,10 @@ class _Coordinates:
         for line, a, b, most in zip(lines, low, high, size, strict=True):
             rounding = 16 * EPSILON * max(most, heaviest * max(abs(line.item(0)), abs(line.item(-1))))
             self.rounding.append(rounding)
-            self.crossable.append(tuple(line[1:-1].searchsorted((a - rounding, b + rounding)).tolist()))
+            inner = 1, len(line) - 1
+            self.crossable.append(
+                (bisect_left(line, a - rounding, *inner) - 1, bisect_left(line, b + rounding, *inner) - 1)
+            )
 
 
 def _find_line_crossings(
@@ -107,7 +110,7 @@ def _assign_patches(mean: Array, weight: Array | None, lines: Array, rounding: f
     position = mean if weight is None else mean / weight
     inner = lines[1:-1]
     index: Array = inner.searchsorted(position, "right")
-    distance = np.minimum(position - lines[index], lines[index + 1] - position)
+    distance = np.minimum(position - lines[:-1][index], lines[1:][index] - position)
     near = rounding if weight is None else rounding / np.abs(weight)
     if len(inner) and (distance <= near).any():
         nearest = np.abs(np.subtract.outer(position, inner)).argmin(axis=1)
@@ -191,8 +194,9 @@ def to_barycentric(cut: Spline, lines: Sequence[Array], index: Array) -> list[Ar
         every piece have degree 0, which keeps isoparametric curves at the degree they have.
     """
     numerator, weight = cut._split_weight()
-    start = np.array([line[i] for line, i in zip(lines, index, strict=True)])
-    end = np.array([line[i + 1] for line, i in zip(lines, index, strict=True)])
+    start, end = np.empty((2, *index.shape))
+    for k, line in enumerate(lines):
+        start[k], end[k] = line[:-1][index[k]], line[1:][index[k]]
     length = end - start
     if weight is not None:
         before, after = (end * weight - numerator) / length, (numerator - start * weight) / length

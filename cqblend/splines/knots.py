@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from cqblend.argument_checks import check_integer, to_float_array
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
@@ -83,12 +83,12 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
     array([0])
     """
     p = degree
-    spans = p + np.flatnonzero(knots[p : -p - 1] < knots[p + 1 : len(knots) - p])
+    spans = (knots[p : -p - 1] < knots[p + 1 : len(knots) - p]).nonzero()[0] + p
     around = knots[spans + _list_offsets(1 - p, 2 * p)] if p else knots[:0, None]  # (2p, m): p knots on both sides
     a, b = knots[spans], knots[spans + 1]
     d = poles[spans + _list_offsets(-p, p + 1)]  # (p+1, m, ..)
     d = np.ascontiguousarray(d.transpose(0, *range(2, d.ndim), 1))
-    breaks = np.append(a, b[-1])
+    breaks = np.concatenate([a, b[-1:]])
     if len(spans) == 1 and is_clamped(p, knots):
         return breaks, d, np.empty(0, dtype=int)
     e = np.empty_like(d)
@@ -104,8 +104,7 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
         x = (length / beyond[p - s - 1 :: -1])[wide]
         e[: p - s] = x * e[: p - s] + (1 - x) * e[1 : p - s + 1]
     # e[r] = f[a^r, b^(p-r)]: the coefficients in descending order
-    inner = breaks[1:-1]
-    return breaks, np.ascontiguousarray(e[::-1]), p - (knots.searchsorted(inner, "right") - knots.searchsorted(inner))
+    return breaks, np.ascontiguousarray(e[::-1]), p - (spans[1:] - spans[:-1])
 
 
 @lru_cache(maxsize=256)
@@ -148,8 +147,9 @@ def _choose_pole_pieces(breaks: Array, degree: int, at: Array) -> tuple[Array, A
     for offset in range(int((last - first).max()) + 1):
         tried = np.minimum(first + offset, last)
         low, high = breaks[tried], breaks[tried + 1]
-        outside = np.maximum(np.maximum(low - window, window - high), 0)
-        factor = np.multiply.reduce(1 + outside * (2 / (high - low)))
+        # 1 at the ends of the piece and beyond them 1 + 2 d, at a distance of d lengths of the piece
+        distance = np.abs((window - (low + high) / 2) * (2 / (high - low)))
+        factor = np.multiply.reduce(np.maximum(distance, 1.0))
         best = np.where(factor < least, tried, best)
         least = np.minimum(least, factor)
     piece[far] = best
@@ -261,6 +261,20 @@ def to_homogeneous(poles: Array, weights: object) -> Array:
     if not np.isfinite(made).all():
         raise InputError("a pole times its weight is beyond the range of doubles")
     return made
+
+
+def to_euclidean(homogeneous: Array) -> tuple[Array, Array]:
+    """Poles (.., dim) and weights (..) of homogeneous poles (.., dim + 1).
+
+    Raises
+    ------
+    GeometryError
+        If a weight is not positive.
+    """
+    weights = homogeneous[..., -1]
+    if weights.min() <= 0:
+        raise GeometryError(f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first")
+    return homogeneous[..., :-1] / weights[..., None], weights
 
 
 def is_clamped(degree: int, knots: Array) -> bool:

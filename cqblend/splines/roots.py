@@ -149,7 +149,7 @@ def _drop_noise(f: Array, tolerance: Array) -> Array:
     return np.where(small, 0.0, f) if small.any() else f
 
 
-def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
+def find_sign_changes(f: Array, tolerance: Array | float) -> tuple[Array, Array]:
     """Where the columns of f change sign inside (0, 1).
 
     Parameters
@@ -157,7 +157,7 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     f
         (p+1, n) Bernstein coefficients.
     tolerance
-        (n,) Coefficients up to this absolute value count as zero.
+        Coefficients up to this absolute value count as zero; a number, or (n,) one for each column.
 
     Returns
     -------
@@ -170,23 +170,28 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
     >>> find_sign_changes(np.array([[-1.0, 1.0], [3.0, 1.0]]), np.zeros(2))
     (array([0]), array([0.25]))
     """
-    f = _drop_noise(f, tolerance)
+    zero: Array = np.full(f.shape[1], tolerance)
+    f = _drop_noise(f, zero)
+    if len(f) == 2:
+        (column,) = (f[0] * f[1] < 0).nonzero()
+        first, last = f[:, column]
+        return column, first / (first - last)
     (column,) = np.logical_or.reduce(_find_changes(_fill_signs(f))).nonzero()
-    f, tolerance = f[:, column], tolerance[column]
-    if not len(column) or len(f) == 2:
-        return column, f[0] / (f[0] - f[-1])
+    f, zero = f[:, column], zero[column]
+    if not len(column):
+        return column, np.empty(0)
     if len(f) == 3:
         roots = _solve_quadratics(f)
         row, at = (roots < 1).nonzero()
         return column[at], roots[row, at]
     if len(f) == 4:
-        found, roots = _solve_cubics(f, tolerance)
+        found, roots = _solve_cubics(f, zero)
         return column[found], roots
     start, width = np.zeros(len(column)), 1.0
     touched: list[tuple[Array, Array]] = []  # column, root
     brackets: list[tuple[Array, Array, float, Array]] = []  # column, start, width, coefficients
     for level in range(SPLINE_LIMITS.root_levels):
-        f = _drop_noise(f, tolerance)
+        f = _drop_noise(f, zero)
         count = np.add.reduce(_find_changes(_fill_signs(f)))
         single, several = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
         if len(single):
@@ -195,10 +200,10 @@ def find_sign_changes(f: Array, tolerance: Array) -> tuple[Array, Array]:
             break
         parts = _build_subdivision_matrix(len(f) - 1) @ f[:, several]  # (8, p+1, k)
         width /= _PARTS_PER_LEVEL
-        column, tolerance = np.tile(column[several], _PARTS_PER_LEVEL), np.tile(tolerance[several], _PARTS_PER_LEVEL)
+        column, zero = np.tile(column[several], _PARTS_PER_LEVEL), np.tile(zero[several], _PARTS_PER_LEVEL)
         start = np.add.outer(width * np.arange(_PARTS_PER_LEVEL), start[several]).ravel()
         f = np.moveaxis(parts, 0, 1).reshape(parts.shape[1], -1)
-        at = np.flatnonzero((np.abs(f[0]) <= tolerance) & (start > 0))
+        at = np.flatnonzero((np.abs(f[0]) <= zero) & (start > 0))
         touched.append((column[at], start[at]))
     if brackets:
         local = _solve_single_roots(np.concatenate([b[3] for b in brackets], axis=1))

@@ -117,7 +117,7 @@ class SplineSpace:
 
 
 def solve_block_tridiagonal(band: Array, right: Array) -> Array:
-    """Solve a positive definite block tridiagonal system for (m, b, dim), by cyclic reduction.
+    """Solve a block tridiagonal system for (m, b, dim), by cyclic reduction.
 
     ``band`` (m, b, 3 b) has, for every block of rows, the columns of the block before, of itself, and of that after;
     ``right`` is (m, b, dim). Every second block is eliminated, all at once, until one is left.

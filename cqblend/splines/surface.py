@@ -24,10 +24,10 @@ from cqblend.splines.curve import Curve
 from cqblend.splines.evaluation import (
     BLOCK_SIZE,
     BreakSide,
-    build_design_matrix,
     check_break_side,
     contract_differences,
     dehomogenise_derivatives,
+    evaluate_everywhere,
     locate_pieces,
     tabulate_derivative_basis,
 )
@@ -38,6 +38,7 @@ from cqblend.splines.knots import (
     check_knot_vector,
     extract_pieces,
     is_clamped,
+    to_euclidean,
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import apply_along_axis
@@ -189,10 +190,11 @@ class Surface(Spline):
         if self._source is not None:
             degrees, (ku, kv), poles, weights = self._source
             return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
-        ku, rows = assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        ku, rows = assemble_bspline(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), self._continuity[0])
         # (Nu, q+1, dim, nv)
-        kv, poles = assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
-        return (self.degree, (ku, kv), *self._dehomogenise_poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
+        kv, poles = assemble_bspline(self._breaks[1], rows.swapaxes(0, 1), self._continuity[1])
+        poles = np.ascontiguousarray(poles.swapaxes(0, 1))
+        return (self.degree, (ku, kv), *(to_euclidean(poles) if self._rational else (poles, None)))
 
     @property
     def degree(self) -> tuple[int, int]:
@@ -291,20 +293,9 @@ class Surface(Spline):
             check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
             check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
-        (p, q), dim_h = self.degree, self._coefs.shape[2]
-        arranged = self._coefs.transpose(0, 3, 2, 1, 4)  # (p+1, nu, dim, q+1, nv)
-        arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
-        orders_u, orders_v = (range(ku + 1), range(kv + 1)) if self._rational else ((ku,), (kv,))
-        jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
-        designs = [build_design_matrix(self._breaks[1], q, v, j).T for j in orders_v]
-        for i, order in enumerate(orders_u):
-            rows = (build_design_matrix(self._breaks[0], p, u, order) @ arranged).reshape(
-                len(u), dim_h, len(designs[0])
-            )
-            for j, matrix in enumerate(designs):
-                jets[i, j] = np.moveaxis(
-                    (rows.reshape(len(u) * dim_h, len(matrix)) @ matrix).reshape(len(u), dim_h, len(v)), 1, 0
-                )
+        orders_u, orders_v = ((range(k + 1) if self._rational else (k,)) for k in (ku, kv))
+        rows = evaluate_everywhere(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), u, orders_u)
+        jets = evaluate_everywhere(self._breaks[1], rows.transpose(1, 0, 2, 4, 3), v, orders_v)  # (kv, ku, dim_h, ..)
         values = (dehomogenise_derivatives(jets) if self._rational else jets)[-1, -1]
         return values.transpose(1, 2, 0)
 

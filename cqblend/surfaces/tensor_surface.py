@@ -154,6 +154,16 @@ class TensorSurface(Primary):
                 out[:, axis] = y / (x + y)
         return out
 
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        out = np.empty((len(c), 2))
+        for axis in (0, 1):
+            x, y, dx, dy = c[:, 2 * axis], c[:, 2 * axis + 1], d[:, 2 * axis], d[:, 2 * axis + 1]
+            if self.is_angular[axis]:
+                out[:, axis] = 2 * (x * dy - y * dx) / (x * x + y * y)
+            else:
+                out[:, axis] = (x * dy - y * dx) / (x + y) ** 2
+        return out
+
     def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
         order = len(directions) if order is None else order
         c, *rest = align_breaks([c, *directions], SPLINE_TOLERANCES.same_break)
@@ -208,35 +218,58 @@ class TensorSurface(Primary):
         seam = [self.seam_continuity[axis]]
         return lines, np.concatenate([orders, *([*seam, *orders] for _ in laps[1:])])
 
+    def _trace_knot_crossings(self, c: Curve, axis: int, highest_continuity: int) -> tuple[Array, Array]:
+        """Return where (n,) a lifted rail crosses knot lines of one native parameter, and the points there, (n, 2).
+
+        Only lines of at most that continuity count.
+        """
+        nothing = np.empty(0), np.empty((0, 2))
+        if self.is_angular[axis]:
+            return nothing
+        lines, orders = self._list_crossable_lines(c, axis)
+        if not (orders <= highest_continuity).any():
+            return nothing
+        x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
+        cut, (index,), _ = cut_at_knot_lines(Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders])
+        steps = [
+            (j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _lines_between(index[j], index[j + 1])
+        ]
+        steps = [(j, i) for j, i in steps if orders[i - 1] <= highest_continuity]
+        if not steps:
+            return nothing
+        piece, line = np.array(steps).T
+        t = cut.breaks[piece + 1]
+        uv = self.unlift_points(c(t), np.zeros((len(t), 2)))
+        uv[:, axis] = lines[line]
+        return t, uv
+
+    def locate_knot_crossings(self, c: Curve, highest_continuity: int) -> Array:
+        """Return where (n,) a lifted rail crosses knot lines at points of at most this continuity."""
+        found = []
+        for axis in (0, 1):
+            t, uv = self._trace_knot_crossings(c, axis, highest_continuity)
+            if len(t):
+                found.append(t[self._measure_continuity(self._snap_to_knots(uv, axis), axis) <= highest_continuity])
+        return np.sort(np.concatenate(found)) if found else np.empty(0)
+
     def find_knot_crossings(self, c: Curve, highest_continuity: int) -> list[KnotCrossing]:
         found = []
         for axis in (0, 1):
-            if self.is_angular[axis]:
-                continue
-            lines, orders = self._list_crossable_lines(c, axis)
-            if not (orders <= highest_continuity).any():
-                continue
-            x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
-            cut, (index,), _ = cut_at_knot_lines(
-                Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders]
-            )
-            steps = [
-                (j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _lines_between(index[j], index[j + 1])
-            ]
-            steps = [(j, i) for j, i in steps if orders[i - 1] <= highest_continuity]
-            if not steps:
-                continue
-            piece, line = np.array(steps).T
-            t, value = cut.breaks[piece + 1], lines[line]
-            uv = self.unlift_points(c(t), np.zeros((len(t), 2)))
-            uv[:, axis] = value
-            smooth, shape, crease = self.measure_smoothness(uv, axis)
-            axes = [axis] * len(t)
-            found += [
-                KnotCrossing(*fields)
-                for fields in zip(t.tolist(), axes, value.tolist(), smooth, shape, crease, strict=True)
-            ]
+            t, uv = self._trace_knot_crossings(c, axis, highest_continuity)
+            if len(t):
+                smooth, shape, crease = self.measure_smoothness(uv, axis)
+                axes, values = [axis] * len(t), uv[:, axis].tolist()
+                found += [
+                    KnotCrossing(*fields)
+                    for fields in zip(t.tolist(), axes, values, smooth, shape, crease, strict=True)
+                ]
         return sorted(crossing for crossing in found if crossing.continuity <= highest_continuity)
+
+    def _snap_to_knots(self, uv: Array, axis: int) -> Array:
+        """Return points (n, 2) of knot lines in the domain, exactly on the lines."""
+        uv, breaks = self.wrap_parameters(uv).copy(), self.breaks[axis]
+        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
+        return uv
 
     def measure_smoothness(self, uv: Array, axis: int) -> tuple[list[int], list[int], list[float]]:
         """Measure the continuity of the surface at points of knot lines, up to 4.
@@ -257,8 +290,7 @@ class TensorSurface(Primary):
             Of n each: the continuity of the parametrisation, that of the shape, and the angle by which the normal
             turns, rad.
         """
-        uv, breaks = self.wrap_parameters(uv).copy(), self.breaks[axis]
-        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
+        uv = self._snap_to_knots(uv, axis)
         continuity = self._measure_continuity(uv, axis)
         before, after = (self._expand_beside_knot(uv, axis, step) for step in (-1, 0))
         rounding = SURFACE_TOLERANCES.derivative_jump * float(np.abs(self.patches).max())

@@ -80,6 +80,12 @@ def find_corner(shape: cq.Shape, corner: cq.Vector) -> cq.Edge:
     return min(round_edges, key=lambda edge: (edge.arcCenter() - corner).Length)
 
 
+def is_turned(result: cqblend.BlendResult) -> bool:
+    """Whether all blend faces of a result, but for planes at its ends, are surfaces of revolution."""
+    kinds = {cq.Face(getattr(face, "wrapped", face)).geomType() for face in result.faces}
+    return kinds - {"PLANE"} == {"REVOLUTION"}
+
+
 def find_rails(result: cqblend.BlendResult) -> list[tuple[cq.Face, cq.Face, cq.Edge]]:
     """Return blend face, neighbour, and the circular edge between them, for all of a result."""
     blends = [cq.Face(getattr(face, "wrapped", face)) for face in result.faces]

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from cqblend.blends.contacts.carried_contacts import find_edge_motion
 from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
@@ -19,6 +21,7 @@ from cqblend.blends.contacts.contact_solver import (
     project_to_intersection,
 )
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
+from cqblend.errors import CqblendError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import unwrap_parameters
 
@@ -56,6 +59,7 @@ def trace_contacts(
     """Return a solver of contacts along an edge between two faces, which starts from those that it has found.
 
     ``locate_stations`` returns stations near both surfaces at parameters (n,), ``scale`` is the length of the edge.
+    Straight edges and arcs along which nothing changes take one station.
     """
 
     def solve_contacts_at(t: Array, known: Contacts | None) -> Contacts:
@@ -65,7 +69,34 @@ def trace_contacts(
             stations = replace(stations, uv=edge_uv)
         return solve_at_stations(project_to_intersection(sides, stations, scale), expected)
 
-    return cache_contacts(solve_contacts_at)
+    solve: ContactSolver | None = None
+
+    def solve_contacts(t: Array) -> Contacts:
+        nonlocal solve
+        if solve is None:
+            solve = _carry_from_middle(sides, locate_stations, scale, solve_at_stations)
+            solve = cache_contacts(solve_contacts_at) if solve is None else solve
+        return solve(t)
+
+    return solve_contacts
+
+
+def _carry_from_middle(
+    sides: tuple[SupportSurface, SupportSurface],
+    locate_stations: Callable[[Array], Stations],
+    scale: float,
+    solve_at_stations: StationSolver,
+) -> ContactSolver | None:
+    """Return the solver of an edge whose contacts are all those of its middle, moved; None if it is no such edge."""
+    try:
+        station = project_to_intersection(sides, locate_stations(np.array([0.5])), scale)
+        motion = find_edge_motion(sides, station, scale)
+        middle = None if motion is None else solve_at_stations(station, None)
+    except CqblendError:  # what is wrong, and where, is found when all stations are solved
+        return None
+    if motion is None or middle is None:
+        return None
+    return partial(motion.carry_contacts, middle, sides)
 
 
 def _expect_parameters(

@@ -37,6 +37,8 @@ class ContactTolerances:
     largest_tracing_error
         How far a contact may be from where its neighbours along the edge let expect it, as a share of its distance from
         the edge.
+    full_turn_slack
+        Difference of the angle of an edge around an axis from a full turn (rad) up to which it is one.
     tracing_stations
         Stations that a polynomial through known contacts runs through.
     least_tracing_gap
@@ -66,6 +68,7 @@ class ContactTolerances:
     first_size_share: float = 1 / 128
     largest_prediction_error: float = 0.5
     largest_tracing_error: float = 0.1
+    full_turn_slack: float = 1e-9
     tracing_stations: int = 6
     least_tracing_gap: float = 1e-5
     rough_continuity: int = 3

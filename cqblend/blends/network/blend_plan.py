@@ -140,7 +140,8 @@ class CapPlan:
 class StripPlan:
     """One blend face: its surface, its boundary, and the rails on both sides in the order of the spine.
 
-    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on.
+    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
+    ``end_edges`` of an open strip are those at the start and at the stop of its spine.
     """
 
     spine: tuple[int, ...]
@@ -148,6 +149,7 @@ class StripPlan:
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
     rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    end_edges: tuple[NewEdge, ...] = ()
     caps: tuple[CapPlan, ...] = ()
 
 

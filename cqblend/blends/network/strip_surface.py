@@ -11,10 +11,12 @@ from typing import Protocol
 
 import numpy as np
 
+from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle
+from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame
 
 
@@ -44,6 +46,12 @@ class StripSurface(Protocol):
 
     def to_rail_parameters(self, s: Array) -> Array:
         """Return the parameters t (n,) of the rails at s (n,)."""
+
+    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
+        """Return the curve v -> (s, v, a, b, x, y, z) in which the strip meets a plane, a, b the plane's parameters.
+
+        The one nearest to s = ``near``. None if the curve has no closed form.
+        """
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,24 @@ class SplineStrip:
 
     def to_rail_parameters(self, s: Array) -> Array:
         return s
+
+    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
+        """Return the exact curve if the surface is A(v) + s B."""
+        del near  # there is but one
+        coefs = self.surface.coefs
+        if self.surface.degree[0] != 1 or self.surface.rational or coefs.shape[3] != 1:
+            return None
+        low, high = self.domain
+        first, steps = coefs[0, :, :, 0], coefs[1, :, :, 0] - coefs[0, :, :, 0]  # (q + 1, 3, n)
+        step, normal = steps.mean(axis=(0, 2)), plane.frame.axes[2]
+        along = float(step @ normal)
+        size = np.linalg.norm(step)
+        is_parallel = np.abs(steps - step[:, None]).max() <= NETWORK_TOLERANCES.parallel_rails * size
+        if not is_parallel or abs(along) <= NETWORK_TOLERANCES.least_cut_sine * size:
+            return None
+        share = np.einsum("qkn,k->qn", plane.frame.origin[:, None] - first, normal) / along
+        points = first + share[:, None] * step[:, None]
+        return _collect_section(self.surface.breaks[1], low + (high - low) * share, points, plane)
 
 
 @dataclass(frozen=True)
@@ -122,3 +148,29 @@ class RevolvedStrip:
 
     def to_rail_parameters(self, s: Array) -> Array:
         return self.section.map_to_parameters(s)
+
+    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
+        """Return the section in a plane that the axis lies in."""
+        frame, normal = self.section.frame, plane.frame.axes[2]
+        profile = self.first_section
+        offset = float((plane.frame.origin - frame.origin) @ normal)
+        size = float(np.abs(profile.coefs).max())
+        tilt = abs(float(frame.axes[2] @ normal)) * size
+        if profile.rational or max(tilt, abs(offset)) > NETWORK_TOLERANCES.section_plane * size:
+            return None
+        angle = float(np.arctan2(-(frame.axes[0] @ normal), frame.axes[1] @ normal))
+        angle += np.pi * np.round((near - angle) / np.pi)
+        cos, sin = np.cos(angle), np.sin(angle)
+        arms = profile.coefs - frame.origin[:, None]
+        x, y, z = (np.einsum("qkn,k->qn", arms, axis) for axis in frame.axes)
+        local = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
+        points = frame.origin[:, None] + np.einsum("qan,ak->qkn", local, frame.axes)
+        return _collect_section(profile.breaks, np.full(x.shape, angle), points, plane)
+
+
+def _collect_section(breaks: Array, s: Array, points: Array, plane: Plane) -> Curve:
+    """Return the curve v -> (s, v, a, b, x, y, z) of coefficients s (q + 1, n) and points (q + 1, 3, n)."""
+    degree = len(s) - 1
+    v = breaks[:-1] + np.arange(degree + 1)[:, None] / degree * np.diff(breaks)
+    on_plane = np.einsum("qkn,ak->qan", points - plane.frame.origin[:, None], plane.frame.axes[:2])
+    return Curve(breaks, np.concatenate([s[:, None], v[:, None], on_plane, points], axis=1))

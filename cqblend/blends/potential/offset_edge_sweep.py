@@ -29,6 +29,7 @@ from cqblend.blends.potential.continuation import (
 )
 from cqblend.blends.potential.family_pair import describe_offsets
 from cqblend.blends.potential.relations import Relation
+from cqblend.blends.potential.smooth_stations import smooth_stations, turns_steadily
 from cqblend.blends.potential.solved_curves import SolvedCurves
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
@@ -266,10 +267,15 @@ def sweep_from_edge(
     def project_edge_stations(t: Array) -> Stations:
         return project_to_intersection(sides, stations(t), scale)
 
-    turn = compute_inward_directions(sides, project_edge_stations(np.linspace(0.02, 0.98, 25)))[2]
+    spread = project_edge_stations(np.linspace(0.02, 0.98, 25))
+    turn = compute_inward_directions(sides, spread)[2]
     if turn.max() > CONTACT_TOLERANCES.smooth_edge_sine and turn.min() < -CONTACT_TOLERANCES.smooth_edge_sine:
         raise GeometryError("the edge changes between convex and concave: its sides cannot be moved towards the blend")
     blend_sign = -float(np.sign(turn.sum()))
     first, second = sides
     signs = blend_sign * first.outward, blend_sign * second.outward
-    return EdgeSweep((first.primary, second.primary), signs, relation.eased, project_edge_stations, closed)
+    primaries = first.primary, second.primary
+    if turns_steadily(spread.tangents):
+        return EdgeSweep(primaries, signs, relation.eased, project_edge_stations, closed)
+    stations_at = smooth_stations(project_edge_stations, primaries, closed=closed)
+    return EdgeSweep(primaries, signs, relation.eased, stations_at, closed)

@@ -54,6 +54,15 @@ class PotentialTolerances:
     negligible_correction: float = 1e-3
     """Size of a correction that is always accepted, as a share of the size of the surfaces."""
 
+    steady_turn: float = 1e-9
+    """Largest deviation of unit tangents at equal steps from those of a line or a circle."""
+
+    station_turn: float = 1e-5
+    """Largest change of a tangent, rad, by which stations may be made smooth: more is a kink."""
+
+    station_shift: float = 1e-3
+    """Largest distance by which they may be moved, as a share of the distance of those that are interpolated."""
+
     start_correction: float = 0.1
     """Largest correction of a solution from a start that was interpolated along the edge, as a share of its distance
     from the edge: with more, it may lie on another branch."""
@@ -134,6 +143,9 @@ class PotentialLimits:
 
     table_x_values: int = 17
     """Values of x of that table."""
+
+    smoothed_stations: int = 64
+    """Spans between stations of an edge that others are interpolated from."""
 
     prediction_nodes: int = 4
     """Known stations from which one in between is predicted."""

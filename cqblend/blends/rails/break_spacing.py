@@ -46,6 +46,19 @@ def _grade_growth(growth: Array) -> Array:
     return np.asarray(np.maximum(growth, beside * RAIL_TOLERANCES.neighbour_growth))
 
 
-def halve_spans(breaks: Array, chosen: Array) -> Array:
-    """Return breaks with the middles of the chosen spans, a mask (n,)."""
-    return np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[chosen] / 2]))
+def halve_spans(breaks: Array, errors: Array) -> Array:
+    """Return breaks with the middles of spans that err, and with the middles of their halves that will still err.
+
+    ``errors`` (n, 2) are those of the two halves of every span, as shares of what is allowed. It is assumed that they
+    fall with the fourth power of the length of the spans, which they hardly ever exceed.
+    """
+    fall = 2**RAIL_TOLERANCES.position_order
+    while (missed := errors.max(axis=1) > 1).any():
+        middles = (breaks[:-1] + breaks[1:])[missed] / 2
+        copies = np.where(missed, 2, 1)
+        halves = np.repeat(errors, copies, axis=0)
+        ends = np.cumsum(copies)[missed] - 1
+        halves[ends] = (errors[missed, 1:] / fall).repeat(2, axis=1)
+        halves[ends - 1] = (errors[missed, :1] / fall).repeat(2, axis=1)
+        breaks, errors = np.sort(np.concatenate([breaks, middles])), halves
+    return breaks

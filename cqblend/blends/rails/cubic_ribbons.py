@@ -157,7 +157,7 @@ class _CubicFit:
             if count < RAIL_TOLERANCES.spacing_rounds:
                 breaks = space_breaks(breaks, growth, fixed)
             else:
-                breaks = halve_spans(breaks, missed)
+                breaks = halve_spans(breaks, np.where(missed, 2.0, 0.0)[:, None].repeat(2, axis=1))
         gap = max(float(errors.across.max()) for errors in fitted.errors)
         if gap > RAIL_TOLERANCES.largest_miss * self.wanted.position:
             raise TooManySpansError(

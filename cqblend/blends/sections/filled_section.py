@@ -15,6 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -38,12 +39,8 @@ PLACES_BETWEEN_NODES = np.array([0.13, 0.41, 0.77])
 
 
 class _SampledInterior(NamedTuple):
-    """An interior at points ``v`` (m,) across.
+    """An interior at m points across: (n, m, 3) at t (n,), without and with the weight of the section."""
 
-    ``evaluate`` and ``evaluate_weighted`` return (n, m, 3) at t (n,), without and with the weight of the section.
-    """
-
-    v: Array
     evaluate: Sampler
     evaluate_weighted: Sampler
 
@@ -118,7 +115,7 @@ class FilledSection(ABC):
             size = float(np.abs(values).max())
             if size <= self.tolerance / 4:
                 return None
-            across = self._choose_across_basis(sampled.v, values)
+            across = self._choose_across_basis(values)
             if across is not None:
                 return across.make_interior(self._fit_splines(sampled, across, sides, jets))
         raise TooManySpansError(
@@ -129,10 +126,10 @@ class FilledSection(ABC):
 
     def _sample_across(self, sides: tuple[Jets, Jets], points: int) -> _SampledInterior:
         """Return the interior at so many points across."""
-        v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
+        v = _space_points_across(points)
         evaluate = self.make_interior_function(sides, v)
         return _SampledInterior(
-            v, evaluate, evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
+            evaluate, evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
         )
 
     def _fit_on_pieces(self, sampled: _SampledInterior, breaks: Array, degree: int) -> SectionInterior | None:
@@ -144,7 +141,7 @@ class FilledSection(ABC):
         steps = np.diff(breaks)
         places = np.concatenate([nodes, PLACES_BETWEEN_NODES])
         values = sampled.evaluate_weighted((breaks[:-1] + places[:, None] * steps).ravel())
-        across = self._choose_across_basis(sampled.v, values)
+        across = self._choose_across_basis(values)
         if across is None:
             return None
         found, between = np.split(across.fit_coefficients(values).reshape(len(places), len(steps), -1), [degree + 1])
@@ -206,17 +203,22 @@ class FilledSection(ABC):
             f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
-    def _choose_across_basis(self, v: Array, values: Array) -> _AcrossBasis | None:
-        """Choose the fewest functions across that hold values (n, m, 3) at v (m,) within a quarter of the tolerance.
+    def _choose_across_basis(self, values: Array) -> _AcrossBasis | None:
+        """Choose the fewest functions across that hold values (n, m, 3) at m points within a quarter of the tolerance.
 
         None if none do.
         """
-        for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * len(v)):
-            across = _AcrossBasis.from_spans(self.conditions, degree, spans, v)
+        for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * values.shape[1]):
+            across = _AcrossBasis.from_spans(self.conditions, degree, spans, values.shape[1])
             fitted = across.evaluate_at_points(across.fit_coefficients(values))
             if np.abs(fitted - values).max() <= self.tolerance / 4:
                 return across
         return None
+
+
+def _space_points_across(points: int) -> Array:
+    """Return the Chebyshev points (m,) across at which interiors are sampled."""
+    return (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
 
 
 def _multiply_by_weight(evaluate: Sampler, sides: tuple[Jets, Jets], v: Array) -> Sampler:
@@ -256,8 +258,13 @@ class _AcrossBasis:
     components: Array
 
     @classmethod
-    def from_spans(cls, conditions: tuple[int, int, int], degree: int, spans: int, v: Array) -> _AcrossBasis:
-        """Return the B-splines on equal spans, without those that do not vanish as often as ``conditions`` asks for."""
+    @lru_cache(maxsize=128)
+    def from_spans(cls, conditions: tuple[int, int, int], degree: int, spans: int, points: int) -> _AcrossBasis:
+        """Return the B-splines on equal spans, without those that do not vanish as often as ``conditions`` asks for.
+
+        All blends share them, so that their arrays are not to be written to.
+        """
+        v = _space_points_across(points)
         breaks = np.linspace(0, 1, spans + 1)
         knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
         _, coefs, continuity = extract_pieces(degree, knots, np.eye(spans + degree))

@@ -106,6 +106,8 @@ class CompactTolerances:
         Length that stands in for that of vectors which have none.
     coefficient_rounding
         Rounding of the coefficients of a jet, relative, as far as it shows in what is compared.
+    gathered_numbers
+        Coefficients gathered for one evaluation, which should stay in the processor's cache.
     samples_per_span, test_points_per_span
         Samples of each span that a fit is made of, and points at which it is measured.
     """
@@ -123,6 +125,7 @@ class CompactTolerances:
     snap_share: float = 0.1
     tiny_length: float = 1e-100
     coefficient_rounding: float = 16 * EPSILON
+    gathered_numbers: int = 1 << 17
     samples_per_span: int = 4
     test_points_per_span: int = 10
 

@@ -29,7 +29,7 @@ def find_circular_pcurve(side: SupportFace, ribbon: Ribbon, circle: Circle, turn
         found = _follow_angle(side, ribbon, circle, turn)
     if found is None:
         return None
-    angles = np.linspace(0.0, turn, CONVERSION_TOLERANCES.circle_samples)
+    angles = np.linspace(0.0, turn, CONVERSION_TOLERANCES.rail_angles)
     distance = np.linalg.norm(primary.jet(found(angles))[0] - circle(angles), axis=1).max()
     size = circle.radius + float(np.abs(circle.frame.origin).max())
     return found if distance <= CONVERSION_TOLERANCES.circular_rail * size else None

@@ -217,6 +217,13 @@ class ReparametrizedSpline(Primary):
                 slower[:, axis] /= arcs.evaluate_conic_rates(self.spline.wrap_parameters(at)[:, axis])[0]
         return self.spline.lift_directions(at, c, slower)
 
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        at, faster = self.spline.unlift_points(c, np.zeros((len(c), 2))), self.spline.unlift_directions(c, d)
+        for axis, arcs in enumerate((self.parameters.u, self.parameters.v)):
+            if arcs is not None:
+                faster[:, axis] *= arcs.evaluate_conic_rates(self.spline.wrap_parameters(at)[:, axis])[0]
+        return faster
+
     @property
     def weight_exponents(self) -> Array:
         return self.spline.weight_exponents

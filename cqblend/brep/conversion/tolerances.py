@@ -50,7 +50,7 @@ class ConversionTolerances:
     degenerate_normal: float = 1e-12
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
 
-    circle_samples: int = 17
+    rail_angles: int = 17
     """Number of angles at which a circular rail is compared with its image on the face."""
 
     circular_rail: float = 1e-14

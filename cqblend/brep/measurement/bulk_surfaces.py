@@ -9,6 +9,7 @@ in a new region. Offset surfaces and all others, and those on which the two do n
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -31,9 +32,9 @@ from OCP.gp import gp_Ax2, gp_Pnt, gp_Vec
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
-from cqblend.brep.measurement.spline_basis import LocalBasis, evaluate_basis
+from cqblend.brep.measurement.spline_basis import LocalBasis, count_knots, evaluate_basis
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange
+from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange, choose_witnesses
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -56,24 +57,43 @@ class SurfaceEvaluator:
     surface : Geom_Surface
     is_analytic : bool
         Whether it is a plane, a cylinder, a cone, a sphere or a torus, which is smooth everywhere.
-    spline : SplineSurface or None
-        The surface's poles and knots if it is a spline.
     """
 
     def __init__(self, surface: Geom_Surface) -> None:
         self.surface = surface
-        basis = surface
-        while isinstance(basis, Geom_RectangularTrimmedSurface):
-            basis = basis.BasisSurface()
-        self.spline = SplineSurface(basis) if isinstance(basis, Geom_BSplineSurface | Geom_BezierSurface) else None
-        self._formula = self.spline.compute_jets if self.spline else _find_formula(basis)
-        self.is_analytic = isinstance(basis, Geom_ElementarySurface)
+        while isinstance(surface, Geom_RectangularTrimmedSurface):
+            surface = surface.BasisSurface()
+        self._basis = surface
+        self.is_analytic = isinstance(surface, Geom_ElementarySurface)
         self._witnessed = WitnessedRange()
+        self._is_contradicted = False
 
     @property
     def is_in_bulk(self) -> bool:
         """Whether there is a formula, which OCCT has not contradicted."""
-        return self._formula is not None
+        return self._formula is not None and not self._is_contradicted
+
+    @property
+    def is_single_patch(self) -> bool:
+        """Whether there is no knot line in it, and no period after which it starts anew, but that of an angle."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineSurface):
+            is_patch = basis.NbUKnots() == 2 and basis.NbVKnots() == 2
+            return bool(is_patch and not basis.IsUPeriodic() and not basis.IsVPeriodic())
+        if isinstance(basis, Geom_SurfaceOfRevolution | Geom_SurfaceOfLinearExtrusion):
+            return CurveEvaluator(basis.BasisCurve()).is_single_span
+        return self.is_analytic or isinstance(basis, Geom_BezierSurface)
+
+    @cached_property
+    def spline(self) -> SplineSurface | None:
+        """The surface's poles and knots if it is a spline."""
+        is_spline = isinstance(self._basis, Geom_BSplineSurface | Geom_BezierSurface)
+        return SplineSurface(self._basis) if is_spline else None
+
+    @cached_property
+    def _formula(self) -> SurfaceFormula | None:
+        """The formula of the surface, if there is one."""
+        return self.spline.compute_jets if self.spline else _find_formula(self._basis)
 
     def __call__(self, uv: Array, order: Order) -> Array:
         """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, 3, n), at parameters (2, n).
@@ -83,13 +103,14 @@ class SurfaceEvaluator:
         GeometryError
             If OCCT cannot evaluate the surface.
         """
-        if self._formula is None or uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk:
+        formula = None if uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk else self._formula
+        if formula is None or self._is_contradicted:
             return self.evaluate_by_occt(uv, order)
-        found = np.stack(self._formula(uv[0], uv[1], order))
+        found = np.stack(formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
-            at = self._witnessed.choose_witnesses(uv.shape[1])
+            at = choose_witnesses(uv.shape[1])
             if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
-                self._formula = None
+                self._is_contradicted = True
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
         return found
@@ -122,14 +143,15 @@ def _agrees(found: Array, witnessed: Array) -> bool:
     What is allowed of a derivative is relative to the largest of its order; a second one may vanish, and counts then
     beside the curvature of a surface as large as its coordinates.
     """
-    sizes = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
-    errors = np.abs(found - witnessed).max(axis=(1, 2), initial=0.0)
-    if not errors[0] <= MEASURE_TOLERANCES.witness_position * sizes[0]:
-        return False
-    slope = sizes[1:3].max(initial=0.0)
-    bend = sizes[3:].max(initial=slope**2 / sizes[0] if sizes[0] else 0.0)
-    allowed = MEASURE_TOLERANCES.witness_derivative * np.repeat((slope, bend), (2, 3))
-    return bool((errors[1:] <= allowed[: len(errors) - 1]).all())
+    sizes, errors = (np.abs(part).max(axis=(1, 2)).tolist() for part in (witnessed, found - witnessed))
+    slope = max(sizes[1:3], default=0.0)
+    bend = max([*sizes[3:], slope**2 / sizes[0] if sizes[0] else 0.0])
+    position, derivative = MEASURE_TOLERANCES.witness_position, MEASURE_TOLERANCES.witness_derivative
+    return (
+        errors[0] <= position * sizes[0]
+        and all(error <= derivative * slope for error in errors[1:3])
+        and all(error <= derivative * bend for error in errors[3:])
+    )
 
 
 class SplineSurface:
@@ -141,6 +163,8 @@ class SplineSurface:
     knots : (ndarray, ndarray)
         Full knot vectors over one period where it is periodic.
     is_periodic : (bool, bool)
+    breaks, multiplicities : (ndarray, ndarray)
+        The distinct knots in both directions, and how often each is repeated.
     """
 
     def __init__(self, surface: Geom_BSplineSurface | Geom_BezierSurface) -> None:
@@ -148,6 +172,8 @@ class SplineSurface:
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
         self.degrees, self.knots, poles, weights = spline_arrays.surface_to_arrays(surface)
         self.is_periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
+        breaks, multiplicities = zip(*map(count_knots, self.knots), strict=True)
+        self.breaks, self.multiplicities = breaks, multiplicities
         self._shape = poles.shape[:2]
         if weights is not None:
             poles = np.concatenate((poles * weights[..., None], weights[..., None]), axis=-1)

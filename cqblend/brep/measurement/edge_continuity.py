@@ -142,19 +142,18 @@ def measure_continuity_between(
     measured = int(np.isfinite(values[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    rounding = _estimate_rounding(float(np.abs(curve(ts[[0, -1]])).max()))
-    ts, quantities = resample_near_maxima(compare_sides, ts, values, rounding)
-    worst = ts[[int(np.nanargmax(quantity)) for quantity in quantities]]
-    witnessed = compare_sides(worst)  # so few points are evaluated by OCCT itself
-    gap, angle, jump = (float(np.nanmax(np.append(*pair))) for pair in zip(quantities, witnessed, strict=True))
-    at = worst[1:2]
-    normals = first.sample(at).normals[:, 0], second.sample(at).normals[:, 0]
+    ts, rows = resample_near_maxima(compare_sides, ts, values, MEASURE_TOLERANCES.negligible_continuity)
+    worst = ts[np.nanargmax(rows, axis=1)]
+    # so few points are evaluated by OCCT itself
+    gap, angle, jump = np.fmax(np.fmax.reduce(rows, axis=1), np.fmax.reduce(compare_sides(worst), axis=1)).tolist()
     return Continuity(
         gap=gap,
         angle=angle,
         curvature_jump=jump,
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_classify_edge(edge, curve(at, 1)[1, :, 0], *normals, angle),
+        kind="smooth"
+        if angle <= MEASURE_TOLERANCES.smooth_edge_angle
+        else _classify_sharp_edge(first, second, worst[1]),
         samples=measured,
     )
 
@@ -185,15 +184,15 @@ def measure_surface_contact(
 
     evaluators = [SurfaceEvaluator(surface) for surface in surfaces]
     values = compare_surfaces(evaluators, ts)
-    rounding = _estimate_rounding(float(np.abs(evaluators[0](locate(ts[[0, -1]])[0], 0)).max()))
-    ts, quantities = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, rounding)
-    found = [quantities]
-    for i in np.argsort(np.nan_to_num(quantities[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
+    negligible = MEASURE_TOLERANCES.negligible_continuity
+    ts, rows = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, negligible)
+    found = [rows]
+    for i in np.argsort(np.nan_to_num(rows[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
         x, y, z = evaluators[0].evaluate_by_occt(locate(ts[[i]])[0], 0)[0, :, 0].tolist()
         moved = [SurfaceEvaluator(_translate_surface(surface, gp_Vec(-x, -y, -z))) for surface in surfaces]
         around = np.concatenate([ts[max(i - len(SPAN_SHARES), 0) : i + len(SPAN_SHARES) + 1], ts[::20]])
-        found.append(list(compare_surfaces(moved, around, by_occt=True)))
-    gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
+        found.append(np.stack(compare_surfaces(moved, around, by_occt=True)))
+    gap, angle, jump = np.max([np.fmax.reduce(part, axis=1) for part in found], axis=0).tolist()
     return gap, angle, jump
 
 
@@ -218,17 +217,10 @@ def _compare_tangent_planes(one: EdgeSamples, two: EdgeSamples, tangents: Array)
     return measure_angle_between(normals[:, 0], normals[:, 1]), np.asarray(jumps)
 
 
-def _estimate_rounding(coordinate: float) -> tuple[float, float, float]:
-    """Return below what gap (mm), angle and curvature jump are rounding, for coordinates (mm) of a size.
-
-    Jumps of curvature have no limit: how much of them is rounding depends on the parametrisation.
-    """
-    return MEASURE_TOLERANCES.rounding * coordinate, MEASURE_TOLERANCES.rounding, 0.0
-
-
-def _classify_edge(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> EdgeKind:
-    """Tell which way an edge bends: on a convex one the second normal points away from the first face."""
-    if angle <= MEASURE_TOLERANCES.smooth_edge_angle:
-        return "smooth"
-    into_first = np.cross(first, tangent) * (1.0 if edge.Orientation() == TopAbs_FORWARD else -1.0)
-    return "concave" if into_first @ second > 0.0 else "convex"
+def _classify_sharp_edge(first: SideSampler, second: SideSampler, t: float) -> EdgeKind:
+    """Tell which way an edge bends at t: on a convex one the second normal points away from the first face."""
+    at = np.array([t])
+    normal, other = first.sample(at).normals[:, 0], second.sample(at).normals[:, 0]
+    tangent = read_edge_curve(first.edge)(at, 1)[1, :, 0]
+    into_first = np.cross(normal, tangent) * (1.0 if first.edge.Orientation() == TopAbs_FORWARD else -1.0)
+    return "concave" if into_first @ other > 0.0 else "convex"

@@ -36,10 +36,10 @@ def find_curve_knots(curve: CurveEvaluator, low: float, high: float) -> Array:
     they are all there is.
     """
     ends = np.array([low, high])
+    if curve.is_single_span:
+        return ends
     if curve.knots is not None:
         return _clip_knots(curve.knots, ends)
-    if curve.is_analytic:
-        return ends
     adaptor = curve.curve
     if isinstance(adaptor, Geom2d_Curve):
         adaptor = Geom2dAdaptor_Curve(adaptor, low, high)
@@ -93,7 +93,7 @@ class LineFamily(NamedTuple):
 
 def list_inner_lines(surface: SurfaceEvaluator, order: GeomAbs_Shape) -> list[LineFamily]:
     """Return the knot lines inside a surface's domain at which it need not be of a class, one family a direction."""
-    if surface.is_analytic:
+    if surface.is_single_patch:
         return []
     periodic = (surface.surface.IsUPeriodic(), surface.surface.IsVPeriodic())
     families = []
@@ -166,11 +166,10 @@ def _find_sign_changes(
 def _select_knots(surface: SurfaceEvaluator, axis: int, order: GeomAbs_Shape) -> Array:
     """Return the distinct knots of a spline surface in one direction at which it need not be of a class."""
     assert surface.spline is not None
-    degree, knots = surface.spline.degrees[axis], surface.spline.knots[axis]
-    starts = np.flatnonzero(np.diff(knots, prepend=-np.inf))
+    breaks = surface.spline.breaks[axis]
     if order == GeomAbs_CN:
-        return knots[starts]
-    return knots[starts[np.diff(starts, append=len(knots)) > degree - _CONTINUITY[order]]]
+        return breaks
+    return breaks[surface.spline.multiplicities[axis] > surface.spline.degrees[axis] - _CONTINUITY[order]]
 
 
 def _clip_knots(knots: Array, ends: Array) -> Array:

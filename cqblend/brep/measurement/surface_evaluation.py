@@ -87,8 +87,8 @@ def express_curvature(jets: Array, normals: Array, areas: Array, tangents: Array
     along is the projection of ``tangents`` (3, ..., n), across is the normal times that. The entries (along, along),
     (along, across) and (across, across), in 1/mm, are positive where the surface bends towards its normal.
     """
-    across = normalise_vectors(compute_cross_products(normals, tangents))
-    along = compute_cross_products(across, normals)
+    along = normalise_vectors(tangents - compute_dot_products(tangents, normals) * normals)
+    across = compute_cross_products(normals, along)
     luu, lvv, luv = np.einsum("ki...,i...->k...", jets[3:], normals)
     # Su and Sv in that frame; the directions are combinations of both with these over the area
     (u_along, v_along), (u_across, v_across) = (

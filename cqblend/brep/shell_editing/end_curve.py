@@ -16,6 +16,7 @@ from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
@@ -80,7 +81,8 @@ def solve_end_curve(
 ) -> Curve:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
-    It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]. Where the support face on
+    It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]: in closed form on a plane that
+    cuts a straight blend, or a revolved one along a section; else solved point by point. Where the support face on
     ``tangent_side`` (0 or 1) is tangent to N, the blend touches N where its rail crosses over.
 
     Raises
@@ -88,6 +90,10 @@ def solve_end_curve(
     TopologyError
         If the blend does not meet N for all v.
     """
+    if isinstance(target, Plane) and tangent_side is None:
+        section = blend.cut_with_plane(target, start.t)
+        if section is not None:
+            return section
     first, last = blend(np.full(2, start.t), np.array([0.0, 1.0]))
     size = float(np.linalg.norm(first - last))
     touch, slope = None, 0.0

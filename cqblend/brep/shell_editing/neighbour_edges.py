@@ -126,7 +126,7 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple
         If the corner lies beyond the other end.
     """
     parameter, distance = project_to_edge(edge, trim.corner)
-    if distance <= _compute_corner_tolerance(edge, trim.faces):
+    if np.isfinite(distance) and _is_within_tolerance(distance, edge, trim.faces):
         return parameter, distance
     if not _is_corner_behind(edge, trim):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it", kind="too large")
@@ -143,15 +143,17 @@ def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, fl
     return project.LowerDistanceParameter(), project.LowerDistance()
 
 
-def _compute_corner_tolerance(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
-    """Return how far a point of both faces may be from their edge (mm), given how far the edge itself is from them."""
+def _is_within_tolerance(distance: float, edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> bool:
+    """Whether a point of both faces is as near to their edge (mm) as it may be, given how far the edge is from them."""
+    if distance <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION):
+        return True
     deviations = (
         measure_curve_deviation(use, face)
         for face in faces
         for use in explore_subshapes(face, TopAbs_EDGE)
         if use.IsSame(edge)
     )
-    return max(10 * BRep_Tool.Tolerance_s(edge), 10 * CONFUSION, 2 * max(deviations))
+    return distance <= 2 * max(deviations)
 
 
 def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:

@@ -5,7 +5,9 @@ The result is a proposal: :mod:`cqblend.solid_blends.blend_pipeline` verifies it
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -35,11 +37,13 @@ from cqblend.blends.network.blend_plan import (
     PlannedSurface,
     PlannedVertex,
     SolidPlan,
+    StripPlan,
 )
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
+from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.edge_tolerance import raise_edge_tolerances
+from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
@@ -49,6 +53,7 @@ from cqblend.brep.topology import (
     explore_subshapes,
     find_end_uv,
     find_end_vertices,
+    is_among,
     make_bare_face,
     make_closed_wire,
     make_degenerate_edge,
@@ -60,6 +65,7 @@ from cqblend.brep.topology import (
     replace_solid_faces,
     reverse_edge,
 )
+from cqblend.certificate import NewEdgeKind
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.circle import Circle, PlanarCircle
@@ -71,13 +77,28 @@ CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 
 
 @dataclass(frozen=True)
+class BuiltEdge:
+    """An edge of a blend face that is no rail, with its two sides.
+
+    ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
+    edge it is at, 0 or 1, if it is at one.
+    """
+
+    kind: NewEdgeKind
+    sides: tuple[EdgeSide, EdgeSide]
+    deviation: float
+    end: int | None = None
+
+
+@dataclass(frozen=True)
 class BuiltStrip:
-    """A blend face in a rewritten solid, the support faces, trimmed at its rails, and the rail edges between them."""
+    """A blend face in a rewritten solid, the support faces, trimmed at its rails, and its edges: rails and others."""
 
     blend_face: TopoDS_Face
     geometry: Surface | RevolvedSection | Plane | Sphere  # of the blend face
     trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
+    other_edges: tuple[BuiltEdge, ...]
     cap_count: int
 
 
@@ -108,7 +129,10 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     for strip in plan.strips:
         forward = parts.bound_face(strip.surface, strip.boundary)
         blend_faces.append(TopoDS.Face_s(forward.Reversed()))
-        caps += [parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps]
+        caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
+    new_faces = [*blend_faces, *chain.from_iterable(caps)]
+    deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
+    owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
         first, second = (rebuilt[number] for number in strip.support_faces)
@@ -116,10 +140,53 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        strips.append(BuiltStrip(blend_face, strip.surface.geometry, (first, second), rails, len(strip.caps)))
-    new_faces = [*blend_faces, *caps]
-    tolerance = raise_edge_tolerances([*rebuilt.values(), *new_faces], index.edges, index.vertices)
-    return ProposedSolid(replace_solid_faces(index.solid, rebuilt, index.faces, new_faces), tuple(strips), tolerance)
+        others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
+        geometry = strip.surface.geometry
+        strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
+    solid = replace_solid_faces(index.solid, rebuilt, index.faces, new_faces)
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
+
+
+def _list_edge_owners(
+    plan: SolidPlan,
+    rebuilt: Mapping[int, TopoDS_Face],
+    blend_faces: Sequence[TopoDS_Face],
+    caps: Sequence[Sequence[TopoDS_Face]],
+) -> dict[PlannedEdge, list[TopoDS_Face]]:
+    """Return the faces that use each planned edge, one for each use."""
+    owners: dict[PlannedEdge, list[TopoDS_Face]] = {}
+    boundaries = [(strip.boundary, face) for strip, face in zip(plan.strips, blend_faces, strict=True)]
+    for strip, faces in zip(plan.strips, caps, strict=True):
+        boundaries += [(cap.boundary, face) for cap, face in zip(strip.caps, faces, strict=True)]
+    boundaries += [(face_plan.added, rebuilt[face_plan.number]) for face_plan in plan.faces]
+    for boundary, face in boundaries:
+        for use in boundary:
+            owners.setdefault(use.edge, []).append(face)
+    return owners
+
+
+def _list_other_edges(
+    strip: StripPlan,
+    blend_faces: Sequence[TopoDS_Face],
+    owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
+    deviations: EdgeDeviations,
+    parts: _PartBuilder,
+) -> tuple[BuiltEdge, ...]:
+    """Return the edges of a blend face that are no rails, with their two sides."""
+    rails = {edge for side in strip.rails for edge in side}
+    found = []
+    for planned in dict.fromkeys(use.edge for use in strip.boundary):
+        if planned in rails:
+            continue
+        edge, (first, second) = parts.build_edge(planned), owners[planned]
+        deviation = deviations.get(edge)
+        if first.IsSame(second):
+            found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
+            continue
+        kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
+        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
+    return tuple(found)
 
 
 class _PartBuilder:

@@ -151,6 +151,7 @@ def _finish_strip(
         placement.surface,
         boundary,
         (rails[0].edges, rails[1].edges),
+        tuple(end.edge for end in ends),
         tuple(end.cap for end in ends if end.cap is not None),
     )
     own = (*(rail.face_plan for rail in rails), *(plan for end in ends for plan in end.face_plans))

@@ -28,8 +28,9 @@ from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.verification.circular_joints import prove_revolved_strip
+from cqblend.brep.verification.edge_certification import certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.certificate import Certificate, RailRecord
+from cqblend.certificate import Certificate, EdgeRecord, RailRecord
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
@@ -45,11 +46,12 @@ class _Measurements:
     validity: tuple[Callable[[], bool], ...] = ()
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
     prove: Callable[[], Proof] | None = None  # None for that of the blend's spline, with exact pcurves
+    edges: tuple[EdgeRecord, ...] = ()
     outlined: BuiltStrip | None = None  # the blend, if the boundary of its face cuts off some of it
 
 
 def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
-    """Measure a blend in a verified solid: along the rail edges of its face, and inside that face.
+    """Measure a blend in a verified solid: along all edges of its face, and inside that face.
 
     ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
     """
@@ -85,11 +87,10 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
         prove=_choose_proof(joint, strip, blend),
-        method="wire substitution"
-        + (", on a surface of revolution" if isinstance(strip.geometry, RevolvedSection) else "")
-        + (", flat ends" if strip.cap_count else ""),
+        method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
+        edges=tuple(certify_edge(edge, joint, blend_surface) for edge in strip.other_edges),
         outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
@@ -188,6 +189,7 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         width=(float(widths.min()), float(widths.max())),
         stations=measured.stations,
         edge_tolerance=measured.edge_tolerance,
+        edges=measured.edges,
         residual=blend.residual,
         proofs=(measured.prove or partial(prove_blend, blend),),
         energies=(partial(_measure_bending_energy, surface, measured.outlined),),

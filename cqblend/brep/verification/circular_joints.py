@@ -62,8 +62,8 @@ def _prove_edge(profile: TurnedProfile, end: Literal[0, 1], face: TopoDS_Face, e
     """Prove how the face at one rail edge meets the turned profile there."""
     first, last = BRep_Tool.Range_s(edge)
     curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
-    points = np.array([curve.Value(t).Coord() for t in (first, (first + last) / 2, last)])
-    support = read_support_face(face, points).face_primary
+    points = np.array([curve.Value(t).Coord() for t in np.linspace(first, last, 4)[:-1].tolist()])
+    support = read_support_face(face, points, edge_is_circular=True).face_primary
     if not isinstance(support, Plane | CoaxialSurface):
         raise TypeError(f"a {type(support).__name__} has no axis")
     rail = _read_rail(face, edge)

@@ -30,6 +30,9 @@ class VerificationTolerances:
     certificate_samples: int = 400
     """Number of points at which a certificate measures each edge of a rail, beside those at knots."""
 
+    new_edge_samples: int = 200
+    """Number of points at which it measures the angle along each other edge that is promised to be smooth."""
+
     surface_certificate_samples: int = 1000
     """The same of a rail that is no edge."""
 

@@ -17,7 +17,7 @@ from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flattening.development import strain_from_turn
 from cqblend.patterns.flattening.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.flattening.tolerances import FLATTENING_TOLERANCES
-from cqblend.patterns.strips.developability import RailPair, StripKind, bound_normal_turn, classify_strip
+from cqblend.patterns.strips.developability import RailPair, StripKind, classify_strip
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.strips.surface_division import divide_surface
@@ -192,7 +192,7 @@ def _invert_monotone(function: Curve, values: Array) -> Array:
 
 def bound_strain(strips: Iterable[RuledStrip]) -> float:
     """Bound the relative change of lengths inside strips that are laid flat; infinite where that cannot be done."""
-    return max(strain_from_turn(bound_normal_turn(strip.rails)) for strip in strips)
+    return max(strain_from_turn(strip.normal_turn) for strip in strips)
 
 
 def narrow_strips(
@@ -291,7 +291,9 @@ def _unroll_strip(
     wanted = np.unique(np.append(t, nodes))
     if known is not None and known.original_parameters is None:
         return replace(known, flat=known.flat.move_nodes(wanted, options.flat / face.refinement))
-    flat = _flatten_outward(face, strip.rails, wanted, options)
+    kind = classify_strip(strip.rails)
+    turn = strip.normal_turn if kind == "twisted" else 0.0
+    flat = _flatten_outward(face, strip.rails, wanted, options, kind, turn)
     return UnrolledStrip(strip, strip.rails, None, strip.bound, True, flat)
 
 
@@ -309,16 +311,18 @@ def _unroll_paired_anew(
     kind = classify_strip(pairing.rails, pairing.twist)
     if kind == "twisted":
         return None
-    flat = _flatten_outward(face, pairing.rails, nodes, options, kind)
+    flat = _flatten_outward(face, pairing.rails, nodes, options, kind, 0.0)
     return UnrolledStrip(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
 def _flatten_outward(
-    face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions, kind: StripKind | None = None
+    face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions, kind: StripKind, normal_turn: float
 ) -> FlatStrip:
-    """Lay a strip of a face flat so that its outer side is up; its kind may be known already."""
+    """Lay a strip of a face flat, of known kind and turn of its normals, with its outer side up."""
     tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
-    return flatten_rails(rails, tolerance, nodes=nodes, kind=kind, flip=not face.upward, layout=layout)
+    return flatten_rails(
+        rails, tolerance, nodes=nodes, kind=kind, normal_turn=normal_turn, flip=not face.upward, layout=layout
+    )
 
 
 def _sample_deviation(strip: RuledStrip, rails: RailPair, parameters: tuple[Curve, Curve]) -> float:

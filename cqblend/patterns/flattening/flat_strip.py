@@ -170,6 +170,7 @@ def flatten_rails(
     *,
     nodes: ArrayLike = (),
     kind: StripKind | None = None,
+    normal_turn: float | None = None,
     flip: bool = False,
     layout: Layout = "smooth",
 ) -> FlatStrip:
@@ -185,6 +186,8 @@ def flatten_rails(
         Parameters that are to be among the nodes.
     kind
         Of the strip, where it is known; else see :func:`cqblend.patterns.strips.developability.classify_strip`.
+    normal_turn
+        See :attr:`FlatStrip.normal_turn`, where it is known.
     flip
         The strip shows the side to which R_t x R_w points, with t to the right and w up where it starts. True mirrors
         it, to show the other side.
@@ -219,10 +222,12 @@ def flatten_rails(
     wanted = np.asarray(nodes, dtype=np.float64).ravel()
     if kind is None:
         kind = classify_strip(rails)
+    if normal_turn is None:
+        normal_turn = bound_normal_turn(rails) if kind == "twisted" else 0.0
     mirror = -1.0 if flip else 1.0
     if layout == "triangles":
-        return _flatten_as_triangles(rails, wanted, tolerance, kind, mirror)
-    return _choose_nodes(_develop_strip(rails, kind, mirror), wanted, tolerance)
+        return _flatten_as_triangles(rails, wanted, tolerance, kind, normal_turn, mirror)
+    return _choose_nodes(_develop_strip(rails, kind, normal_turn, mirror), wanted, tolerance)
 
 
 def _merge_wanted_nodes(rail_and_ruling: Curve, wanted: Array) -> Array:
@@ -234,15 +239,14 @@ def _merge_wanted_nodes(rail_and_ruling: Curve, wanted: Array) -> Array:
     return merge_nodes(rail_and_ruling.breaks, wanted, slack)
 
 
-def _develop_strip(rails: RailPair, kind: StripKind, mirror: float) -> DevelopedStrip:
+def _develop_strip(rails: RailPair, kind: StripKind, normal_turn: float, mirror: float) -> DevelopedStrip:
     """Lay a strip flat with the lengths of rails and rulings."""
     rail_and_ruling = stack_rail_and_ruling(rails)
-    turn = _bound_turn(rails, kind)
     area_flat, area_space = _measure_areas(RulingMotion(rails))
     return DevelopedStrip(
         rail_and_ruling=rail_and_ruling,
         kind=kind,
-        normal_turn=turn,
+        normal_turn=normal_turn,
         area_space=area_space,
         area_flat=area_flat if kind == "twisted" else area_space,
         chart=RulingChart(rail_and_ruling, develop_rails(rails, kind), mirror),
@@ -279,12 +283,11 @@ def _choose_nodes(developed: DevelopedStrip, wanted: Array, tolerance: float) ->
 
 
 def _flatten_as_triangles(
-    rails: RailPair, wanted: Array, tolerance: float, kind: StripKind, mirror: float
+    rails: RailPair, wanted: Array, tolerance: float, kind: StripKind, normal_turn: float, mirror: float
 ) -> FlatStrip:
     """Lay a strip flat as triangles, as many as it takes for these to be close enough to it."""
     rail_and_ruling = stack_rail_and_ruling(rails)
     initial = _merge_wanted_nodes(rail_and_ruling, wanted)
-    turn = _bound_turn(rails, kind)
     _, area_space = _measure_areas(RulingMotion(rails, refuse_crossing_rulings=False))
     nodes, error = refine_for_triangles(rail_and_ruling, initial, tolerance)
     chart = TriangleChart.from_rails(rail_and_ruling, nodes, mirror)
@@ -299,7 +302,7 @@ def _flatten_as_triangles(
         lengths=chart.chord_lengths,
         error=error,
         ruling_error=_max_relative_error(np.abs(second - first), rulings),
-        normal_turn=turn,
+        normal_turn=normal_turn,
         strain=np.nan,
         area_space=area_space,
         area_flat=chart.area,
@@ -308,10 +311,6 @@ def _flatten_as_triangles(
         wanted_nodes=wanted,
         developed=None,
     )
-
-
-def _bound_turn(rails: RailPair, kind: StripKind) -> float:
-    return bound_normal_turn(rails) if kind == "twisted" else 0.0
 
 
 def _measure_areas(motion: RulingMotion) -> tuple[float, float]:

@@ -20,7 +20,7 @@ def measure_errors(function, breaks: np.ndarray) -> np.ndarray:
 def test_two_predictions_meet_a_smooth_function_and_one_nearly(tolerance):
     breaks = np.linspace(0, 3, 17)
     while (errors := measure_errors(np.sin, breaks)).max() > 500 * tolerance:
-        breaks = halve_spans(breaks, np.ones(len(breaks) - 1, bool))
+        breaks = halve_spans(breaks, np.full((len(breaks) - 1, 2), 2.0))
     spaced = space_breaks(breaks, predict_growth(errors / tolerance, 4.0), np.empty(0))
     left = measure_errors(np.sin, spaced)
     assert left.max() <= 1.2 * tolerance
@@ -60,5 +60,9 @@ def test_growth_is_bounded_on_both_sides():
     assert growth[3] == 5.0
 
 
-def test_halving():
-    assert halve_spans(np.array([0.0, 1.0, 3.0]), np.array([False, True])).tolist() == [0.0, 1.0, 2.0, 3.0]
+def test_spans_are_halved_where_they_err_and_again_where_their_halves_will():
+    breaks = np.array([0.0, 1.0, 3.0])
+    assert halve_spans(breaks, np.array([[0.5, 1.0], [1.1, 0.0]])).tolist() == [0, 1, 2, 3]
+    assert halve_spans(breaks, np.array([[2.0, 40.0], [0.9, 0.3]])).tolist() == [0, 0.5, 0.75, 1, 3]
+    assert halve_spans(breaks, np.array([[0.0, 0.0], [300.0, 2.0]])).tolist() == [0, 1, 1.25, 1.5, 1.75, 2, 3]
+    assert halve_spans(breaks, np.zeros((2, 2))).tolist() == breaks.tolist()

@@ -27,7 +27,7 @@ def blend_rim(shape: cq.Shape) -> tuple[cqblend.BlendResult, BuiltStrip]:
         sides[round(BRep_Tool.CurveOnSurface_s(edge.wrapped, blend, 0.0, 1.0).Value(0.0).Y())].append((face, edge))
     faces = tuple(TopoDS.Face_s(side[0][0].wrapped) for side in sides)
     edges = tuple([TopoDS.Edge_s(edge.wrapped) for _, edge in side] for side in sides)
-    return result, BuiltStrip(TopoDS.Face_s(blend), None, faces, edges, 0)
+    return result, BuiltStrip(TopoDS.Face_s(blend), None, faces, edges, (), 0)
 
 
 def test_the_certificate_has_the_proof_of_the_finished_faces():
