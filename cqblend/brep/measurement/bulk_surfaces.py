@@ -180,6 +180,20 @@ class SplineSurface:
         mixed = [along_u.combine(row) for row in rows]  # [j][i]: differentiated i times by u and j times by v
         return self._order_jets({(i, j): mixed[j][i] for j in range(order + 1) for i in range(order + 1 - j)})
 
+    def compute_normals_on_grid(self, u: Array, v: Array) -> Array:
+        """Return vectors (n, m, 3) along the normals Su x Sv at all pairs of parameters u (n,) and v (m,)."""
+        along_u, along_v = (
+            evaluate_basis(knots, degree, t, 1)
+            for knots, degree, t in zip(self.knots, self.degrees, (u, v), strict=True)
+        )
+        table = self._columns.reshape(-1, *self._shape)
+        rows = [row.transpose(0, 2, 1) for row in along_v.combine(table[:, :, along_v.poles])]  # (d, m, nu)
+        points, su = along_u.combine(rows[0].take(along_u.poles, axis=2))
+        sv = along_u.combine(rows[1].take(along_u.poles, axis=2))[0]
+        if self._is_rational:
+            su, sv = (part[:-1] * points[-1] - part[-1] * points[:-1] for part in (su, sv))
+        return np.cross(su, sv, axis=0).transpose(2, 1, 0)
+
     def _reduce_columns(self, table: Array, along_u: LocalBasis, along_v: LocalBasis) -> dict[tuple[int, int], Array]:
         """Return the homogeneous derivatives along an isoparameter of constant u, by their orders in u and v."""
         block = table[:, along_u.poles[:, 0]].transpose(0, 2, 1)[..., None]
