@@ -1,26 +1,28 @@
 """One attempt at one edge, guarded: a worker process makes it, times it and measures what came out.
 
 Native fillets hang and crash, so every attempt runs in a process of its own that can be killed; cqblend's run the same
-way, so that times compare. What is measured is the same for both and asks only the finished shapes: validity relative
-to the input (many STEP bodies fail BRepCheck's exact mode before anything is done to them), change of volume, normal
-angle, edge tolerance.
+way, so that times compare: CPU times, medians of several runs. What is measured is the same for both and asks only the
+finished shapes: validity relative to the input (many STEP bodies fail BRepCheck's exact mode before anything is done to
+them), change of volume, normal angle, edge tolerance.
 """
 
 from __future__ import annotations
 
 import math
 import multiprocessing
-import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing.connection import Connection
 
 from OCP.BRep import BRep_Tool
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from benchmarks.timing import run_timed
 from cqblend.blend_options import BlendOptions
 from cqblend.brep.measurement.edge_continuity import measure_continuity_between
 from cqblend.brep.measurement.edge_sides import find_edge_sides
@@ -31,8 +33,6 @@ from cqblend.errors import CqblendError
 from cqblend.solid_blends.blend_pipeline import blend_shape
 
 SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
-REPEATS = 3  # of an operation, to take the median of its times
-SLOW = 5.0  # s: an operation that takes longer is not repeated
 
 Made = tuple[TopoDS_Shape, Sequence[TopoDS_Face]]
 Operation = Callable[[], Made]
@@ -40,14 +40,22 @@ Operation = Callable[[], Made]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an attempt: ``status`` is "ok", "invalid", or the name of what went wrong, told by ``message``."""
+    """What became of an attempt: ``status`` is "ok", "invalid", or the name of what went wrong, told by ``message``.
+
+    The time is that of the operation, CPU ms, and also told of one that failed, but not of one that crashed.
+    """
 
     status: str
     message: str = ""
     change: float = math.nan  # of the volume, mm^3
     angle: float = math.nan  # rad, largest along the rails
     tolerance: float = math.nan  # mm, largest of a new edge
-    seconds: float = math.nan
+    ms: float = math.nan
+
+    @property
+    def made(self) -> bool:
+        """Whether a solid came out, valid or not."""
+        return self.status in ("ok", "invalid")
 
     @property
     def ok(self) -> bool:
@@ -74,13 +82,24 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
     """Return the operation of rounding edges by cqblend."""
 
     def run() -> Made:
-        return blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())[:2]
+        result = blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())
+        return result.shape, result.faces
 
     return run
 
 
+@cache
+def _load_modules() -> None:
+    """Run both operations once in this process, so that no attempt has the time of loading modules on it."""
+    box = BRepPrimAPI_MakeBox(3.0, 2.0, 1.0).Shape()
+    edge = ShapeIndex(box, TopAbs_EDGE)[1]
+    for make in (native, blended):
+        make(box, [edge], 0.1)()
+
+
 def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcome:
     """Run an operation on a shape in a process of its own, and measure what it makes."""
+    _load_modules()
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     worker = context.Process(target=_work, args=(sender, shape, operation))
@@ -99,21 +118,18 @@ def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcom
 
 
 def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None:
-    times: list[float] = []
+    start = time.process_time()
     try:
-        while len(times) < REPEATS and sum(times) < SLOW:
-            start = time.perf_counter()
-            made = operation()
-            times.append(time.perf_counter() - start)
-        outcome = _measured(shape, *made, statistics.median(times))
-    except CqblendError as error:
-        outcome = Outcome(type(error).__name__, str(error))
+        made, ms = run_timed(operation)
     except Exception as error:  # noqa: BLE001 - OCCT throws anything
-        outcome = Outcome("not done" if isinstance(error, ArithmeticError) else type(error).__name__, str(error))
+        status = "not done" if type(error) is ArithmeticError else type(error).__name__
+        outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start))
+    else:
+        outcome = _measure_made(shape, *made, ms)
     sender.send(outcome)
 
 
-def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], seconds: float) -> Outcome:
+def _measure_made(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], ms: float) -> Outcome:
     known = ShapeIndex(before, TopAbs_EDGE)
     fresh = [edge for edge in ShapeIndex(after, TopAbs_EDGE) if edge not in known]
     problems = [] if faces else ["no face was made"]
@@ -128,7 +144,7 @@ def _measured(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_
                 angle = _angle(after, edge)
                 angles += [angle] if angle < SMOOTH else []
     tolerance = max((BRep_Tool.Tolerance_s(edge) for edge in fresh), default=math.nan)
-    return Outcome("invalid" if problems else "ok", "; ".join(problems), change, max(angles), tolerance, seconds)
+    return Outcome("invalid" if problems else "ok", "; ".join(problems), change, max(angles), tolerance, ms)
 
 
 def _angle(shape: TopoDS_Shape, edge: TopoDS_Edge) -> float:

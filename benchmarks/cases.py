@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cadquery as cq
 import numpy as np
@@ -14,7 +15,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
-from benchmarks.bodies import FAMILIES, draw
+from benchmarks.bodies import Case, Rng, draw
 from cqblend.brep.step_files import read_step
 from cqblend.brep.topology import ShapeIndex
 
@@ -30,29 +31,36 @@ class Trial:
     freeform: bool = False
 
 
-def families(draws: int) -> Iterator[Trial]:
-    """Yield the first draws of every random family."""
-    for family in FAMILIES:
-        for number in range(draws):
-            case = draw(family, number)
-            yield _trial(f"{case.name} {number}", case.body, [case.edge], case.radius)
+def draw_family(family: Callable[[Rng], Case], draws: int) -> Iterator[Trial]:
+    """Yield the first draws of a random family."""
+    for number in range(draws):
+        case = draw(family, number)
+        yield make_trial(f"{case.name} {number}", case.body, [case.edge], case.radius)
 
 
 def real(folder: Path) -> Iterator[Trial]:
-    """Yield the edges of real parts listed in ``edges.json``, each at its two radii (once if they are the same)."""
+    """Yield the listed edges of real parts: of ``edges.json`` at both radii, of ``edges_more.json`` at one."""
     for file, edges in json.loads((folder / "edges.json").read_text()).items():
-        shape = read_step(folder / file)
-        present = list(ShapeIndex(shape, TopAbs_EDGE))
-        part = file.split("__")[-1].removesuffix(Path(file).suffix).removeprefix("nist_")[:8]
-        for listed in edges:
-            edge = _found(present, listed["edge"], np.array(listed["mid"]))
-            for radius in sorted({trial["radius"] for trial in listed["trials"]}):
-                yield Trial(f"{part} {listed['edge']}", shape, [edge], radius, "BSplineSurface" in listed["faces"])
+        radii = {listed["edge"]: sorted({trial["radius"] for trial in listed["trials"]}) for listed in edges}
+        yield from _of_file(folder / file, [(listed, radius) for listed in edges for radius in radii[listed["edge"]]])
+    more = json.loads((folder / "edges_more.json").read_text())
+    for file in dict.fromkeys(listed["file"] for listed in more):
+        yield from _of_file(folder / file, [(listed, listed["radius"]) for listed in more if listed["file"] == file])
 
 
-def _found(edges: Sequence[TopoDS_Edge], number: int, middle: np.ndarray) -> TopoDS_Edge:
-    """Return the edge of that number if it has that middle, else the one nearest to it."""
-    if number <= len(edges) and np.linalg.norm(_middle(edges[number - 1]) - middle) < 1e-3:
+def _of_file(path: Path, wanted: Sequence[tuple[dict[str, Any], float]]) -> Iterator[Trial]:
+    """Yield listed edges of a file, each with a radius."""
+    shape = read_step(path)
+    present = list(ShapeIndex(shape, TopAbs_EDGE))
+    part = path.stem.split("__")[-1].removeprefix("nist_")[:8]
+    for listed, radius in wanted:
+        edge = _found(present, listed["edge"], listed.get("mid"))
+        yield Trial(f"{part} {listed['edge']}", shape, [edge], radius, "BSplineSurface" in listed["faces"])
+
+
+def _found(edges: Sequence[TopoDS_Edge], number: int, middle: Sequence[float] | None) -> TopoDS_Edge:
+    """Return the edge of that number if it has that middle or none is known, else the one nearest to it."""
+    if middle is None or (number <= len(edges) and np.linalg.norm(_middle(edges[number - 1]) - middle) < 1e-3):
         return edges[number - 1]
     return min(edges, key=lambda edge: float(np.linalg.norm(_middle(edge) - middle)))
 
@@ -73,32 +81,32 @@ def failing() -> Iterator[Trial]:
         .split(keepBottom=True)
     )
     for radius in (1, 3, 4, 8):
-        yield _trial("F1 split cylinder", work.val(), work.edges("|Y").vals(), radius)
+        yield make_trial("F1 split cylinder", work.val(), work.edges("|Y").vals(), radius)
     work = cq.Workplane().box(50, 30, 10)
     for radius in (4.999999, 5):
-        yield _trial("F3 full round", work.val(), work.edges("|Y and >X").vals(), radius)
+        yield make_trial("F3 full round", work.val(), work.edges("|Y and >X").vals(), radius)
     for angle in (170, 174.28, 176, 179.9):
         height = 20 * math.tan(math.radians((180 - angle) / 2))
         outline = [(-20, 0), (0, height), (20, 0), (20, -10), (-20, -10)]
         roof = cq.Workplane().polyline(outline).close().extrude(10).val()
         ridge = min(roof.Edges(), key=lambda edge: (edge.Center() - cq.Vector(0, height, 5)).Length)
-        yield _trial(f"F5 roof {angle:g}", roof, [ridge], 5)
+        yield make_trial(f"F5 roof {angle:g}", roof, [ridge], 5)
     pipes = cq.Solid.makeCylinder(10, 120, cq.Vector(0, 0, -60)).fuse(
         cq.Solid.makeCylinder(10, 120, cq.Vector(-60, 0, 0), cq.Vector(1, 0, 0))
     )
     crossing = [edge for edge in pipes.Edges() if edge.geomType() not in {"CIRCLE", "LINE"}]
     for radius in (1, 2, 4):
-        yield _trial("F6 equal cylinders", pipes, crossing, radius)
+        yield make_trial("F6 equal cylinders", pipes, crossing, radius)
     turn = np.arange(16) * math.pi / 8
     oval = cq.Edge.makeSpline([cq.Vector(20 * math.cos(t), 10 * math.sin(t)) for t in turn], periodic=True)
     prism = cq.Solid.extrudeLinear(cq.Wire.assembleEdges([oval]), [], cq.Vector(0, 0, 10))
     rim = max(prism.Edges(), key=lambda edge: edge.Center().z)
     for radius in (3, 4):
-        yield _trial("F7 spline prism", prism, [rim], radius)
+        yield make_trial("F7 spline prism", prism, [rim], radius)
     wavy, rims = _wavy_block()
     for radius in (2, 5):
-        yield _trial("F8 wavy block", wavy, rims, radius)
-        yield _trial("F8 one edge", wavy, rims[:1], radius)
+        yield make_trial("F8 wavy block", wavy, rims, radius)
+        yield make_trial("F8 one edge", wavy, rims[:1], radius)
 
 
 def _wavy_block() -> tuple[cq.Shape, list[cq.Edge]]:
@@ -115,6 +123,7 @@ def _kinds(body: cq.Shape, edge: cq.Edge) -> set[str]:
     return {face.geomType() for face in edge.ancestors(body, "Face").Faces()}
 
 
-def _trial(name: str, body: cq.Shape, edges: Sequence[cq.Edge], radius: float) -> Trial:
+def make_trial(name: str, body: cq.Shape, edges: Sequence[cq.Edge], radius: float) -> Trial:
+    """Return the trial of rounding edges of a body of CadQuery."""
     freeform = any("BSPLINE" in _kinds(body, edge) for edge in edges)
     return Trial(name, body.wrapped, [edge.wrapped for edge in edges], radius, freeform)

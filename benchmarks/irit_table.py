@@ -1,10 +1,11 @@
 """Symbolic operations on the inputs on which IRIT v11 was measured, with IRIT's figures beside ours.
 
-Run ``python benchmarks/irit_table.py``. Each row gives, for cqblend, CPU ms of the operation on splines (best, median)
-and of the whole way from B-spline to B-spline (``door to door``), the error of the coefficients against exact fractions
-relative to the largest value, and the number of poles of the re-assembled B-spline. IRIT's columns (median ms, error,
-coefficients) are carried over: IRIT v11, C, -O2, on the same kind of machine; its results keep C0 knots, and removing
-them costs it more than the operation itself.
+Run ``python -m benchmarks.irit_table`` from the project's folder. Each row gives, for cqblend, CPU ms of the operation
+on splines (best, median) and of the whole way from B-spline to B-spline (``door to door``), the error of the
+coefficients against exact fractions relative to the largest value, and the number of poles of the re-assembled
+B-spline. IRIT's columns (median ms, error, coefficients) are carried over: IRIT v11, C, -O2, on the same kind of
+machine; its results keep C0 knots, and removing them costs it more than the operation itself. The ratios are those of
+our best times to IRIT's.
 
 Inputs: knots clamped uniform on [0, 1]. A_i = sin(.7 i) + .3 cos(1.3 i), B_i = cos(.9 i) - .2 sin(.4 i). The wavy
 surface is bicubic with 10 x 10 spans: x = greville_i + .02 sin(1.1 j), y = greville_j + .02 cos(1.7 i),
@@ -21,6 +22,7 @@ from math import comb, isqrt
 
 import numpy as np
 
+from benchmarks.tables import Table
 from cqblend import Rail, hermite_blend
 from cqblend.splines import Curve, Surface, normalise
 
@@ -226,27 +228,44 @@ def splines(inputs):
     return [(Curve if np.ndim(data[0]) == 0 else Surface).from_bspline(*data) for data in inputs]
 
 
+COLUMNS = (
+    "operation",
+    "best, ms",
+    "median",
+    "door to door, best",
+    "median",
+    "error",
+    "poles",
+    "IRIT, ms",
+    "error",
+    "coefficients",
+    "ratio",
+    "ratio, door to door",
+)
+
+
+def tabulate(repeats: int = 300, samples: int = 40) -> Table:
+    """Return the table of all operations; errors are measured in fractions at so many points."""
+    table = []
+    for name, inputs, operation, truth in rows():
+        ready = splines(inputs)
+        result = operation(*ready)
+        best, median = cpu_ms(lambda f=operation, x=ready: f(*x), repeats)
+        door, median_door = cpu_ms(lambda f=operation, x=inputs: f(*splines(x)).to_bspline(), repeats)
+        poles = "x".join(map(str, result.to_bspline()[2].shape[:-1]))
+        wrong = error(result, truth, samples)
+        ms, irit_error, coefs = IRIT[name]
+        ours = [best, median, door, median_door, f"{wrong:.0e}", poles]
+        table.append([name, *ours, ms, f"{irit_error:.0e}", coefs, best / ms, door / ms])
+    return Table("kernel", COLUMNS, table)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=300)
     parser.add_argument("--samples", type=int, default=40, help="points at which the error is measured in fractions")
     options = parser.parse_args()
-    print(f"{'':24}{'cqblend: operation':>20}{'door to door':>18}{'':30}IRIT v11 (C, -O2)")
-    print(
-        f"{'row':24}{'best':>10}{'median':>10}{'best':>9}{'median':>9}{'error':>10}{'poles':>9}{'ms':>17}{'error':>9}{'coefs':>8}"
-    )
-    for name, inputs, operation, truth in rows():
-        ready = splines(inputs)
-        result = operation(*ready)
-        best, median = cpu_ms(lambda f=operation, x=ready: f(*x), options.repeats)
-        door = cpu_ms(lambda f=operation, x=inputs: f(*splines(x)).to_bspline(), options.repeats)
-        poles = "x".join(map(str, result.to_bspline()[2].shape[:-1]))
-        wrong = error(result, truth, options.samples)
-        ms, irit_error, coefs = IRIT[name]
-        print(
-            f"{name:24}{best:10.3f}{median:10.3f}{door[0]:9.3f}{door[1]:9.3f}{wrong:10.1e}{poles:>9}"
-            f"{ms:17.2f}{irit_error:9.1e}{coefs:>8}"
-        )
+    print(tabulate(options.repeats, options.samples))
 
 
 if __name__ == "__main__":

@@ -9,9 +9,6 @@ in position of one wave of amplitude 1, by order and by j |root|, over the numbe
 from __future__ import annotations
 
 import argparse
-import statistics
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +17,7 @@ import mpmath
 import numpy as np
 
 import cqblend
+from benchmarks.timing import measure_cpu
 
 TERMS = range(1, 37)
 STEEPNESS = (1, 4, 8, 16)  # j |root|
@@ -59,30 +57,19 @@ def speed() -> None:
     problem = PdeSettings((4, 4, 4), (1.0, 2.0, 1.0), terms=12, modes=8)
     ribbons = sides[0].ribbon(1, 0, sides[1]), sides[1].ribbon(1, 1, sides[0])
     task = problem.pose_boundary_problem(ribbons, SideSetup(closed=True, by_length=False), accuracy=1e-8)
-    print(f"order 4, 8 waves, 12 terms: solved in {timed(partial(task.solve, 12)):.1f} ms")
+    print(f"order 4, 8 waves, 12 terms: solved in {measure_cpu(partial(task.solve, 12)):.1f} ms")
     blend = cqblend.pde_blend(*sides, terms=12, modes=8)
     straight = cqblend.Combination(cqblend.Curve.bezier([(0, 1), (0, 1)], domain=blend.surface.domain[0]))
     rails = [side.rail(number) for number, side in enumerate(sides, 1)]
-    peer = timed(partial(cqblend.hermite_blend, *rails, tangents=straight, length="field", form="exact"))
-    own = timed(partial(cqblend.pde_blend, *sides, terms=12, modes=8, form="exact"))
+    peer = measure_cpu(partial(cqblend.hermite_blend, *rails, tangents=straight, length="field", form="exact"))
+    own = measure_cpu(partial(cqblend.pde_blend, *sides, terms=12, modes=8, form="exact"))
     print(f"the whole blend: {own:.0f} ms, {own / peer:.1f} times the Hermite blend of the same data")
     body = cq.Workplane().sphere(10).union(cq.Workplane().cylinder(40, 4.5))
     edge = body.edges(cq.NearestToPointSelector((0, 9, 9)))
     for order, continuity in ((4, "G1"), (6, "G2")):
-        peer = timed(partial(cqblend.blend_edges, body, edge, 2, continuity=continuity), 5)
-        own = timed(partial(cqblend.blend_edges, body, edge, 2, section="pde", order=order), 5)
+        peer = measure_cpu(partial(cqblend.blend_edges, body, edge, 2, continuity=continuity))
+        own = measure_cpu(partial(cqblend.blend_edges, body, edge, 2, section="pde", order=order))
         print(f"in a solid, order {order}: {own:.0f} ms, {own / peer:.2f} times the Hermite blend")
-
-
-def timed(work: Callable[[], object], repeats: int = 21) -> float:
-    """Return the median time of some work, ms."""
-    work()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1000 * statistics.median(times)
 
 
 def convergence(order: int, j: int) -> list[float]:

@@ -9,7 +9,6 @@ surfaces as they are half-way, GeomAPI_IntSS, of which a potential blend needs o
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 from OCP.GeomAPI import GeomAPI_IntSS
 
 import cqblend
+from benchmarks.timing import measure_cpu
 from cqblend.blends.potential.family_pair import FamilyPair
 from cqblend.blends.potential.intersection_branches import trace_branches
 from cqblend.blends.potential.swept_blend import sweep_branch
@@ -24,7 +24,6 @@ from cqblend.blends.potential.swept_section import SweptSection
 from cqblend.brep.conversion import spline_arrays
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
-REPEATS = 5
 
 
 def main() -> None:
@@ -50,7 +49,7 @@ def main() -> None:
 
 
 def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable[[], object]) -> None:
-    """Print the times of one blend, s."""
+    """Print the CPU times of one blend, s."""
     meeting = FamilyPair.from_relation(families, relation)
     found = trace_branches(meeting, 0.5)
     swept = sweep_branch(meeting, found[0], 0.5)
@@ -63,25 +62,15 @@ def report(name: str, families: Any, relation: cqblend.Relation, whole: Callable
         for family, s in zip(families, (s1, s2), strict=True)
     )
     times = [
-        best(lambda: trace_branches(meeting, 0.5)),
-        best(lambda: sweep_branch(meeting, found[0], 0.5)),
-        best(lambda: swept.fit_ribbons(allowed)),
-        best(lambda: fill.blend_ribbons(ribbons, "auto", 1e-7, 1e-5)),
-        best(whole),
-        best(lambda: GeomAPI_IntSS(one, two, 1e-7)),
+        measure_cpu(lambda: trace_branches(meeting, 0.5)),
+        measure_cpu(lambda: sweep_branch(meeting, found[0], 0.5)),
+        measure_cpu(lambda: swept.fit_ribbons(allowed)),
+        measure_cpu(lambda: fill.blend_ribbons(ribbons, "auto", 1e-7, 1e-5)),
+        measure_cpu(whole),
+        measure_cpu(lambda: GeomAPI_IntSS(one, two, 1e-7)),
     ]
     widths = (9, 10, 9, 9, 8, 17)
-    print(f"{name:24s}" + "".join(f"{one:{width}.3f}" for one, width in zip(times, widths, strict=True)))
-
-
-def best(run: Callable[[], object]) -> float:
-    """Return the shortest of some times."""
-    times = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    print(f"{name:24s}" + "".join(f"{one / 1e3:{width}.3f}" for one, width in zip(times, widths, strict=True)))
 
 
 if __name__ == "__main__":

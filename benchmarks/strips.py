@@ -1,24 +1,39 @@
-"""How many strips a surface takes: ours, Elber's at the same tolerance, and N*.
+"""How many strips a surface takes, and how long that takes: ours, Elber's number at the same tolerance, and N*.
 
-Run ``python -m benchmarks.strips`` from the project's folder. For each model, tolerance (as a share of the diagonal of
-its box) and direction of the rulings: the number of strips, Elber's (Algorithm 1), N*, the proven bound over the
-tolerance, and CPU ms. At the end the geometric means of Elber's number over ours, by direction and of the better
-direction of each, the least of them, and the time that the 32 patches of the teapot take.
+Run ``python -m benchmarks.strips`` from the project's folder for three tables in Markdown. For each model, tolerance
+(as a share of the diagonal of its box) and direction of the rulings: the number of strips, Elber's (Algorithm 1), N*,
+the proven bound over the tolerance, CPU ms, and ms a strip. Below it the geometric means of Elber's number over ours,
+by direction and of the better direction of each, and the least of them. Then the same of the 32 patches of the teapot,
+divided together, and CPU seconds of `cqblend.unroll` of the teapot as a solid, whose pieces cover themselves at the
+coarser tolerance. Times are medians.
 """
 
 from __future__ import annotations
 
-import time
+import sys
+from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+import cqblend
+from benchmarks.tables import Table
+from benchmarks.timing import run_timed
 from cqblend import teapot
-from cqblend.patterns.strips.surface_division import divide_surface
+from cqblend.patterns.strips.surface_division import SurfaceDivision, divide_surface, divide_surfaces
 from cqblend.splines import Surface
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+
+import unroll_models
+
 Array = NDArray[np.float64]
+
+WAYS: tuple[Literal["u", "v"], ...] = ("u", "v")
 
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4)
 
@@ -103,41 +118,60 @@ def mean(ratios: list[float]) -> float:
     return float(np.exp(np.log(ratios).mean()))
 
 
-def main() -> None:
-    print(f"{'':12s}{'tolerance':>10s}{'':>4s}{'N':>6s}{'Elber':>7s}{'N*':>9s}{'bound':>8s}{'ms':>8s}")
+def tabulate_models() -> Table:
+    """Return the table of the models, and in its last rows the ratios."""
+    rows: list[list[str | float]] = []
     each: list[float] = []
     best: list[float] = []
     for name, surface in models().items():
         size = diagonal(surface)
         for share in TOLERANCES:
             found = []
-            for way in ("u", "v"):
-                start = time.process_time()
-                one = divide_surface(surface, share * size, direction=way)  # type: ignore[arg-type]
-                ms = 1e3 * (time.process_time() - start)
-                n, bound = len(one.strips), one.bound / (share * size)
-                print(
-                    f"{name:12s}{share:10g}{way:>4s}{n:6d}{one.elber_count:7d}{one.ideal_count:9.2f}{bound:8.4f}{ms:8.1f}"
-                )
+            for way in WAYS:
+                one, ms = run_timed(partial(divide_surface, surface, share * size, direction=way))
+                n, bound = len(one.strips), f"{one.bound / (share * size):.4f}"
+                rows.append([name, f"{share:g}", way, n, one.elber_count, f"{one.ideal_count:.2f}", bound, ms, ms / n])
                 found.append((n, one.elber_count))
             each += [elber / n for n, elber in found]
             best.append(min(elber for _, elber in found) / min(n for n, _ in found))
-    print(f"Elber's over ours, by direction: {mean(each):.3f}, least {min(each):.3f}")
-    print(f"Elber's over ours, better of each: {mean(best):.3f}, least {min(best):.3f}")
+    for title, ratios in (("Elber over N, all", each), ("Elber over N, better of u and v", best)):
+        rows.append([title, "", "", "", f"{mean(ratios):.3f}, least {min(ratios):.3f}", "", "", "", ""])
+    columns = ("model", "tolerance", "rulings", "N", "Elber", "N*", "bound", "ms", "ms a strip")
+    return Table("division", columns, rows)
+
+
+def tabulate_teapot_patches() -> Table:
+    """Return the table of the teapot's patches; in the direction "auto" both are divided, and the better one counts."""
     teapots = patches()
     size = float(np.linalg.norm(np.ptp(teapot.poles().reshape(-1, 3), axis=0)))
-    start, wall = time.process_time(), time.perf_counter()
-    counts = {
-        way: [divide_surface(patch, 1e-3 * size, direction=way) for patch in teapots]  # type: ignore[arg-type]
-        for way in ("u", "v")
-    }
-    cpu, wall = time.process_time() - start, time.perf_counter() - wall
-    text = ", ".join(
-        f"{sum(len(one.strips) for one in found)} in {way} (Elber {sum(one.elber_count for one in found)})"
-        for way, found in counts.items()
-    )
-    print(f"32 teapot patches at 0.001: {text}; {cpu:.2f} s CPU, {wall:.2f} s")
+    rows: list[list[str | float]] = []
+    for share in (1e-1, *TOLERANCES):
+        for way in (*WAYS, "auto"):
+            found, ms = run_timed(partial(divide_surfaces, teapots, share * size, direction=way))
+            divisions = [one for one in found if isinstance(one, SurfaceDivision)]
+            n, elber = sum(len(one.strips) for one in divisions), sum(one.elber_count for one in divisions)
+            rows.append([f"{share:g}", way, n, elber, ms, ms / n])
+    return Table("teapot_patches", ("tolerance", "rulings", "N", "Elber", "ms", "ms a strip"), rows)
+
+
+def tabulate_teapot_solid() -> Table:
+    """Return the table of the teapot as a solid, unrolled."""
+    solid = unroll_models.teapot()
+    size = solid.BoundingBox().DiagonalLength
+    rows: list[list[str | float]] = []
+    for share in (1e-2, 3e-3, 1e-3):
+        pattern, ms = run_timed(partial(cqblend.unroll, solid, share * size))
+        rows.append([f"{share:g}", pattern.report.strips, len(pattern.strips), f"{ms / 1e3:.2f}"])
+    return Table("teapot_solid", ("tolerance", "N", "pieces", "s"), rows)
+
+
+def tabulate() -> Iterator[Table]:
+    """Yield all three tables."""
+    yield tabulate_models()
+    yield tabulate_teapot_patches()
+    yield tabulate_teapot_solid()
 
 
 if __name__ == "__main__":
-    main()
+    for table in tabulate():
+        print(f"\n{table}", flush=True)

@@ -10,10 +10,8 @@ registered when CadQuery is imported, before cqblend or after it.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-import wrapt
-
 from cqblend import cadquery_plugin, errors, installation_check
-from cqblend.certificate import Certificate, EndRecord, RailRecord, SkippedEdge
+from cqblend.certificate import Certificate, EdgeRecord, EndRecord, RailRecord, SkippedEdges
 from cqblend.errors import CqblendError
 
 if TYPE_CHECKING:
@@ -58,6 +56,7 @@ __all__ = [
     "Continuity",
     "CqblendError",
     "Curve",
+    "EdgeRecord",
     "EndRecord",
     "Family",
     "Guide",
@@ -68,7 +67,7 @@ __all__ = [
     "Rail",
     "RailRecord",
     "Relation",
-    "SkippedEdge",
+    "SkippedEdges",
     "Surface",
     "Verification",
     "__version__",
@@ -151,4 +150,4 @@ def __dir__() -> list[str]:
 
 
 installation_check.explain_clash()
-wrapt.when_imported("cadquery")(cadquery_plugin.register_methods)
+cadquery_plugin.register_on_import()

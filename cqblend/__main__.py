@@ -21,7 +21,7 @@ from types import FrameType
 from typing import Any, get_args
 
 from cqblend import __version__
-from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, BlendOptions
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation_check import build_interpreter_command
 from cqblend.option_records import collect_options
@@ -225,6 +225,12 @@ def _build_parser() -> argparse.ArgumentParser:
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
     blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
+    blend.add_argument(
+        "--on-error",
+        choices=ON_ERROR,
+        default=BLEND_DEFAULTS.on_error,
+        help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
+    )
     blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
         "--steer",
@@ -369,10 +375,10 @@ def _run_blend(options: argparse.Namespace) -> None:
     for edge in picked:
         print(f"edge {edge.index}, {edge.distance:.3g} mm from the point")
     with _announce_step("blending"):
-        result, _, certificate = blend_shape(shape, [edge.edge for edge in picked], request)
+        result = blend_shape(shape, [edge.edge for edge in picked], request)
     with _announce_step(f"writing {options.output}"):
-        write_step(result, options.output)
-    print(certificate)
+        write_step(result.shape, options.output)
+    print(result.certificate)
 
 
 def _run_continuity(options: argparse.Namespace) -> None:

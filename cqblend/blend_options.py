@@ -7,7 +7,7 @@ radius fits the shape is not checked here. Light, since ``import cqblend`` loads
 """
 
 import math
-from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import partial
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal
@@ -33,12 +33,14 @@ TangentsName = Literal["parametric", "perpendicular", "chord"]
 SectionName = Literal["hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["auto", "natural", "flat"]
+OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
 TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
+ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
 
 _TANGENTS_LATER = ("guide", "combination")
 """Cross directions that `cqblend.hermite_blend` has, and `cqblend.blend_edges` does not have yet."""
@@ -147,6 +149,10 @@ class BlendOptions:
         the start and the end of the edge, in its own orientation.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape.
+    on_error : {"raise", "skip"}, default "raise"
+        What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
+        all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.
+        If nothing is left to blend, the error is raised.
     """
 
     radius: float | None = None
@@ -169,6 +175,7 @@ class BlendOptions:
     angular_tolerance: float = 1e-5
     ends: str | tuple[str, str] = "auto"
     first: Any = None
+    on_error: str = "raise"
 
     def to_request(self) -> "BlendRequest":
         """Check the options and bring them to one form; `first` must be a TopoDS face or None.
@@ -229,6 +236,7 @@ class BlendOptions:
             angular_tolerance=check_positive("angular_tolerance", self.angular_tolerance),
             ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
             first=self.first,
+            on_error=check_choice("on_error", self.on_error, ON_ERROR),
         )
 
     def _check_continuity(
@@ -306,23 +314,7 @@ class BlendRequest:
     angular_tolerance: float
     ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
-
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """The lengths (mm) that set how large a blend is."""
-        if self.relation is not None:
-            return self.relation.a, self.relation.b
-        return (self.radius,) if self.radius is not None else self.width or (0.0,)
-
-    def with_scaled_lengths(self, factor: float) -> "BlendRequest":
-        """Return the same request for another size: all lengths that set it, times a factor."""
-        conic = self.relation
-        return replace(
-            self,
-            radius=None if self.radius is None else self.radius * factor,
-            width=None if self.width is None else (self.width[0] * factor, self.width[1] * factor),
-            relation=None if conic is None else type(conic)(conic.a * factor, conic.b * factor, conic.lam * factor**2),
-        )
+    on_error: OnError
 
 
 def _build_relation(a: object, b: object, lam: Any) -> "Conic":

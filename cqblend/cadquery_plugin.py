@@ -1,11 +1,14 @@
 """``Workplane.blend`` and ``Workplane.unroll``, and their registration on CadQuery.
 
 They make blends and patterns read like fillets in a chain of CadQuery calls. This module is loaded by ``import
-cqblend`` and imports neither CadQuery nor NumPy: an import hook passes it the module CadQuery, and the methods import
+cqblend`` and imports neither CadQuery nor NumPy: an import hook waits for the module CadQuery, and the methods import
 what they need when they are called.
 """
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +46,7 @@ def blend(
     angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
+    on_error: str = BLEND_DEFAULTS.on_error,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:
     """Blend the selected edges of the solid in the chain.
@@ -147,3 +151,49 @@ def register_methods(cadquery: ModuleType) -> None:
     """Set the methods ``blend`` and ``unroll`` of ``cadquery.Workplane``, in place of any that it has."""
     cadquery.Workplane.blend = blend
     cadquery.Workplane.unroll = unroll
+
+
+class _RegisteringLoader(Loader):
+    """Loads CadQuery by the loader that was found for it, which the module keeps, and registers the methods then."""
+
+    def __init__(self, found: Loader) -> None:
+        self.found = found
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        return self.found.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__loader__ = self.found
+        if module.__spec__ is not None:
+            module.__spec__.loader = self.found
+        self.found.exec_module(module)
+        register_methods(module)
+
+
+class _RegisteringFinder(MetaPathFinder):
+    """Finds CadQuery by the finders behind this one on ``sys.meta_path``, and has the methods registered once loaded.
+
+    It stays there, since an import may fail and be tried again, or CadQuery be reloaded. Where cqblend itself was
+    reloaded, the finder of its newer copy stands in front, and registers last.
+    """
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != "cadquery":
+            return None
+        for finder in sys.meta_path[sys.meta_path.index(self) + 1 :]:
+            spec = finder.find_spec(fullname, path, target)
+            if spec is not None:
+                if spec.loader is not None:  # as that of a folder without __init__.py, which is no CadQuery
+                    spec.loader = _RegisteringLoader(spec.loader)
+                return spec
+        return None
+
+
+def register_on_import() -> None:
+    """Register the methods now if CadQuery is imported already, else as soon as it is."""
+    if "cadquery" in sys.modules:
+        register_methods(sys.modules["cadquery"])
+    else:
+        sys.meta_path.insert(0, _RegisteringFinder())

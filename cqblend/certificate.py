@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]
-SkippedKind = Literal["smooth", "seam", "degenerate"]
+NewEdgeKind = Literal["end", "seam", "between"]
+NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,22 +93,66 @@ class EndRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class SkippedEdge:
-    """An edge that was picked, but not blended.
+class EdgeRecord:
+    """How well the two faces at an edge of a blend face that is no rail meet, measured along the whole edge.
 
     Attributes
     ----------
-    edge : int
-        Its 1-based index in the edge map of the *input* shape.
-    kind : {"smooth", "seam", "degenerate"}
-        ``"smooth"``: its faces meet smoothly already; ``"seam"``: a closed face meets itself there; ``"degenerate"``: a
-        pole, without length.
+    kind : {"end", "seam", "between"}
+        ``"end"``: between the blend and the face or cap that it ends on; ``"seam"``: where a closed blend meets itself;
+        ``"between"``: between two blend faces.
+    edge, vertex : int
+        The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
+        the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
+    gap : float
+        Largest distance of a face from the edge's own curve, mm.
+    angle : float or None
+        Largest angle between the normals, rad; None of an end, where the faces may meet at any.
+    tolerance : float
+        The edge's tolerance, mm, which covers the gap.
+    """
+
+    kind: NewEdgeKind
+    edge: int
+    vertex: int
+    gap: float
+    angle: float | None
+    tolerance: float
+
+    @property
+    def strays(self) -> bool:
+        """Whether a face is further from the edge than its tolerance says."""
+        return self.gap > self.tolerance
+
+    def __str__(self) -> str:
+        name = {"end": f"the end at vertex {self.vertex}", "seam": "the seam", "between": "an edge between two blends"}
+        angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
+        return (
+            f"edge {self.edge}: {name[self.kind]} has gap {self.gap:.1e} mm{angle}, tolerance {self.tolerance:.1e} mm"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SkippedEdges:
+    """Edges that were picked, but not blended: one at which there is nothing to blend, or a network that was left out.
+
+    Attributes
+    ----------
+    edges : tuple of int
+        Their 1-based indices in the edge map of the *input* shape.
+    kind : str
+        ``"smooth"``: the faces at the edge meet smoothly already; ``"seam"``: a closed face meets itself there;
+        ``"degenerate"``: a pole, without length. With ``on_error="skip"`` also the ``kind`` of the error because of
+        which a network of edges was left out, such as ``"too large"``, or the name of its type, if it has no kind.
+    place : float or None
+        Where on the edge: t, the fraction of its length, from 0 to 1.
     message : str
         The same in words, with the number.
     """
 
-    edge: int
-    kind: SkippedKind
+    edges: tuple[int, ...]
+    kind: str
+    place: float | None
     message: str
 
 
@@ -149,9 +194,8 @@ class Certificate:
         Largest angle inside the blend, across a section where the neighbour is not smooth enough, rad.
     method : str
         How the blend came into the solid: ``"wire substitution"``, or the fallback by its name.
-    valid : bool
-        Whether the whole result is valid for OCCT's own ordinary check, that of ``isValid()``: false only if the input
-        was not valid there either. Of a blend of surfaces, whether it does not fold.
+    validity : tuple of callable
+        Functions that tell whether a whole result is valid, called when `valid` is read.
     width : tuple of float
         Smallest and largest straight distance from rail to rail, mm.
     stations : int
@@ -168,13 +212,15 @@ class Certificate:
         meet the boundary data; the largest over x, y and z and all blends. None for other sections.
     proofs, energies : tuple of callable
         Functions that compute the proof and the energy of each blend, called when `proof` and `fairness` are read.
-    skipped : tuple of SkippedEdge
-        Picked edges that were not blended, because they are smooth already, seams, or degenerate.
+    skipped : tuple of SkippedEdges
+        Picked edges that were not blended, and why.
+    edges : tuple of EdgeRecord
+        All edges of the blend faces that are no rails.
 
     Examples
     --------
     >>> rail = RailRecord(1, 2, 7, gap=0.0, angle=1e-16, curvature_jump=0.4, direction=0.0, length=2e-9, tolerance=1e-7)
-    >>> print(Certificate((rail,), "exact", (1, 3), (2, 4), False, 0.0, "wire substitution", True, (3.5, 3.5), 1000))
+    >>> print(Certificate((rail,), "exact", (1, 3), (2, 4), False, 0.0, "wire substitution", (3.5, 3.5), 1000))
     valid blend, exact, degree 1 x 3, 2 x 4 poles, by wire substitution
     width 3.5 mm, inner crease 0.0e+00 rad, 1000 stations a rail
     side  face  edge      gap    angle  curvature jump  direction   length  tolerance
@@ -189,16 +235,27 @@ class Certificate:
     rational: bool
     inner_crease: float
     method: str
-    valid: bool
     width: tuple[float, float]
     stations: int
     coverage: float = 1.0
     ends: tuple[EndRecord, ...] = ()
     edge_tolerance: float = 0.0
     residual: float | None = None
+    validity: tuple[Callable[[], bool], ...] = field(default=(), repr=False, compare=False)
     proofs: tuple[Callable[[], "Proof"], ...] = field(default=(), repr=False, compare=False)
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
-    skipped: tuple[SkippedEdge, ...] = ()
+    skipped: tuple[SkippedEdges, ...] = ()
+    edges: tuple[EdgeRecord, ...] = ()
+
+    @cached_property
+    def valid(self) -> bool:
+        """Whether the whole result is valid for OCCT's own ordinary check, that of ``isValid()``.
+
+        False only if the input was not valid there either: all that is new or touched has been found valid before the
+        result was returned. Computed when first read, for that takes as long as it does for the whole body. Of a blend
+        of surfaces, whether it does not fold.
+        """
+        return all(is_valid() for is_valid in self.validity)
 
     @cached_property
     def proof(self) -> "Proof | None":
@@ -268,7 +325,7 @@ class Certificate:
             rational=any(one.rational for one in certificates),
             inner_crease=max(one.inner_crease for one in certificates),
             method=", ".join(dict.fromkeys(one.method for one in certificates)),
-            valid=all(one.valid for one in certificates),
+            validity=tuple(is_valid for one in certificates for is_valid in one.validity),
             width=(min(one.width[0] for one in certificates), max(one.width[1] for one in certificates)),
             stations=min(one.stations for one in certificates),
             coverage=min(one.coverage for one in certificates),
@@ -278,6 +335,7 @@ class Certificate:
             proofs=tuple(prove for one in certificates for prove in one.proofs),
             energies=tuple(energy for one in certificates for energy in one.energies),
             skipped=tuple(edge for one in certificates for edge in one.skipped),
+            edges=tuple(edge for one in certificates for edge in one.edges),
         )
 
     def __str__(self) -> str:
@@ -298,8 +356,9 @@ class Certificate:
         ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
+        edges = [str(edge) for edge in self.edges if edge.strays or edge.kind == "between"]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
-        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *skipped))
+        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *edges, *skipped))
 
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:

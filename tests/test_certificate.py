@@ -4,7 +4,7 @@ from dataclasses import FrozenInstanceError, fields, replace
 
 import pytest
 
-from cqblend import Certificate, RailRecord
+from cqblend import Certificate, EdgeRecord, RailRecord
 
 RAILS = (
     RailRecord(1, 2, 7, gap=1e-12, angle=3e-11, curvature_jump=0.4, direction=0.0, length=2e-4, tolerance=1e-7),
@@ -18,7 +18,7 @@ ONE = Certificate(
     rational=False,
     inner_crease=0.0,
     method="wire substitution",
-    valid=True,
+    validity=(lambda: True,),
     width=(3.5, 3.75),
     stations=1000,
 )
@@ -31,7 +31,7 @@ OTHER = replace(
     rational=True,
     inner_crease=0.01,
     method="splitter",
-    valid=False,
+    validity=(lambda: False,),
     width=(2.0, 3.6),
     stations=400,
 )
@@ -89,3 +89,24 @@ def test_certificates_cannot_be_changed():
         ONE.valid = False
     with pytest.raises(FrozenInstanceError):
         RAILS[0].gap = 0.0
+
+
+def test_edges_that_are_no_rails_are_printed_only_if_they_stray_or_join_two_blends():
+    end = EdgeRecord("end", 7, 3, gap=1e-9, angle=None, tolerance=1e-7)
+    seam = EdgeRecord("seam", 7, 0, gap=1e-12, angle=2e-13, tolerance=1e-7)
+    assert str(replace(ONE, edges=(end, seam))) == str(ONE)
+    astray = replace(end, gap=2e-7)
+    assert astray.strays
+    assert str(replace(ONE, edges=(astray, seam))).splitlines()[-1] == (
+        "edge 7: the end at vertex 3 has gap 2.0e-07 mm, tolerance 1.0e-07 mm"
+    )
+    between = replace(seam, kind="between")
+    assert "edge 7: an edge between two blends has gap 1.0e-12 mm, angle 2.0e-13 rad" in str(
+        replace(ONE, edges=(between,))
+    )
+
+
+def test_merged_certificates_have_the_edges_of_all():
+    ends = tuple(EdgeRecord("end", number, 3, 1e-9, None, 1e-7) for number in (7, 9))
+    merged = Certificate.merge([replace(ONE, edges=ends[:1]), replace(OTHER, edges=ends[1:])])
+    assert merged.edges == ends

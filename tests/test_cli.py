@@ -50,12 +50,12 @@ def one_line(err):
     return lines[0]
 
 
-def test_help_and_version_do_not_load_occt():
+def test_help_and_version_load_neither_occt_nor_numpy():
     code = (
         "import sys; from cqblend.__main__ import main\n"
         "try: main([sys.argv[1]])\n"
         "except SystemExit as leaving: assert leaving.code == 0\n"
-        "assert not {'OCP', 'cadquery'} & set(sys.modules)"
+        "assert not {'OCP', 'cadquery', 'numpy'} & set(sys.modules)"
     )
     for option in ("--help", "--version"):
         done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True, check=False)

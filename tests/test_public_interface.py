@@ -207,17 +207,18 @@ SELVES: dict[str, Callable[[], Any]] = {
     "PdeBlend": pde,
     "PotentialBlend": potential,
     "Rail": rail,
+    "EdgeRecord": lambda: blended().certificate.edges[0],
     "EndRecord": lambda: blended().certificate.ends[0],
     "RailRecord": lambda: blended().certificate.rails[0],
-    "SkippedEdge": lambda: skipping().skipped[0],
+    "SkippedEdges": lambda: skipping().skipped[0],
     "Relation": lambda: cqblend.Relation(Conic(1, 1).curve),
     "Surface": sheet,
     "Verification": lambda: cqblend.verify(box()),
 }
 
 RECORDS = (
-    "Blend", "BlendResult", "Certificate", "Continuity", "EndRecord", "Normalised", "Pattern", "PdeBlend",
-    "PotentialBlend", "RailRecord", "SkippedEdge", "Verification",
+    "Blend", "BlendResult", "Certificate", "Continuity", "EdgeRecord", "EndRecord", "Normalised", "Pattern",
+    "PdeBlend", "PotentialBlend", "RailRecord", "SkippedEdges", "Verification",
 )  # fmt: skip
 """Classes that only hold what a function of cqblend has found out; what somebody else puts into them is his."""
 
@@ -241,6 +242,7 @@ EDGE_OPTIONS = {
     "angular_tolerance": 1e-5,
     "ends": "auto",
     "first": None,
+    "on_error": "raise",
 }
 
 UNROLL_OPTIONS = {

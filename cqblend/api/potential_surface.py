@@ -91,7 +91,7 @@ class PotentialBlend(Blend):
         v = to_finite_array("v", v)
         if v.size and not (v.min() >= 0 and v.max() <= 1):
             raise InputError(f"v runs over [0, 1], not to {v.flat[np.abs(v - 0.5).argmax()]:.6g}")
-        return self.sweep.curves.family_pair.s(1 - v)
+        return self.sweep.curves.pair.s(1 - v)
 
     @property
     def hermite(self) -> Blend:
@@ -120,7 +120,7 @@ class PotentialBlend(Blend):
             raise InputError(f"t runs over [{low:.9g}, {high:.9g}] and v over [0, 1]")
         x = 1 - v.ravel()
         q = self.sweep.solve_parameters(t.ravel(), x)
-        return self.sweep.curves.family_pair.evaluate_jets(q, x)[0][0].reshape(*t.shape, 3)
+        return self.sweep.curves.pair.evaluate_jets(q, x)[0][0].reshape(*t.shape, 3)
 
 
 def reshape(
@@ -396,7 +396,7 @@ def _blend_within_skin(
     )
 
 
-def _choose_branch(meeting: FamilyPair[Family], near: ArrayLike | None) -> IntersectionBranch:
+def _choose_branch(meeting: FamilyPair, near: ArrayLike | None) -> IntersectionBranch:
     """Return the one branch of the intersection half-way, or that nearest to a point."""
     target = to_point(near)
     if near is not None and target is None:

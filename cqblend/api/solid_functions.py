@@ -22,10 +22,11 @@ from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion import pcurves, spline_conversion
 from cqblend.brep.measurement import edge_continuity
 from cqblend.brep.verification import solid_verification
-from cqblend.certificate import Certificate, SkippedEdge
+from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import InputError, shown
 from cqblend.option_records import collect_options, document_options
-from cqblend.solid_blends.blend_pipeline import blend_shape, insert_into_shape
+from cqblend.solid_blends.blend_insertion import insert_into_shape
+from cqblend.solid_blends.blend_pipeline import BlendedShape, blend_shape
 from cqblend.solid_blends.largest_size_search import find_largest_size
 from cqblend.splines import Curve, Surface
 
@@ -55,8 +56,8 @@ class BlendResult:
     certificate: Certificate
 
     @property
-    def skipped(self) -> tuple[SkippedEdge, ...]:
-        """Picked edges that were not blended, because they are smooth already, seams, or degenerate."""
+    def skipped(self) -> tuple[SkippedEdges, ...]:
+        """Picked edges that were not blended: smooth already, seams, degenerate, or left out by ``on_error="skip"``."""
         return self.certificate.skipped
 
 
@@ -84,6 +85,7 @@ def blend_edges(
     angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
+    on_error: str = BLEND_DEFAULTS.on_error,
 ) -> BlendResult:
     """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
 
@@ -146,11 +148,15 @@ def blend_with_options(shape: Any, edges: Any, options: BlendOptions) -> BlendRe
     """Do what :func:`blend_edges` does, with the options in a record."""
     request = _to_request(options)
     native = resolve_shape(shape)
-    whole, faces, certificate = blend_shape(to_topods(native), collect_edges(edges), request)
+    return _wrap_result(native, blend_shape(to_topods(native), collect_edges(edges), request))
+
+
+def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
+    """Return a blended shape in the library of the input."""
     return BlendResult(
-        shape=wrap_like(native, whole),
-        faces=tuple(wrap_like(native, face) for face in faces),
-        certificate=certificate,
+        shape=wrap_like(native, blended.shape),
+        faces=tuple(wrap_like(native, face) for face in blended.faces),
+        certificate=blended.certificate,
     )
 
 
@@ -215,6 +221,8 @@ def max_size(
     for name in options:
         if name in ("radius", "width", "a", "b", "lam"):
             raise InputError(f"{name} is a size, which max_size looks for: leave it out")
+        if name == "on_error":
+            raise InputError("max_size looks for sizes with which all edges can be blended: leave on_error out")
     known = {field.name for field in fields(BlendOptions)}
     for name in options:
         if name not in known:
@@ -270,10 +278,8 @@ def insert_blend(shape: Any, edges: Any, blend: BlendSurface, *, first: Any = No
             f"a blend to insert is what hermite_blend, pde_blend or potential_blend made, not {shown(blend)}"
         )
     native = resolve_shape(shape)
-    whole, face, certificate = insert_into_shape(
-        to_topods(native), collect_edges(edges), blend, None if first is None else to_topods_face(first, "first")
-    )
-    return BlendResult(wrap_like(native, whole), (wrap_like(native, face),), certificate)
+    side1_face = None if first is None else to_topods_face(first, "first")
+    return _wrap_result(native, insert_into_shape(to_topods(native), collect_edges(edges), blend, side1_face))
 
 
 def continuity(shape: Any, edge: Any) -> "Continuity":

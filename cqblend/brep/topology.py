@@ -37,7 +37,12 @@ from OCP.TopoDS import (
     TopoDS_Vertex,
     TopoDS_Wire,
 )
-from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape, TopTools_MapOfShape
+from OCP.TopTools import (
+    TopTools_IndexedDataMapOfShapeListOfShape,
+    TopTools_IndexedMapOfShape,
+    TopTools_ListOfShape,
+    TopTools_MapOfShape,
+)
 
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
@@ -108,7 +113,18 @@ class AncestorMap:
         """Return the distinct ancestors of a part, in the order of the shape; none for a foreign part."""
         if part not in self:
             return []
-        return [_CAST[self._kind](ancestor) for ancestor in self._map.FindFromKey(part)]
+        return [_CAST[self._kind](ancestor) for ancestor in _list_shapes(self._map.FindFromKey(part))]
+
+
+def _list_shapes(shapes: TopTools_ListOfShape) -> list[TopoDS_Shape]:
+    """Return what is in one of OCCT's lists: iterating over it takes OCP half a millisecond, whatever its length."""
+    if shapes.Size() <= 2:
+        return [] if shapes.IsEmpty() else [shapes.First(), shapes.Last()][: shapes.Size()]
+    rest, found = TopTools_ListOfShape(shapes), []
+    while not rest.IsEmpty():
+        found.append(rest.First())
+        rest.RemoveFirst()
+    return found
 
 
 def chain_segments(

@@ -1,35 +1,41 @@
 """Unrolls the patches of a shape to flat pieces: divides, flattens and trims them, and joins the borders by seams.
 
-Both sides of every seam have the same length, to rounding. The length of a seam is that of the curve in space it stands
-for, or of the longer side where a strip is stretched; segments of a side whose chords are shorter are bent to arcs.
-Divisions whose pieces are faulty are replaced, see :mod:`cqblend.patterns.division_checks`. Depends on strips,
-flattening and trimming, not on OCCT, tabs, sheets or files.
+Divisions whose pieces are faulty are replaced, see :mod:`cqblend.patterns.division_checks`, until there are none. What
+has been laid flat stays as it is where neither the division of the face nor the vertices on its edges have changed.
+Depends on strips, flattening and trimming, not on OCCT, tabs, sheets or files.
 """
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from cqblend.errors import CqblendError, Failure, GeometryError
-from cqblend.patterns.division_checks import find_face_mismatch, find_missing_vertices, find_self_overlapping
+from cqblend.patterns.division_checks import (
+    SelfOverlap,
+    find_area_mismatch,
+    find_border_mismatch,
+    find_missing_vertices,
+    find_self_overlap,
+)
 from cqblend.patterns.flattening.face_division import (
     cut_strips_across,
     divide_finer,
     divide_other_way,
-    divide_patch,
+    divide_patches,
     merge_thin_strips,
 )
 from cqblend.patterns.flattening.flat_face import DividedPatch
-from cqblend.patterns.flattening.flat_loops import PieceDraft, SampledEdges, flatten_patch_loops
-from cqblend.patterns.outline.pieces import Piece, Pieces, Place, Run, Seam
+from cqblend.patterns.flattening.flat_loops import PieceDraft, flatten_patch_loops
+from cqblend.patterns.flattening.sampled_edges import SampledEdges
+from cqblend.patterns.outline.pieces import Piece
+from cqblend.patterns.outline.plane_path import Path
+from cqblend.patterns.piece_assembly import AssembledPieces, assemble_pieces, join_pieces, measure_mean_width
 from cqblend.patterns.tolerances import ASSEMBLY_TOLERANCES
-from cqblend.patterns.trimming.boundary_run_draft import RunDraft
-from cqblend.patterns.trimming.boundary_run_keys import EdgeRunKey, RunKey
 from cqblend.patterns.trimming.trimmed_patch import Patch, PatchShell
-from cqblend.patterns.unroll_result import Areas, PieceSource, Record, UnrollResult
+from cqblend.patterns.unroll_result import UnrollResult
 from cqblend.splines.bernstein import Array
 from cqblend.unroll_options import UnrollOptions
 
@@ -57,47 +63,83 @@ def unroll_patches(shell: PatchShell, options: UnrollOptions, progress: Progress
         Told before every step.
     """
     tell = _ignore_progress if progress is None else progress
-    state = _UnrollState(options, failures=[Failure((face,), error) for face, error in shell.refused.items()])
+    state = _UnrollState(shell, options, failures=[Failure((face,), error) for face, error in shell.refused.items()])
     dividing = ASSEMBLY_TOLERANCES.dividing_share
-    for i, patch in enumerate(shell.patches):
-        tell(dividing * i / len(shell.patches), f"dividing face {patch.index}")
-        try:
-            state.faces.append(divide_patch(patch, options))
-        except CqblendError as error:
-            state.failures.append(_make_failure(patch, error))
-    required_parameters: dict[int, Array] = {}  # by number of the edge: where it needs vertices
+    count = len(shell.patches)
+    state.divide_patches(lambda i: tell(dividing * i / count, f"dividing face {shell.patches[i].index}"))
     rounds = 0
     while True:
-        edges = SampledEdges(shell, state.faces, options, required_parameters)
-        drafts: list[PieceDraft] = []
-        has_new_division = False
-        for i, face in enumerate(tuple(state.faces)):
-            tell(dividing + (1 - dividing) * i / len(state.faces), f"laying face {face.patch.index} flat")
-            try:
-                drafts += flatten_patch_loops(face, edges, options)
-            except CqblendError as error:
-                has_new_division |= state.replace_division(face, partial(divide_other_way, face, options, error))
-        if has_new_division:
+        edges = state.sample_edges()
+        if state.redivide_short(edges) or state.lay_faces_flat(edges, tell):
             continue
         rounds += 1
-        missing = find_missing_vertices(drafts, edges, options) if rounds < ASSEMBLY_TOLERANCES.most_rounds else {}
-        if missing:
-            for number, parameters in missing.items():
-                known = required_parameters.get(number, np.empty(0))
-                required_parameters[number] = np.concatenate([known, parameters])
+        if rounds < ASSEMBLY_TOLERANCES.most_rounds and state.require_missing_vertices():
             continue
-        result = _assemble_pieces(shell, drafts, state)
-        if not (state.redivide_faulty(drafts, result, edges) or state.merge_thin_strips(drafts, result)):
-            return result
+        assembled = state.assemble_pieces()
+        if not (state.redivide_faulty(assembled, edges) or state.merge_thin_strips(assembled)):
+            return join_pieces(assembled, shell, state.failures)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LaidFace:
+    """A face laid flat.
+
+    Attributes
+    ----------
+    face
+        As it was divided.
+    edges
+        With the vertices on its borders.
+    drafts
+        Of its pieces.
+    missing
+        By number of the edge: parameters at which its borders need more vertices.
+    """
+
+    face: DividedPatch
+    edges: SampledEdges
+    drafts: list[PieceDraft]
+    missing: dict[int, Array]
 
 
 @dataclass(slots=True, eq=False)
 class _UnrollState:
-    """The divided faces that are being unrolled, and the faces that failed."""
+    """The divided faces that are being unrolled, the faces that failed, and what is known from earlier rounds.
 
+    Attributes
+    ----------
+    shell, options
+        What is unrolled, and how.
+    failures
+        Faces that cannot be unrolled, and why.
+    faces
+        The others, divided.
+    required_parameters
+        By number of the edge: where it needs vertices.
+    edges, matching, laid, assembled, overlaps
+        The last edges; by index of the patch, the faces whose strips are as long as their edges, and the faces as they
+        were laid flat; the last pieces; by draft, its paths and whether they overlap.
+    """
+
+    shell: PatchShell
     options: UnrollOptions
     failures: list[Failure]
     faces: list[DividedPatch] = field(default_factory=list)
+    required_parameters: dict[int, Array] = field(default_factory=dict)
+    edges: SampledEdges | None = None
+    matching: dict[int, DividedPatch] = field(default_factory=dict)
+    laid: dict[int, _LaidFace] = field(default_factory=dict)
+    assembled: AssembledPieces | None = None
+    overlaps: dict[PieceDraft, tuple[tuple[Path, ...], SelfOverlap | None]] = field(default_factory=dict)
+
+    def divide_patches(self, tell: Callable[[int], object]) -> None:
+        """Divide all patches, and note those that cannot be; `tell` is called with the index of each."""
+        divided = divide_patches(self.shell.patches, self.options, tell)
+        for patch, found in zip(self.shell.patches, divided, strict=True):
+            if isinstance(found, CqblendError):
+                self.failures.append(_make_failure(patch, found))
+            else:
+                self.faces.append(found)
 
     def replace_division(self, face: DividedPatch, divide: Callable[[], DividedPatch]) -> bool:
         """Replace the division of a face by another one; drop the face and return False if that raises an error."""
@@ -110,42 +152,112 @@ class _UnrollState:
             return False
         return True
 
-    def redivide_faulty(self, drafts: Sequence[PieceDraft], result: UnrollResult, edges: SampledEdges) -> bool:
-        """Divide faces anew whose pieces overlap themselves or do not match the face; return whether there were any.
+    def sample_edges(self) -> SampledEdges:
+        """Choose the vertices along all edges."""
+        self.edges = SampledEdges(self.shell, self.faces, self.options, self.required_parameters, self.edges)
+        return self.edges
 
-        Strips whose pieces overlap are cut across. If they do so only because their borders are bent, or do not match
-        the face in length or area, the face is divided with a finer tolerance.
+    def lay_faces_flat(self, edges: SampledEdges, tell: Progress) -> bool:
+        """Lay faces flat that have changed; return whether one had to be divided another way instead."""
+        has_new_division = False
+        dividing = ASSEMBLY_TOLERANCES.dividing_share
+        for i, face in enumerate(tuple(self.faces)):
+            tell(dividing + (1 - dividing) * i / len(self.faces), f"laying face {face.patch.index} flat")
+            known = self.laid.get(face.patch.index)
+            if known is not None and known.face is face and edges.is_same_for(face, known.edges):
+                continue
+            strips = [draft.unrolled_strip for draft in known.drafts] if known else []
+            known_strips = {strip.strip: strip for strip in strips if strip is not None}
+            try:
+                drafts = flatten_patch_loops(face, edges, self.options, known_strips)
+            except CqblendError as error:
+                divide = partial(divide_other_way, face, self.options, error)
+                has_new_division |= self.replace_division(face, divide)
+            else:
+                missing = find_missing_vertices(drafts, edges, self.options)
+                self.laid[face.patch.index] = _LaidFace(face, edges, drafts, missing)
+        return has_new_division
+
+    def require_missing_vertices(self) -> bool:
+        """Require the vertices that flat borders need to be arcs; return whether there are any."""
+        found = False
+        for face in self.faces:
+            for number, parameters in self.laid[face.patch.index].missing.items():
+                known = self.required_parameters.get(number, np.empty(0))
+                self.required_parameters[number] = np.concatenate([known, parameters])
+                found = True
+        return found
+
+    def assemble_pieces(self) -> AssembledPieces:
+        """Make pieces of all faces."""
+        drafts = [draft for face in self.faces for draft in self.laid[face.patch.index].drafts]
+        self.assembled = assemble_pieces(drafts, self.options.layout, self.assembled)
+        return self.assembled
+
+    def redivide_faulty(self, assembled: AssembledPieces, edges: SampledEdges) -> bool:
+        """Divide faces anew whose pieces overlap themselves or miss its area; return whether there were any.
+
+        Strips whose pieces overlap are cut across. If they do so only because their borders are bent, or miss the area
+        of the face, it is divided with a finer tolerance.
         """
-        overlapping = find_self_overlapping(drafts, result.pieces.pieces)
-        pieces: dict[int, list[tuple[PieceDraft, Piece]]] = defaultdict(list)
-        for draft, piece in zip(drafts, result.pieces.pieces, strict=True):
-            pieces[draft.face.patch.index].append((draft, piece))
+        overlaps = self._find_self_overlaps(assembled)
+        pieces: dict[int, list[Piece]] = defaultdict(list)
+        for draft, piece in zip(assembled.drafts, assembled.pieces, strict=True):
+            pieces[draft.face.patch.index].append(piece)
         found = False
         for face in tuple(self.faces):
-            own = [(draft, only_bent) for draft, only_bent in overlapping if draft.face is face]
-            cuts = [(draft.strip_index, sum(draft.rail_extent) / 2) for draft, only_bent in own if not only_bent]
+            own = [(draft, overlap) for draft, overlap in overlaps if draft.face is face]
+            cuts = [(draft.strip_index, sum(draft.rail_extent) / 2) for draft, overlap in own if overlap == "flat"]
             if cuts:
                 self.replace_division(face, partial(cut_strips_across, face, cuts))
             elif own:
                 self.replace_division(face, partial(divide_finer, face, self.options, _SELF_OVERLAP_ERROR))
-            elif (mismatch := find_face_mismatch(face, pieces[face.patch.index], edges)) is not None:
-                error, factor = mismatch
-                factor = ASSEMBLY_TOLERANCES.refinement_margin * factor
-                self.replace_division(face, partial(divide_finer, face, self.options, error, factor))
+            elif (mismatch := find_area_mismatch(face, pieces[face.patch.index], edges)) is not None:
+                self._divide_finer(face, *mismatch)
             else:
                 continue
             found = True
         return found
 
-    def merge_thin_strips(self, drafts: Sequence[PieceDraft], result: UnrollResult) -> bool:
+    def redivide_short(self, edges: SampledEdges) -> bool:
+        """Divide faces finer whose strips are too short for their edges; return whether there were any."""
+        found = False
+        for face in tuple(self.faces):
+            if self.matching.get(face.patch.index) is face:
+                continue
+            mismatch = find_border_mismatch(face, edges)
+            if mismatch is None:
+                self.matching[face.patch.index] = face
+            else:
+                self._divide_finer(face, *mismatch)
+                found = True
+        return found
+
+    def _divide_finer(self, face: DividedPatch, error: GeometryError, mismatch: float) -> None:
+        """Divide a face finer because of an error, given the ratio of a mismatch to the allowed one."""
+        factor = ASSEMBLY_TOLERANCES.refinement_margin * mismatch
+        self.replace_division(face, partial(divide_finer, face, self.options, error, factor))
+
+    def _find_self_overlaps(self, assembled: AssembledPieces) -> list[tuple[PieceDraft, SelfOverlap]]:
+        """Return the drafts of pieces that overlap themselves, and why; of unchanged pieces that is known."""
+        known, self.overlaps = self.overlaps, {}
+        for draft, piece in zip(assembled.drafts, assembled.pieces, strict=True):
+            paths = tuple(run.path for *_, run in piece.runs())
+            earlier = known.get(draft)
+            if earlier is None or earlier[0] != paths:
+                earlier = paths, find_self_overlap(piece)
+            self.overlaps[draft] = earlier
+        return [(draft, overlap) for draft, (_, overlap) in self.overlaps.items() if overlap is not None]
+
+    def merge_thin_strips(self, assembled: AssembledPieces) -> bool:
         """Merge strips whose pieces are too thin with their neighbours; return whether any division changed."""
         least = self.options.least_width
         if least is None:
             return False
         thin: dict[int, set[int]] = defaultdict(set)
         wide: set[int] = set()
-        for draft, record in zip(drafts, result.records, strict=True):
-            if record.width < least:
+        for draft, piece in zip(assembled.drafts, assembled.pieces, strict=True):
+            if measure_mean_width(piece) < least:
                 thin[draft.face.patch.index].add(draft.strip_index)
             else:
                 wide.add(draft.face.patch.index)
@@ -178,173 +290,3 @@ def _make_failure(patch: Patch, error: CqblendError) -> Failure:
 
 def _ignore_progress(part: float, what: str) -> None:
     """Do nothing."""
-
-
-def _assemble_pieces(shell: PatchShell, drafts: Sequence[PieceDraft], state: _UnrollState) -> UnrollResult:
-    """Bend the runs to the lengths of their seams, and make pieces, seams and records of them."""
-    sides_by_key: dict[RunKey, list[tuple[Place, RunDraft]]] = defaultdict(list)
-    for i, draft in enumerate(drafts):
-        for j, loop in enumerate(draft.loops):
-            for k, (key, run) in enumerate(_list_keyed_runs(loop)):
-                sides_by_key[key].append((Place(i, j, k), run))
-    seams: list[Seam] = []
-    seam_indices: dict[RunKey | None, int] = {}
-    final: dict[Place, RunDraft] = {}
-    stretch = 0.0
-    for key, sides in sides_by_key.items():
-        places, runs = [place for place, _ in sides], [run for _, run in sides]
-        if state.options.layout == "triangles":
-            runs = [replace(run, lengths=run.chord_lengths) for run in runs]
-        elif isinstance(key, EdgeRunKey):
-            runs, excess = _equalise_lengths(runs)
-            stretch = max(stretch, excess)
-        if len(runs) == 2:
-            seam_indices[key] = len(seams)
-            (first, second), (here, there) = places, runs
-            runs[1] = replace(there, bow_inward=here.kind == there.kind == "end")
-            angle = _measure_fold_angle(shell, key, drafts[first.piece], drafts[second.piece])
-            seams.append(Seam(str(len(seams) + 1), (first, second), here.along_key != there.along_key, angle))
-        final.update(zip(places, runs, strict=True))
-    pieces, records = [], []
-    for i, (draft, name) in enumerate(zip(drafts, _name_pieces(drafts), strict=True)):
-        loops = [
-            [final[Place(i, j, k)] for k in range(len(_list_keyed_runs(loop)))] for j, loop in enumerate(draft.loops)
-        ]
-        piece = Piece(name, tuple(tuple(_make_run(run, seam_indices.get(run.key)) for run in loop) for loop in loops))
-        pieces.append(piece)
-        border_error = max((float(run.measure_arc_error().max()) for loop in loops for run in loop), default=0.0)
-        records.append(_make_record(draft, piece, border_error))
-    faces = {draft.face.patch.index: draft.face for draft in drafts}.values()
-    return UnrollResult(
-        pieces=Pieces(tuple(pieces), tuple(seams)),
-        records=tuple(records),
-        sources=tuple(_make_source(draft) for draft in drafts),
-        failures=tuple(state.failures),
-        stretch=stretch,
-        strips=sum(max(len(face.strips), 1) for face in faces),
-        elber=sum(face.elber_count for face in faces),
-        ideal=sum(face.ideal_count for face in faces),
-        areas=tuple(_compare_areas(face, drafts, pieces) for face in faces),
-        detours=tuple(_describe_detour(face) for face in faces if face.failures),
-    )
-
-
-def _name_pieces(drafts: Sequence[PieceDraft]) -> list[str]:
-    """Return the number of its face for each piece; with its ordinal among the pieces of that face, if it has more."""
-    numbers = [draft.face.patch.index for draft in drafts]
-    counts = Counter(numbers)
-    ordinals: Counter[int] = Counter()
-    names = []
-    for number in numbers:
-        ordinals[number] += 1
-        names.append(f"{number}.{ordinals[number]}" if counts[number] > 1 else str(number))
-    return names
-
-
-def _compare_areas(face: DividedPatch, drafts: Sequence[PieceDraft], pieces: Sequence[Piece]) -> Areas:
-    """Return the area of a face and of its pieces."""
-    own = sum(piece.area for draft, piece in zip(drafts, pieces, strict=True) if draft.face is face)
-    return Areas(face.patch.faces, face.patch.area, own)
-
-
-def _describe_detour(face: DividedPatch) -> str:
-    """Return a text on the strategy by which a face was divided, and on those that failed before."""
-    reasons = "; ".join(f"not {strategy}: {error}" for strategy, error in face.failures)
-    return f"face {face.patch.index}: {face.strategy}, {reasons}"
-
-
-def _make_run(draft: RunDraft, seam: int | None) -> Run:
-    """Return a run of a piece with the index of its seam; an end of a strip becomes one arc."""
-    final = draft.drop_inner_vertices() if draft.kind == "end" else draft
-    return Run(final.to_path(), final.points_3d, final.kind, seam)
-
-
-def _list_keyed_runs(loop: Sequence[RunDraft]) -> list[tuple[RunKey, RunDraft]]:
-    """Return the runs of a loop with their keys, without poles: these have no key, and no length in space."""
-    return [(draft.key, draft) for draft in loop if draft.key is not None]
-
-
-def _clamp_lengths(draft: RunDraft) -> Array:
-    """Return the wanted lengths (n,) of the segments of a run, not much longer than their chords.
-
-    Else their arcs would bulge far beyond the piece.
-    """
-    return np.clip(draft.lengths, draft.chord_lengths, ASSEMBLY_TOLERANCES.most_bow * draft.chord_lengths)
-
-
-def _equalise_lengths(drafts: Sequence[RunDraft]) -> tuple[list[RunDraft], float]:
-    """Give a run along an edge one length on all sides: that of the edge, or of the longest chords.
-
-    Returns the runs, and their excess in length over the edge, relative to it. A segment gets the length of its part of
-    the edge, where that is not much longer than its chord, as it is next to a pole, where a strip is much shorter than
-    the face. The length that is missing then is shared by all segments.
-    """
-    clamped = [_clamp_lengths(draft) for draft in drafts]
-    edge = float(drafts[0].lengths.sum())
-    total = max(edge, *(float(lengths.sum()) for lengths in clamped))
-    runs = []
-    for draft, lengths in zip(drafts, clamped, strict=True):
-        sum_of_lengths = float(lengths.sum())
-        scaled = lengths * (total / sum_of_lengths) if sum_of_lengths > 0 else lengths
-        runs.append(replace(draft, lengths=scaled))
-    return runs, total / edge - 1 if edge > 0 else 0.0
-
-
-def _measure_fold_angle(shell: PatchShell, key: RunKey, first: PieceDraft, second: PieceDraft) -> float:
-    """Return the angle (rad) by which the outer normal turns across the middle of a seam, positive if convex."""
-    if isinstance(key, EdgeRunKey):
-        return shell.edges[key.edge].angle
-    if first.strip_index == second.strip_index:
-        return 0.0
-    lower, upper = sorted((first, second), key=lambda draft: draft.strip_index)
-    t = (key.start + key.stop) / 2
-    below, above = lower.face.strips[lower.strip_index].rails, upper.face.strips[upper.strip_index].rails
-    tangent = above[0](t, 1)
-    down, up = below[1](t) - below[0](t), above[1](t) - above[0](t)
-    sign = 1.0 if lower.face.upward else -1.0
-    normals = [sign * np.cross(tangent, ruling) for ruling in (down, up)]
-    before, after = (n / max(float(np.linalg.norm(n)), 1e-300) for n in normals)
-    angle = float(np.arctan2(np.linalg.norm(np.cross(before, after)), before @ after))
-    return angle if (after - before) @ up > 0 else -angle
-
-
-def _make_record(draft: PieceDraft, piece: Piece, border_error: float) -> Record:
-    """Return the quality record of a piece; the error of its bent borders is given, mm."""
-    faces, strip = draft.face.patch.faces, draft.unrolled_strip
-    width = 2 * piece.area / max(sum(path.length for path in piece.outlines), np.finfo(float).tiny)
-    if strip is None:
-        return Record(
-            name=piece.name,
-            faces=faces,
-            kind="plane",
-            bound=draft.face.patch.plane_deviation,
-            proven=True,
-            error=border_error,
-            twist=0.0,
-            ruling=0.0,
-            strain=0.0,
-            area=piece.area,
-            flat_area=piece.area,
-            width=width,
-        )
-    flat = strip.flat
-    return Record(
-        name=piece.name,
-        faces=faces,
-        kind=flat.kind,
-        bound=strip.bound,
-        proven=strip.proven,
-        error=max(flat.error, border_error),
-        twist=flat.normal_turn,
-        ruling=flat.ruling_error,
-        strain=flat.strain,
-        area=flat.area_space,
-        flat_area=flat.area_flat,
-        width=width,
-    )
-
-
-def _make_source(draft: PieceDraft) -> PieceSource:
-    """Return where a piece comes from in space."""
-    loops = tuple(tuple(run.to_trim_curve() for run in loop) for loop in draft.loops)
-    return PieceSource(draft.face.patch, draft.unrolled_strip, draft.face.upward, loops)

@@ -17,9 +17,10 @@ from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
-from cqblend.brep.shell_editing.face_edits import CapStations
+from cqblend.brep.shell_editing.strip_placement import CapStations
 from cqblend.certificate import EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
+from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 SMALLER_SIZE_HINT = "A smaller size may help"
@@ -101,7 +102,7 @@ class EndAttempts:
         return self._errors[0]
 
 
-def plan_ends(joint: Joint, solve: ContactSolver, methods: tuple[EndMethod, EndMethod]) -> EndPlan:
+def plan_ends(context: StripContext, methods: tuple[EndMethod, EndMethod]) -> EndPlan:
     """Return where an open blend ends, by the given methods, and how far its rails reach.
 
     They reach the planes of the faces at their ends, or of the caps, and a little more.
@@ -111,6 +112,7 @@ def plan_ends(joint: Joint, solve: ContactSolver, methods: tuple[EndMethod, EndM
     BlendEndError
         One of the ends cannot be built by its method.
     """
+    joint, solve = context.joint, context.solve
     length = joint.spine.length
     reach = float(solve(np.array([0.5])).cross_lengths.max())
     caps: list[float | None] = []

@@ -10,6 +10,7 @@ from cqblend.blend_options import BlendRequest
 from cqblend.errors import CqblendError
 from cqblend.solid_blends import size_feasibility
 from cqblend.solid_blends.blend_pipeline import blend_shape, make_cheap_trial
+from cqblend.solid_blends.section_methods import choose_section_method
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 if TYPE_CHECKING:
@@ -27,19 +28,20 @@ def find_largest_size(
         As :func:`cqblend.solid_blends.blend_pipeline.blend_shape`, where none succeeds.
     """
     is_promising, extent = make_cheap_trial(shape, edges, request)
+    method = choose_section_method(request)
     refusals: list[tuple[float, CqblendError]] = []
 
     def is_working_factor(factor: float) -> bool:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                blend_shape(shape, edges, request.with_scaled_lengths(factor), hints=False)
+                blend_shape(shape, edges, method.scale(factor).request, hints=False)
         except CqblendError as error:
             refusals.append((factor, error))
             return False
         return True
 
-    size = max(request.lengths)
+    size = method.size
     largest = size_feasibility.find_working_limit(is_working_factor, is_promising, extent / size, tolerance)
     fallback = SOLID_BLEND_TOLERANCES.fallback_size * extent / size
     if not largest and not refusals and is_working_factor(fallback):

@@ -7,50 +7,26 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.blend_options import BlendRequest
-from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
-from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
+from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SIZE_SEARCH, SOLID_BLEND_TOLERANCES
-from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
 
-ContactSolverFactory = Callable[[Joint, BlendRequest], ContactSolver]
-"""Returns the contact solver of a joint for a request."""
 
-
-def _space_stations(joint: Joint) -> Array:
-    """Return the t at which contacts are checked: all around a closed edge, inside an open one."""
-    count = SOLID_BLEND_TOLERANCES.check_stations
-    numbers = np.arange(count)
-    return numbers / (count - 1) if joint.spine.closed else (numbers + 0.5) / count
-
-
-def _measure_rail_distances(joint: Joint, contacts: Contacts) -> Array:
-    """Return how far the contacts on both sides are from the edge, (2, n), mm."""
-    points = [primary.jet(uv)[0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
-
-
-def measure_reach(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> float:
-    """Return the largest distance (mm) of the rails from the edge."""
-    return float(_measure_rail_distances(joint, make_solver(joint, request)(_space_stations(joint))).max())
-
-
-def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> None:
+def check_size(context: StripContext) -> None:
     """Raise SizeError if contacts turn back, leave their faces, or are too near to the edge.
 
     The edge's curve runs up to its tolerance beside the surfaces' true intersection, from which contacts are solved: a
     rail that is nearer than that cannot be told from it, however obtuse the angle between the faces. New edges may have
     twice that tolerance, so that the least size is three times it.
     """
-    size, least = max(request.lengths), min(request.lengths)
+    joint, size, least = context.joint, context.method.size, min(context.method.lengths)
     if size > joint.extent:
         raise SizeError(
             f"size {size:g} is larger than the whole solid, {joint.extent:.4g}", kind="too large", value=size
         )
-    contacts = make_solver(joint, request)(_space_stations(joint))
+    contacts = context.checked_contacts
     for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
         ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
@@ -72,7 +48,7 @@ def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFa
             place=float(contacts.t[index]),
             value=size,
         )
-    nearest = float(_measure_rail_distances(joint, contacts).min())
+    nearest = float(context.rail_distances.min())
     short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
     if short > 1:
         raise SizeError(
@@ -84,25 +60,21 @@ def check_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFa
         )
 
 
-def is_possible_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> bool:
-    """Whether :func:`check_size` lets a request pass."""
+def is_possible_size(context: StripContext) -> bool:
+    """Whether :func:`check_size` lets a blend pass."""
     try:
-        check_size(joint, request, make_solver)
+        check_size(context)
     except CqblendError:
         return False
     return True
 
 
-def suggest_size(joint: Joint, request: BlendRequest, make_solver: ContactSolverFactory) -> str:
+def suggest_size(context: StripContext) -> str:
     """Return advice which size may fit instead, as far as contacts tell, and how to find out."""
-    advice = "cqblend.max_size finds what does" if request.relation is None else "try less"
-    size = max(request.lengths)
-    if size <= joint.extent and is_possible_size(joint, request, make_solver):
+    advice, size, extent = context.method.size_advice, context.method.size, context.joint.extent
+    if size <= extent and is_possible_size(context):
         return f"; less than {size:g} may fit: {advice}"
-    largest = size * _bisect_largest(
-        lambda factor: is_possible_size(joint, request.with_scaled_lengths(factor), make_solver),
-        min(1.0, joint.extent / size),
-    )
+    largest = size * _bisect_largest(lambda factor: is_possible_size(context.scale(factor)), min(1.0, extent / size))
     return f"; at most about {_round_down(largest):g} fits, as far as the two faces tell: {advice}" if largest else ""
 
 

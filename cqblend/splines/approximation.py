@@ -13,6 +13,7 @@ from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array, differentiate_coefs, evaluate_basis
 from cqblend.splines.curve import Curve
 from cqblend.splines.interpolation import check_parameters, hermite
+from cqblend.splines.spline_space import SplineSpace
 from cqblend.splines.surface import Surface
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
@@ -87,12 +88,10 @@ def approximate_curve(
         values = function(points.ravel()).reshape(len(new_spans), len(SPAN_SAMPLES), -1)
         samples |= zip(map(tuple, new_spans.tolist()), values, strict=True)
         found = np.stack([samples[pair] for pair in ends])  # (spans, samples, dim)
-        splines = _build_quintic_basis(t, _list_multiplicities(multiplicities, kinks_inside, t), closed=closed)
-        nodes, between = np.split(t[:-1, None] + np.diff(t)[:, None] * SPAN_SAMPLES, 2, axis=1)
-        q, r = np.linalg.qr(splines(nodes.ravel()))
-        poles = np.linalg.solve(r, q.T @ found[:, :8].reshape(-1, found.shape[2]))
-        curve = Curve(t, np.einsum("pkn,kd->pdn", splines.coefs, poles), continuity=splines.continuity)
-        errors = np.abs(curve(between.ravel()).reshape(*between.shape, -1) - found[:, 8:]).max(axis=(1, 2))
+        space = SplineSpace.from_knots(5, t, _list_multiplicities(multiplicities, kinks_inside, t), closed=closed)
+        curve = space.fit_values(FIT_PLACES, found[:, : len(FIT_PLACES)])
+        between = np.einsum("pdn,pm->nmd", curve.coefs, evaluate_basis(5, 1 - ERROR_PLACES, ERROR_PLACES))
+        errors = np.abs(between - found[:, len(FIT_PLACES) :]).max(axis=(1, 2))
         bad = errors > tolerance
         if not bad.any():
             return curve
@@ -168,7 +167,8 @@ def approximate_surface(
         splines, backs, between = [], [], []
         for domain, (kinks_inside, multiplicities) in zip(given, kinks, strict=True):
             t = _place_knots(domain, spans, kinks_inside)
-            splines.append(_build_quintic_basis(t, _list_multiplicities(multiplicities, kinks_inside, t), closed=False))
+            multiple = _list_multiplicities(multiplicities, kinks_inside, t)
+            splines.append(SplineSpace.from_knots(5, t, multiple, closed=False).as_curve())
             steps = np.diff(t)[:, None]
             nodes = (t[:-1, None] + steps * FIT_PLACES).ravel()
             backs.append((nodes, np.linalg.pinv(splines[-1](nodes))))
@@ -234,28 +234,6 @@ def _list_multiplicities(multiplicities: Array, kinks: Array, t: Array) -> Array
     result = np.ones(len(t) - 1, dtype=int)
     result[np.searchsorted(t, kinks)] = multiplicities
     return result
-
-
-def _build_quintic_basis(t: Array, multiplicities: Array, *, closed: bool) -> Curve:
-    """Return all quintic B-splines as one curve; periodic ones if closed.
-
-    Parameters
-    ----------
-    t
-        (n + 1,) breaks.
-    multiplicities
-        (n,) of the knots at all breaks but the last. Unless closed, the ends are clamped.
-    closed
-        Whether the knots go on periodically.
-    """
-    knots = t[:-1].repeat(multiplicities)
-    if not closed:
-        knots = np.concatenate([t[:1].repeat(6), knots[1:], t[-1:].repeat(6)])
-        return Curve.from_bspline(5, knots, np.eye(len(knots) - 6))
-    count, first = len(knots), int(multiplicities[0])
-    index = np.arange(first - 6, count + 6)  # the domain starts at the last one of the first knots
-    long = knots[index % count] + (t[-1] - t[0]) * (index // count)
-    return Curve.from_bspline(5, long, np.eye(count)[np.arange(len(long) - 6) % count])
 
 
 PIECE_POINTS = 8

@@ -29,7 +29,7 @@ PowerSeries: TypeAlias = Sequence[Array]
 
 
 @lru_cache(maxsize=512)
-def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
+def tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) -> Array:
     """Tensor of products of binomials C(p1, i1) C(p2, i2) ..; cached, read-only.
 
     `trailing` axes of length one are appended; `exact` gives Python integers in place of float64.
@@ -54,7 +54,7 @@ def _tabulate_binomials(degrees: tuple[int, ...], trailing: int, exact: bool) ->
 def _binomial_weights(coefs: Array, degree_axes: int = 1) -> Array:
     """Binomials that turn `coefs` into coefficients of the scaled basis t^i (1-t)^(p-i), ready to multiply."""
     degrees = tuple(n - 1 for n in coefs.shape[:degree_axes])
-    return _tabulate_binomials(degrees, coefs.ndim - degree_axes, coefs.dtype == object)
+    return tabulate_binomials(degrees, coefs.ndim - degree_axes, coefs.dtype == object)
 
 
 def _convolve_scaled(a: Array, b: Array, degree_axes: int = 1) -> Array:
@@ -64,12 +64,34 @@ def _convolve_scaled(a: Array, b: Array, degree_axes: int = 1) -> Array:
         a, b, small, large = b, a, large, small
     if max(small) == 1:
         return np.asarray(a * b)
-    rest = np.broadcast(a[(0,) * degree_axes], b[(0,) * degree_axes]).shape
-    out = np.zeros((*(m + n - 1 for m, n in zip(small, large, strict=True)), *rest), dtype=np.result_type(a, b))
+    dtype = a.dtype if a.dtype == b.dtype else np.result_type(a, b)
+    rest = a.shape[degree_axes:]
+    if rest != b.shape[degree_axes:]:
+        rest = np.broadcast_shapes(rest, b.shape[degree_axes:])
+    if degree_axes == 1 and len(a) * b.size < _SKEWED_SIZE:
+        skewed = np.zeros((len(a), len(a) + len(b), *rest), dtype=dtype)
+        np.multiply(a[:, None], b, out=skewed[:, : len(b)])
+        return _sum_skewed(skewed)
+    out = np.zeros((*(m + n - 1 for m, n in zip(small, large, strict=True)), *rest), dtype=dtype)
     for index in itertools.product(*map(range, small)):
         window = tuple([slice(i, i + n) for i, n in zip(index, large, strict=True)])
         out[window] += a[index] * b
     return out
+
+
+_SKEWED_SIZE = 8192
+"""Number of products of coefficients up to which one large array of them is faster than one after the other."""
+
+
+def _sum_skewed(products: Array) -> Array:
+    """Sum products of coefficients i and j, (m, m + n, ..) with m columns of zeros last, by i + j, (m + n - 1, ..).
+
+    Read as rows that are shorter by one, each row stands one place further to the right than the last, so that
+    products of one degree stand in one column.
+    """
+    m, rest = len(products), products.shape[2:]
+    width = products.shape[1] - 1
+    return np.asarray(np.add.reduce(products.reshape(-1, *rest)[: m * width].reshape(m, width, *rest)))
 
 
 def multiply_polynomials(a: Array, b: Array, degree_axes: int = 1) -> Array:
@@ -138,10 +160,10 @@ def reduce_degree(coefs: Array, amount: int) -> Array:
 def differentiate_coefs(coefs: Array) -> Array:
     """Differentiate along axis 0 by the local parameter in [0, 1]; a constant gives the constant zero."""
     degree = len(coefs) - 1
-    return degree * np.diff(coefs, axis=0) if degree else np.zeros_like(coefs)
+    return degree * (coefs[1:] - coefs[:-1]) if degree else np.zeros_like(coefs)
 
 
-def restrict_pieces(coefs: Array, x0: Array, x1: Array) -> Array:
+def restrict_pieces(coefs: Array, x0: Array | float, x1: Array | float) -> Array:
     """Coefficients over the part [x0, x1] of each piece, 0 <= x0 < x1 <= 1 (or outside, as polynomial continuation).
 
     Parameters
@@ -149,7 +171,7 @@ def restrict_pieces(coefs: Array, x0: Array, x1: Array) -> Array:
     coefs
         (p+1, .., n).
     x0, x1
-        (n,) local parameters, x0 < 1. Where x0 = 0 and x1 = 1 the piece comes back bit for bit.
+        Local parameters, numbers or (n,), x0 < 1. Where x0 = 0 and x1 = 1 the piece comes back bit for bit.
     """
     out = coefs.copy()
     p = len(out) - 1
@@ -187,16 +209,19 @@ def evaluate_basis(degree: int, s: Array, t: Array) -> Array:
 
     Pass s and t each computed from the ends of its piece, and both ends are met without rounding.
     """
-    out = np.empty((degree + 1, *np.shape(t)), dtype=np.result_type(s, t))
+    powers = tabulate_powers(degree, s, t)
+    out = powers[:, 1] * powers[::-1, 0]
+    return np.asarray(out * _binomial_weights(out) if degree > 1 else out)
+
+
+def tabulate_powers(degree: int, s: Array, t: Array) -> Array:
+    """Powers 0 .. p of s and of t, (p+1, 2, ..)."""
+    out = np.empty((degree + 1, 2, *np.shape(t)), dtype=np.result_type(s, t))
     out[0] = 1
-    for i in range(degree):
-        np.multiply(out[i], t, out=out[i + 1])
-    power = s
-    for i in range(degree - 1, -1, -1):
-        out[i] *= power
-        power = power * s
-    if degree > 1:
-        out *= _binomial_weights(out)
+    if degree:
+        out[1, 0], out[1, 1] = s, t
+    for i in range(1, degree):
+        np.multiply(out[i], out[1], out=out[i + 1])
     return out
 
 
@@ -207,37 +232,57 @@ def contract_with_basis(coefs: Array, values: Array) -> Array:
 
 def _add_scaled(terms: Sequence[Array]) -> Array:
     """Add polynomials of several degrees in the scaled basis."""
-    return np.asarray(reduce_by(add, _elevate_scaled(terms)))
-
-
-def _elevate_scaled(terms: Sequence[Array]) -> list[Array]:
-    """Elevate polynomials in the scaled basis to the largest of their degrees."""
+    if len(terms) == 1:
+        return terms[0]
     size = max(map(len, terms))
-    return [
-        _convolve_scaled(term, _tabulate_binomials((size - len(term),), term.ndim - 1, term.dtype == object))
-        if len(term) < size
-        else term
-        for term in terms
-    ]
+    return np.asarray(
+        reduce_by(
+            add,
+            [
+                _convolve_scaled(term, tabulate_binomials((size - len(term),), term.ndim - 1, term.dtype == object))
+                if len(term) < size
+                else term
+                for term in terms
+            ],
+        )
+    )
 
 
-def _form_basis_products(degree: int, x: PowerSeries, y: PowerSeries) -> list[Array]:
-    """Form C(p, i) x^(p-i) y^i for all i from x, y (m+1, n), by order, in the scaled basis: (p+1, .., n) by order."""
-    pair = [np.concatenate([a[:, None], b[:, None]], axis=1) for a, b in zip(x, y, strict=True)]
-    orders = range(len(pair))
-    powers = [[np.ones_like(pair[0][:1]), *(np.zeros_like(pair[0][:1]) for _ in orders[1:])], pair]
-    while len(powers) <= degree:
-        last = powers[-1]
-        powers.append([_add_scaled([_convolve_scaled(last[k - i], pair[i]) for i in range(k + 1)]) for k in orders])
-    products = []
-    for k in orders:
-        terms = []
-        for i in range(degree + 1):
-            a, b = powers[degree - i], powers[i]
-            parts = [_convolve_scaled(a[k - j][:, 0], b[j][:, 1]) for j in range(k + 1)]
-            terms.append(comb(degree, i) * _add_scaled(parts))
-        products.append(np.array(_elevate_scaled(terms)))
-    return products
+def _multiply_series(a: PowerSeries, b: PowerSeries) -> list[Array]:
+    """Multiply power series of equal length whose coefficients are in the scaled basis, up to that length."""
+    return [_add_scaled([_convolve_scaled(a[k - j], b[j]) for j in range(k + 1)]) for k in range(len(a))]
+
+
+def _form_basis_products(degree: int, pair: PowerSeries) -> list[Array]:
+    """Form C(p, i) x^(p-i) y^i for all i, (.., p+1, n) by order, from x and y, (m+1, 2, n), in the scaled basis.
+
+    The products x^(r-i) y^i of degree r come from those of the degrees r - r // 2 and r // 2.
+    """
+    known: dict[int, PowerSeries] = {1: pair}
+
+    def form_products(r: int) -> PowerSeries:
+        if r not in known:
+            longer, shorter = form_products(r - r // 2), form_products(r // 2)
+            first, second = _split_exponents(r)
+            known[r] = _multiply_series(
+                [part.take(first, axis=1) for part in longer], [part.take(second, axis=1) for part in shorter]
+            )
+        return known[r]
+
+    if degree == 0:
+        return [np.ones_like(pair[0][:1, :1]), *(np.zeros_like(part[:1, :1]) for part in pair[1:])]
+    if degree == 1:
+        return list(pair)
+    binomials = tabulate_binomials((degree,), 1, pair[0].dtype == object)
+    return [binomials * part for part in form_products(degree)]
+
+
+@lru_cache(maxsize=64)
+def _split_exponents(degree: int) -> tuple[Array, Array]:
+    """Exponents 0 .. degree as sums of two, at most degree - degree // 2 and degree // 2."""
+    exponent = np.arange(degree + 1)
+    first = np.minimum(exponent, degree - degree // 2)
+    return first, exponent - first
 
 
 def compose_patch(patch: Array, alpha: Array, beta: Array, gamma: Array, delta: Array) -> Array:
@@ -290,14 +335,16 @@ def compose_series(
     to 48, most of it in calls.
     """
     p, q = patch.shape[0] - 1, patch.shape[1] - 1
-    scaled = [[f * _binomial_weights(f) for f in series] for series in (alpha, beta, gamma, delta)]
-    if p == q and [f.shape for f in alpha] == [f.shape for f in gamma]:  # both directions at once
-        x, y = ([np.concatenate(both, axis=-1) for both in zip(*scaled[i::2], strict=True)] for i in (0, 1))
-        halves = [np.split(basis, 2, axis=-1) for basis in _form_basis_products(p, x, y)]
-        columns, others = [half[0] for half in halves], [half[1] for half in halves]
+    first, second = (
+        [_pair_scaled(x, y) for x, y in zip(*pair, strict=True)] for pair in ((alpha, beta), (gamma, delta))
+    )
+    if p == q and [f.shape for f in first] == [f.shape for f in second]:  # both directions at once
+        n = patch.shape[-1]
+        both = _form_basis_products(p, [np.concatenate(pair, axis=-1) for pair in zip(first, second, strict=True)])
+        columns, others = [basis[..., :n] for basis in both], [basis[..., n:] for basis in both]
     else:
-        columns, others = _form_basis_products(p, *scaled[:2]), _form_basis_products(q, *scaled[2:])
-    rows = [np.einsum("jln,ijdn->ildn", basis, patch) for basis in others]
+        columns, others = _form_basis_products(p, first), _form_basis_products(q, second)
+    rows = [np.einsum("ljn,ijdn->ildn", basis, patch) for basis in others]
     out = []
     for k in range(len(columns)):
         total = _add_scaled([_multiply_and_sum(columns[k - j], rows[j]) for j in range(k + 1)])
@@ -305,20 +352,23 @@ def compose_series(
     return out
 
 
+def _pair_scaled(x: Array, y: Array) -> Array:
+    """Pair two polynomials (m+1, n), of one degree, in the scaled basis: (m+1, 2, n)."""
+    pair = np.empty((len(x), 2, x.shape[-1]), dtype=x.dtype)
+    pair[:, 0], pair[:, 1] = x, y
+    return pair * _binomial_weights(pair) if len(x) > 2 else pair
+
+
 def _multiply_and_sum(columns: Array, rows: Array) -> Array:
-    """Multiply (p+1, m, n) by (p+1, k, dim, n), both in the scaled basis, and sum over p."""
-    m, k = columns.shape[1], rows.shape[1]
-    # all products of coefficients, skewed so that those of one degree stand in one column
-    rest = rows.shape[2:]
-    skewed = np.zeros((m, m + k, *rest), dtype=rows.dtype)
-    np.einsum("imn,ildn->mldn", columns, rows, out=skewed[:, :k])
-    return np.asarray(skewed.reshape(-1, *rest)[: m * (m + k - 1)].reshape(m, m + k - 1, *rest).sum(axis=0))
+    """Multiply (m, p+1, n) by (p+1, k, dim, n), both in the scaled basis, and sum over p."""
+    m, k = len(columns), rows.shape[1]
+    skewed = np.zeros((m, m + k, *rows.shape[2:]), dtype=rows.dtype)
+    np.einsum("min,ildn->mldn", columns, rows, out=skewed[:, :k])
+    return _sum_skewed(skewed)
 
 
 def compose_curve(coefs: Array, alpha: Array, beta: Array) -> Array:
     """Compose polynomials (p+1, dim, n) with barycentric functions (m+1, n); see :func:`compose_patch`."""
-    products = _form_basis_products(
-        len(coefs) - 1, [alpha * _binomial_weights(alpha)], [beta * _binomial_weights(beta)]
-    )[0]
-    out = np.einsum("imn,idn->mdn", products, coefs)
+    (products,) = _form_basis_products(len(coefs) - 1, [_pair_scaled(alpha, beta)])
+    out = np.einsum("min,idn->mdn", products, coefs)
     return np.asarray(out / _binomial_weights(out))

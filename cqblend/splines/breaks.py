@@ -78,8 +78,9 @@ def cut_at_breaks(curve: Curve, breaks: Array) -> Curve:
         apart = np.zeros(len(breaks), bool)
         np.logical_or.at(apart, to[1:-1], moved)
         _close_gaps(coefs, apart[to[kept[1:]]])
-        curve = Curve(np.append(start, end[-1]), coefs, continuity=least[to[kept[1:]]])
-    return curve.cut(breaks[1:-1])
+        own = np.append(start, end[-1])
+        curve = Curve._from_pieces((own,), coefs, curve.rational, (least[to[kept[1:]]],))
+    return curve._subdivide_at(0, breaks)
 
 
 def _close_gaps(coefs: Array, moved: Array) -> None:

@@ -7,6 +7,7 @@ arithmetic of coefficients only.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cqblend.splines.bernstein import EPSILON, Array, restrict_pieces
 
@@ -92,3 +93,39 @@ def find_value_below(f: Array, floor: float) -> tuple[int, float] | None:
         piece, start = np.tile(piece[unsettled], 2), np.concatenate([start[unsettled], start[unsettled] + width])
         slack += rounding
     return None
+
+
+def has_value_below(f: Array, floor: float, group: NDArray[np.intp], count: int) -> NDArray[np.bool_]:
+    """Tell groups of polynomials of which one has a value below a floor from those of which none has.
+
+    Parameters
+    ----------
+    f
+        (p+1, n) Bernstein coefficients.
+    floor
+        Values within rounding of the floor do not count as below it.
+    group
+        (n,) index of the group that each belongs to.
+    count
+        Number of groups.
+
+    Returns
+    -------
+    Array
+        (count,) booleans.
+
+    Examples
+    --------
+    >>> f = np.array([[1.0, 1.0], [-0.5, -2.0], [1.0, 1.0]])  # at least 0.25, and -0.5 in the middle
+    >>> has_value_below(f, 0.0, np.array([0, 1]), 2)
+    array([False,  True])
+    """
+    slack = rounding = _bound_halving_error(f) if f.size else 0.0
+    found = np.zeros(count, dtype=bool)
+    while f.size:
+        below = f < floor - slack
+        found[group[below[[0, -1]].any(axis=0)]] = True
+        unsettled = below.any(axis=0) & ~found[group]
+        f, group = _halve_pieces(f[:, unsettled]), np.tile(group[unsettled], 2)
+        slack += rounding
+    return found

@@ -14,7 +14,15 @@ from cqblend.argument_checks import check_integer, check_interval, to_finite_arr
 from cqblend.errors import InputError, shown
 from cqblend.splines import bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.splines.evaluation import BLOCK_SIZE, BreakSide, check_break_side, dehomogenise_derivatives, locate_pieces
+from cqblend.splines.evaluation import (
+    BLOCK_SIZE,
+    BreakSide,
+    check_break_side,
+    contract_differences,
+    dehomogenise_derivatives,
+    locate_pieces,
+    tabulate_derivative_basis,
+)
 from cqblend.splines.knot_line_cuts import cut_at_knot_lines, to_barycentric
 from cqblend.splines.knots import (
     SMOOTH,
@@ -22,6 +30,7 @@ from cqblend.splines.knots import (
     check_knot_vector,
     extract_pieces,
     is_clamped,
+    to_euclidean,
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import match_degrees
@@ -135,7 +144,7 @@ class Curve(Spline):
             degree, knots, poles, weights = self._source
             return degree, knots.copy(), poles.copy(), None if weights is None else weights.copy()
         knots, homogeneous = assemble_bspline(self._breaks[0], self._coefs, self._continuity[0])
-        return (self.degree, knots, *self._dehomogenise_poles(homogeneous))
+        return (self.degree, knots, *(to_euclidean(homogeneous) if self._rational else (homogeneous, None)))
 
     @property
     def degree(self) -> int:
@@ -166,20 +175,9 @@ class Curve(Spline):
                 self._evaluate_derivatives(t[i : i + BLOCK_SIZE], orders, side) for i in range(0, len(t), BLOCK_SIZE)
             ]
             return np.concatenate(parts, axis=-1)
-        piece, s, x, length = locate_pieces(self.breaks, t, side)
-        gathered = self._coefs.take(piece, axis=-1)
-        out = np.zeros((len(orders), self._coefs.shape[1], len(t)))
-        taken = 0
-        for row, order in enumerate(orders):
-            if order > self.degree:
-                break
-            for _ in range(order - taken):
-                gathered = bernstein.differentiate_coefs(gathered)
-            taken = order
-            out[row] = bernstein.contract_with_basis(gathered, bernstein.evaluate_basis(len(gathered) - 1, s, x))
-            if order:
-                out[row] /= length**order
-        return out
+        piece, s, x, length = locate_pieces(self._breaks[0], t, side)
+        factors = tabulate_derivative_basis(self.degree, orders, s, x, length)
+        return contract_differences(self._coefs.take(piece, axis=-1), orders, factors)
 
     def __call__(self, t: ArrayLike, k: int = 0, *, side: BreakSide = "right") -> Array:
         """Values of the k-th derivative, shape (.., dim).
@@ -192,11 +190,10 @@ class Curve(Spline):
             check_integer("the order k", k, 0, SPLINE_LIMITS.derivative),
             check_break_side(side),
         )
+        values = self._evaluate_derivatives(t.ravel(), range(k + 1) if self._rational else (k,), side)
         if self._rational:
-            values = self.jet(t, k, side=side)[k]
-            return np.asarray(values)
-        values = self._evaluate_derivatives(t.ravel(), [k], side)[0]
-        return np.asarray(np.moveaxis(values, 0, -1).reshape(*t.shape, self.dim))
+            values = dehomogenise_derivatives(values[:, None])[:, 0]
+        return np.asarray(values[-1].T.reshape(*t.shape, self.dim))
 
     def jet(self, t: ArrayLike, order: int, *, side: BreakSide = "right") -> Array:
         """Evaluate the derivatives of orders 0 .. order, shape (order + 1, .., dim)."""
@@ -208,7 +205,7 @@ class Curve(Spline):
         jets = self._evaluate_derivatives(t.ravel(), range(order + 1), side)
         if self._rational:
             jets = dehomogenise_derivatives(jets[:, None])[:, 0]
-        return np.moveaxis(jets, 1, -1).reshape(order + 1, *t.shape, self.dim)
+        return jets.transpose(0, 2, 1).reshape(order + 1, *t.shape, self.dim)
 
     # -- algebra of one parameter
 
@@ -294,7 +291,7 @@ class Curve(Spline):
         if parameter.dim != 1:
             raise InputError(f"the parameter of a curve has dim 1, not {parameter.dim}")
         cut, index, continuity = cut_at_knot_lines(parameter, self._breaks, self._continuity)
-        alpha, beta = to_barycentric(cut, 0, self.breaks, index[0])
+        alpha, beta = to_barycentric(cut, self._breaks, index)
         rational = self._rational or parameter._rational
         frame = self._to_rational() if rational else self
         coefs = bernstein.compose_curve(frame._coefs[..., index[0]], alpha, beta)

@@ -1,11 +1,12 @@
 """Curves through given values or derivatives: smooth spline interpolants and local Hermite interpolants.
 
-Both are piecewise Hermite forms: a small linear system for the unknown derivatives, then Bernstein coefficients.
+Both are piecewise Hermite forms: a linear system for the unknown derivatives, then Bernstein coefficients.
 Depends on curves only.
 """
 
 from functools import lru_cache
 from math import comb, factorial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,9 +48,16 @@ def _tabulate_end_derivatives(k: int) -> Array:
 def check_parameters(t: ArrayLike) -> Array:
     """Return the parameters of data as an array: at least two, finite, strictly increasing."""
     breaks = np.array(t, dtype=np.float64)
-    if breaks.ndim != 1 or len(breaks) < 2 or not np.isfinite(breaks).all() or (np.diff(breaks) <= 0).any():
+    if breaks.ndim != 1 or len(breaks) < 2 or not np.isfinite(breaks).all() or (breaks[1:] <= breaks[:-1]).any():
         raise InputError("interpolation needs at least two finite, strictly increasing parameters")
     return breaks
+
+
+def _pair_ends(jets: Array) -> Array:
+    """Return derivatives at the start and at the end of each piece, (k+1, n, 2, dim), from those at the breaks."""
+    out = np.empty((len(jets), jets.shape[1] - 1, 2, jets.shape[2]))
+    out[:, :, 0], out[:, :, 1] = jets[:, :-1], jets[:, 1:]
+    return out
 
 
 def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
@@ -78,19 +86,38 @@ def hermite(t: ArrayLike, jets: ArrayLike) -> Curve:
     data = np.array(jets, dtype=np.float64)
     n = len(breaks) - 1
     if data.ndim == 3 and data.shape[1] == n + 1:
-        data = np.stack([data[:, :-1], data[:, 1:]], axis=2)
+        data = _pair_ends(data)
     if data.ndim != 4 or data.shape[1:3] != (n, 2) or not len(data) or not data.shape[3]:
         raise InputError(
             f"jets of shape {data.shape} for {n + 1} parameters, expected (k+1, {n + 1}, dim) or (k+1, {n}, 2, dim)"
         )
     if not np.isfinite(data).all():
         raise InputError("a value or derivative to interpolate is not finite")
-    k = len(data) - 1
-    scaled = data * (np.diff(breaks) ** np.arange(k + 1)[:, None])[:, :, None, None]
-    coefs = np.einsum("ier,rned->idn", tabulate_hermite_basis(k), scaled)
-    agree = (data[:, :-1, 1] == data[:, 1:, 0]).all(axis=-1)
-    order = np.cumprod(agree, axis=0).sum(axis=0) - 1
-    return Curve(breaks, coefs, continuity=order)
+    agree = np.logical_and.reduce(data[:, :-1, 1] == data[:, 1:, 0], axis=-1)
+    order = np.add.reduce(np.logical_and.accumulate(agree), dtype=int) - 1
+    return Curve._from_pieces((breaks,), _form_hermite_coefs(breaks, data), False, (order,))
+
+
+def _form_hermite_coefs(breaks: Array, jets: Array) -> Array:
+    """Bernstein coefficients (2k+2, dim, n) from derivatives 0..k at the start and the end of each piece.
+
+    Parameters
+    ----------
+    breaks
+        (n + 1,).
+    jets
+        (k+1, n, 2, dim).
+    """
+    length = breaks[1:] - breaks[:-1]
+    factors = np.empty((len(jets), len(length)))
+    factors[0] = 1.0
+    for r in range(1, len(jets)):
+        np.multiply(factors[r - 1], length, out=factors[r])
+    k, n, _, dim = jets.shape
+    scaled = np.empty((2, k, n, dim))
+    np.multiply(jets.transpose(2, 0, 1, 3), factors[..., None], out=scaled)
+    table = tabulate_hermite_basis(k - 1).reshape(2 * k, 2 * k)
+    return (table @ scaled.reshape(2 * k, n * dim)).reshape(2 * k, n, dim).transpose(0, 2, 1)
 
 
 def interpolate(
@@ -159,39 +186,140 @@ def interpolate(
             raise InputError(f"{len(given)} derivatives at the ends: degree {degree} takes {k}, and periodic ends none")
         if given is None and not periodic and n < degree:
             raise InputError(f"{n + 1} points are too few for not-a-knot ends of degree {degree}: give {degree + 1}")
-        jets[1:] = _solve_break_derivatives(np.diff(breaks), data, k, periodic, sign, given)
-    curve = hermite(breaks, jets)
-    return curve._from_pieces(curve._breaks, curve._coefs, False, (np.full(n - 1, 2 * k),))
+        lengths = breaks[1:] - breaks[:-1]
+        if k == 1:
+            jets[1] = _solve_slopes(lengths, data, sign if periodic else None, None if given is None else given[0])
+        else:
+            jets[1:] = _solve_break_derivatives(lengths, data, k, periodic, sign, given)
+    coefs = _form_hermite_coefs(breaks, _pair_ends(jets))
+    return Curve._from_pieces((breaks,), coefs, False, (np.full(n - 1, 2 * k),))
 
 
-def _solve_tridiagonal(matrix: Array, right: Array) -> Array:
-    """Solve a tridiagonal system whose first and last rows may reach one column further, by parallel cyclic reduction.
+class OneSidedData(NamedTuple):
+    """Values and slopes (n + 1, dim) of a function at its breaks: limits from the left, and from the right."""
 
-    log2(n) sweeps over whole columns, each of which doubles the distance between coupled rows. A dense solver takes
-    longer, and many times longer where its threads compete for the processor.
+    values_before: Array
+    values_after: Array
+    slopes_before: Array
+    slopes_after: Array
+
+
+def interpolate_between_corners(t: Array, data: OneSidedData, is_corner: Array, continuity: Array) -> Curve:
+    """Cubic spline through values at its breaks, C2 but at corners, where slopes are given on both sides.
+
+    All stretches between corners are solved for at once.
+
+    Parameters
+    ----------
+    t
+        (n + 1,) strictly increasing.
+    data
+        Slopes count at corners only; elsewhere both values must be the same.
+    is_corner
+        (n + 1,), True at both ends.
+    continuity
+        (n - 1,) known at the inner breaks.
     """
-    matrix, right = matrix.copy(), right.copy()
-    for row, other, column in ((0, 1, 2), (-1, -2, -3)):
-        factor = matrix[row, column] / matrix[other, column]
-        matrix[row] -= factor * matrix[other]
-        right[row] -= factor * right[other]
-    middle = np.diag(matrix).copy()
-    low, up = np.append(0.0, np.diag(matrix, -1)), np.append(np.diag(matrix, 1), 0.0)
-    step, n = 1, len(middle)
+    lengths = t[1:] - t[:-1]
+    chord = (data.values_before[1:] - data.values_after[:-1]) / lengths[:, None]
+    both = lengths[:-1] + lengths[1:]
+    low, up = lengths[1:] / both, lengths[:-1] / both
+    right = np.zeros_like(data.values_after)
+    right[1:-1] = 3 * (low[:, None] * chord[:-1] + up[:, None] * chord[1:])
+    right[1:-1] -= np.where(is_corner[:-2, None], low[:, None] * data.slopes_after[:-2], 0.0)
+    right[1:-1] -= np.where(is_corner[2:, None], up[:, None] * data.slopes_before[2:], 0.0)
+    right[is_corner] = 0.0
+    diagonals = np.zeros((3, len(t)))
+    diagonals[0, 1:-1] = np.where(is_corner[:-2] | is_corner[1:-1], 0.0, low)
+    diagonals[1] = 2.0
+    diagonals[2, 1:-1] = np.where(is_corner[2:] | is_corner[1:-1], 0.0, up)
+    slopes = _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
+    jets = np.empty((2, len(lengths), 2, right.shape[1]))
+    jets[0, :, 0], jets[0, :, 1] = data.values_after[:-1], data.values_before[1:]
+    jets[1, :, 0] = np.where(is_corner[:-1, None], data.slopes_after[:-1], slopes[:-1])
+    jets[1, :, 1] = np.where(is_corner[1:, None], data.slopes_before[1:], slopes[1:])
+    return Curve._from_pieces((t,), _form_hermite_coefs(t, jets), False, (continuity,))
 
-    def shift_back(x: Array, fill: float = 0.0) -> Array:
-        return np.concatenate([np.full((step, *x.shape[1:]), fill), x[:-step]])
 
-    def shift_ahead(x: Array, fill: float = 0.0) -> Array:
-        return np.concatenate([x[step:], np.full((step, *x.shape[1:]), fill)])
+def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: Array | None) -> Array:
+    """Solve for the slopes at all breaks, (n+1, dim), that make a cubic Hermite form C2.
 
-    while step < n:
-        p, q = -low / shift_back(middle, 1.0), -up / shift_ahead(middle, 1.0)
-        middle = middle + p * shift_back(up) + q * shift_ahead(low)
-        right = right + p[:, None] * shift_back(right) + q[:, None] * shift_ahead(right)
-        low, up = p * shift_back(low), q * shift_ahead(up)
+    Parameters
+    ----------
+    lengths
+        (n,) lengths of the pieces.
+    values
+        (n + 1, dim) at the breaks.
+    sign
+        What a periodic function returns times; None if it is not periodic.
+    end_slopes
+        (2, dim); None for not-a-knot, or periodic.
+    """
+    n, dim = len(lengths), values.shape[1]
+    chord = (values[1:] - values[:-1]) / lengths[:, None]
+    if sign is not None:
+        before, slope = np.append(lengths[-1:], lengths[:-1]), np.concatenate([sign * chord[-1:], chord])
+    else:
+        before, slope = lengths[:-1], chord
+    after = lengths if sign is not None else lengths[1:]
+    both = before + after
+    low, up = after / both, before / both
+    inner = 3 * (low[:, None] * slope[:-1] + up[:, None] * slope[1:])
+    if sign is not None:
+        low[0] *= sign
+        up[-1] *= sign
+        found = _solve_cyclic_tridiagonal(low, np.full(n, 2.0), up, inner)
+        return np.concatenate([found, sign * found[:1]])
+    diagonals = np.zeros((3, n + 1))
+    diagonals[0, 1:-1], diagonals[1, 1:-1], diagonals[2, 1:-1] = low, 2.0, up
+    right = np.empty((n + 1, dim))
+    right[1:-1] = inner
+    if end_slopes is not None:
+        diagonals[1, [0, -1]] = 1.0
+        right[[0, -1]] = end_slopes
+    else:  # one cubic over the first two pieces, and one over the last two
+        diagonals[1, 0], diagonals[2, 0], diagonals[1, -1], diagonals[0, -1] = low[0], 1.0, up[-1], 1.0
+        right[0] = ((2 + up[0]) * low[0]) * chord[0] + up[0] ** 2 * chord[1]
+        right[-1] = low[-1] ** 2 * chord[-2] + ((2 + low[-1]) * up[-1]) * chord[-1]
+    return _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
+
+
+def _solve_cyclic_tridiagonal(low: Array, middle: Array, up: Array, right: Array) -> Array:
+    """Solve n equations low x[i-1] + middle x[i] + up x[i+1] = right, indices modulo n, by parallel cyclic reduction.
+
+    Sweeps over whole columns, each of which doubles the distance between coupled rows and squares their coupling. A
+    dense solver takes longer, and many times longer where its threads compete for the processor.
+
+    Parameters
+    ----------
+    low, middle, up
+        (n,). In all rows but the first and the last, `middle` outweighs the others; if there they are zero outside the
+        matrix, it need not.
+    right
+        (n, dim).
+    """
+    n = len(middle)
+    twice = np.concatenate([np.arange(n)] * 2)
+    rows = np.concatenate([up[None], right.T, low[None]])
+    step = 1
+    while True:
+        shift = step % n
+        back, ahead = twice[n - shift : 2 * n - shift], twice[shift : n + shift]
+        from_back = rows.take(back, axis=1) * (rows[-1] / middle[back])
+        from_ahead = rows.take(ahead, axis=1) * (rows[0] / middle[ahead])
+        middle = middle - from_back[0] - from_ahead[-1]
+        rows[1:-1] -= from_back[1:-1] + from_ahead[1:-1]
+        np.negative(from_ahead[0], out=rows[0])
+        np.negative(from_back[-1], out=rows[-1])
         step *= 2
-    return np.asarray(right / middle[:, None])
+        if step >= min(n, _FEWEST_SWEPT_ROWS):
+            coupling = np.maximum(np.abs(rows[0]), np.abs(rows[-1]))
+            if (coupling <= SPLINE_TOLERANCES.coupling * np.abs(middle)).all():
+                return np.asarray((rows[1:-1] / middle).T)
+
+
+_FEWEST_SWEPT_ROWS = 32
+"""Distance of coupled rows from which on their coupling may be below rounding: 0.27^32 at even spacing."""
 
 
 def _solve_break_derivatives(
@@ -251,6 +379,5 @@ def _solve_break_derivatives(
         outer = np.arange(k)
         add_smoothness_rows(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
         add_smoothness_rows(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
-    narrow = k == 1 and not periodic and n > 3
-    solution = (_solve_tridiagonal if narrow else np.linalg.solve)(matrix, right).reshape(n + 1, k, dim)
+    solution = np.linalg.solve(matrix, right).reshape(n + 1, k, dim)
     return np.asarray(np.swapaxes(solution / (size[:, None] ** powers)[..., None], 0, 1))

@@ -21,54 +21,77 @@ from cqblend.splines.tolerances import SPLINE_TOLERANCES
 SplineT = TypeVar("SplineT", bound=Spline)
 
 
-def _split_coordinates(curve: Spline) -> tuple[Array, Array]:
-    """Numerator (m+1, k, n) and weight (m+1, n) of a curve; the weight of a polynomial one is (1, n), all ones."""
-    numerator, denominator = curve._split_weight()
-    return numerator, np.ones((1, numerator.shape[-1])) if denominator is None else denominator[:, 0]
+class _Coordinates:
+    """The coordinates of a curve, and how the lines lie to them.
 
+    Attributes
+    ----------
+    numerator
+        (m+1, k, n).
+    weight
+        (m+1, n), None of a polynomial curve.
+    rounding
+        (k,) values up to which coordinate - line * weight is zero to rounding.
+    crossable
+        For each coordinate the first of the interior lines that its hull reaches, and one beyond the last.
+    """
 
-def _bound_rounding(coordinate: Array, weight: Array, lines: Array) -> float:
-    """Return the value up to which coordinate - line * weight is zero to rounding."""
-    return float(16 * EPSILON * max(np.abs(coordinate).max(), np.abs(lines).max() * np.abs(weight).max()))
+    __slots__ = ("crossable", "numerator", "rounding", "weight")
+
+    def __init__(self, curve: Spline, lines: Sequence[Array]) -> None:
+        numerator, weight = curve._split_weight()
+        self.numerator, self.weight = numerator, None if weight is None else weight[:, 0]
+        position = numerator if weight is None else numerator / weight
+        low, high = (extreme(position, axis=(0, 2)).tolist() for extreme in (np.minimum.reduce, np.maximum.reduce))
+        if weight is None:
+            size, heaviest = [max(-a, b) for a, b in zip(low, high, strict=True)], 1.0
+        else:
+            size, heaviest = np.abs(numerator).max(axis=(0, 2)).tolist(), float(np.abs(weight).max())
+        self.rounding, self.crossable = [], []
+        for line, a, b, most in zip(lines, low, high, size, strict=True):
+            rounding = 16 * EPSILON * max(most, heaviest * max(abs(line.item(0)), abs(line.item(-1))))
+            self.rounding.append(rounding)
+            inner = 1, len(line) - 1
+            self.crossable.append(
+                (bisect_left(line, a - rounding, *inner) - 1, bisect_left(line, b + rounding, *inner) - 1)
+            )
 
 
 def _find_line_crossings(
-    curve: Spline, lines: Sequence[Array], orders: Sequence[Array], merge: float
+    breaks: Array, coordinates: _Coordinates, lines: Sequence[Array], orders: Sequence[Array], merge: float
 ) -> tuple[Array, Array]:
     """Find the parameters where a coordinate may cross an interior line, and how far each may be moved."""
-    (breaks,) = curve._breaks
-    numerator, weight = _split_coordinates(curve)
-    functions, tolerances, loose = [], [], []
+    numerator, weight = coordinates.numerator, coordinates.weight
+    functions, tolerances, tight = [], [], []
     for k, (line, order) in enumerate(zip(lines, orders, strict=True)):
-        u, inner, tolerance = numerator[:, k], line[1:-1], _bound_rounding(numerator[:, k], weight, line)
-        position = u / weight
-        low, high = np.searchsorted(inner, (position.min() - tolerance, position.max() + tolerance))
-        functions.append(u[:, None, :] - inner[low:high, None] * weight[:, None, :])
-        tolerances += [tolerance] * (high - low)
-        loose.append(order[low:high] >= 1)
-    f = np.concatenate(functions, axis=1)
-    if not f.size:
-        return np.empty(0), np.empty(0)
+        low, high = coordinates.crossable[k]
+        if low < high:
+            u, reached = numerator[:, None, k], line[1 + low : 1 + high, None]
+            functions.append(u - (reached if weight is None else reached * weight[:, None]))
+            tolerances += [coordinates.rounding[k]] * (high - low)
+            tight += (order[low:high] < 1).tolist()
+    f = np.concatenate(functions, axis=1) if len(functions) > 1 else functions[0]
     n = len(breaks) - 1
-    column, x = find_sign_changes(f.reshape(len(f), -1), np.repeat(tolerances, n))
-    line_of, piece = np.divmod(column, n)
-    size = max(abs(breaks[0]), abs(breaks[-1]))
-    length = breaks[-1] - breaks[0]
-    least = 4 * EPSILON * size
-    slack = np.where(
-        np.concatenate(loose)[line_of],
-        np.maximum(merge * length, least),
-        max(SPLINE_TOLERANCES.kink_crossing_merge * length, least),
-    )
-    return breaks[piece] + x * (breaks[piece + 1] - breaks[piece]), slack
+    zero = np.array(tolerances)
+    column, x = find_sign_changes(f.reshape(len(f), -1), zero.repeat(n) if n > 1 else zero)
+    ends = breaks.item(0), breaks.item(-1)
+    length, least = ends[1] - ends[0], 4 * EPSILON * max(abs(ends[0]), abs(ends[1]))
+    slack = np.full(len(x), max(merge * length, least))
+    if any(tight):
+        slack[np.array(tight)[column // n]] = max(SPLINE_TOLERANCES.kink_crossing_merge * length, least)
+    if n == 1:
+        return ends[0] + x * length, slack
+    start = breaks[:-1][column % n]
+    return start + x * (breaks[1:][column % n] - start), slack
 
 
 def _merge_crossings(fixed: Array, candidates: Array, slack: Array) -> Array:
     """Add to the fixed breaks those candidates that are not within their slack of a break already chosen."""
     if not len(candidates):
         return fixed
-    together = np.sort(np.concatenate([fixed, candidates]))
-    if (np.diff(together) > slack.max()).all():
+    together = np.concatenate([fixed, candidates])
+    together.sort()
+    if (together[1:] - together[:-1] > slack.max()).all():
         return together
     chosen = fixed.tolist()
     for candidate, tolerance in sorted(zip(candidates.tolist(), slack.tolist(), strict=True), key=lambda c: c[::-1]):
@@ -78,24 +101,24 @@ def _merge_crossings(fixed: Array, candidates: Array, slack: Array) -> Array:
     return np.array(chosen)
 
 
-def _assign_patches(coordinate: Array, weight: Array, lines: Array) -> Array:
-    """Find the interval between lines that each piece lies in.
+def _assign_patches(mean: Array, weight: Array | None, lines: Array, rounding: float) -> Array:
+    """Find the interval between lines that each piece lies in, from the means of its coefficients.
 
     A piece that runs along a line takes the interval of the piece before it, or else after it, if it is next to the
     line.
     """
+    position = mean if weight is None else mean / weight
     inner = lines[1:-1]
-    mean, mean_weight = coordinate.mean(axis=0), weight.mean(axis=0)
-    index: Array = np.searchsorted(inner, mean / mean_weight, "right")
-    if not len(inner):
-        return index
-    nearest = np.abs(np.subtract.outer(mean / mean_weight, inner)).argmin(axis=1)
-    undecided = np.abs(mean - inner[nearest] * mean_weight) <= _bound_rounding(coordinate, weight, lines)
-    if undecided.any():
-        decided = ~undecided
+    index: Array = inner.searchsorted(position, "right")
+    distance = np.minimum(position - lines[:-1][index], lines[1:][index] - position)
+    near = rounding if weight is None else rounding / np.abs(weight)
+    if len(inner) and (distance <= near).any():
+        nearest = np.abs(np.subtract.outer(position, inner)).argmin(axis=1)
+        undecided = np.abs(position - inner[nearest]) <= near
         for j in np.flatnonzero(undecided):
             beside = (nearest[j], nearest[j] + 1)
-            before, after = index[j - 1] if j else -1, index[j + 1] if j + 1 < len(index) and decided[j + 1] else -1
+            before = index[j - 1] if j else -1
+            after = index[j + 1] if j + 1 < len(index) and not undecided[j + 1] else -1
             index[j] = before if before in beside else after if after in beside else index[j]
     return index
 
@@ -125,36 +148,67 @@ def cut_at_knot_lines(
         break.
     """
     (breaks,) = curve._breaks
-    merged = _merge_crossings(breaks, *_find_line_crossings(curve, lines, orders, merge))
+    coordinates = _Coordinates(curve, lines)
+    if all(low == high for low, high in coordinates.crossable):
+        index = np.array([[low] * (len(breaks) - 1) for low, _ in coordinates.crossable])
+        return curve, index, curve._continuity[0]
+    merged = _merge_crossings(breaks, *_find_line_crossings(breaks, coordinates, lines, orders, merge))
     cut = curve._subdivide_at(0, merged)
-    numerator, weight = _split_coordinates(cut)
-    index = np.array([_assign_patches(numerator[:, k], weight, line) for k, line in enumerate(lines)])
-    changed = (index[:, 1:] != index[:, :-1]).any(axis=0)
-    needed = changed if changed.all() else changed | np.isin(merged[1:-1], breaks)
-    if not needed.all():
-        kept = np.concatenate([[True], needed])
-        cut, index = curve._subdivide_at(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
+    numerator, weight = cut._split_weight()
+    mean = np.add.reduce(numerator) / len(numerator)
+    mean_weight = None if weight is None else np.add.reduce(weight[:, 0]) / len(weight)
+    index = np.empty(mean.shape, dtype=int)
+    for k, line in enumerate(lines):
+        index[k] = _assign_patches(mean[k], mean_weight, line, coordinates.rounding[k])
+    steps = index[:, 1:] - index[:, :-1]
+    changed = np.logical_or.reduce(steps, axis=0)
+    if not changed.all():
+        needed = changed.copy()
+        needed[merged.searchsorted(breaks[1:-1]) - 1] = True
+        if not needed.all():
+            kept = np.concatenate([[True], needed])
+            cut, index = curve._subdivide_at(0, np.append(merged[:-1][kept], merged[-1])), index[:, kept]
+            steps = index[:, 1:] - index[:, :-1]
     continuity = cut._continuity[0].copy()
-    for k, order in enumerate(orders):
-        step = np.diff(index[k])
-        moved = np.flatnonzero(step)
-        lower = np.minimum(index[k, moved], index[k, moved + 1])
-        continuity[moved] = np.minimum(continuity[moved], order[lower])
-        for j in np.flatnonzero(np.abs(step) > 1):  # only where the curve itself jumps
-            low, high = sorted(index[k, j : j + 2])
-            continuity[j] = min(continuity[j], order[low:high].min())
+    for step, row, order in zip(steps, index, orders, strict=True):
+        (moved,) = step.nonzero()
+        continuity[moved] = np.minimum(continuity[moved], order[np.minimum(row[:-1], row[1:])[moved]])
+        if len(moved) and np.maximum.reduce(np.abs(step)) > 1:  # only where the curve itself jumps
+            for j in moved:
+                continuity[j] = min(continuity[j], order[min(row[j : j + 2]) : max(row[j : j + 2])].min())
     return cut, index, continuity
 
 
-def to_barycentric(cut: Spline, coordinate: int, lines: Array, index: Array) -> tuple[Array, Array]:
-    """Barycentric functions (m+1, n) of a coordinate in the interval of lines that each piece of `cut` runs through.
+def to_barycentric(cut: Spline, lines: Sequence[Array], index: Array) -> list[Array]:
+    """Barycentric functions of the coordinates of `cut` in the intervals of lines that its pieces run through.
 
-    A polynomial coordinate that is constant to rounding on every piece comes back with degree 0, which keeps
-    isoparametric curves at the degree they have.
+    Parameters
+    ----------
+    cut, lines, index
+        A curve of k coordinates, lines and indices (k, n) as of :func:`cut_at_knot_lines`.
+
+    Returns
+    -------
+    list of Array
+        Two functions (m+1, n) for each coordinate. Those of a polynomial coordinate that is constant to rounding on
+        every piece have degree 0, which keeps isoparametric curves at the degree they have.
     """
-    numerator, weight = _split_coordinates(cut)
-    u = numerator[:, coordinate]
-    if len(weight) == 1 and np.ptp(u, axis=0).max() <= 16 * EPSILON * np.abs(u).max():
-        u = u.mean(axis=0, keepdims=True)
-    start, end = lines[index], lines[index + 1]
-    return (end * weight - u) / (end - start), (u - start * weight) / (end - start)
+    numerator, weight = cut._split_weight()
+    start, end = np.empty((2, *index.shape))
+    for k, line in enumerate(lines):
+        start[k], end[k] = line[:-1][index[k]], line[1:][index[k]]
+    length = end - start
+    if weight is not None:
+        before, after = (end * weight - numerator) / length, (numerator - start * weight) / length
+        return [function[:, k] for k in range(len(lines)) for function in (before, after)]
+    before, after = (end - numerator) / length, (numerator - start) / length
+    spread = np.maximum.reduce(np.maximum.reduce(numerator) - np.minimum.reduce(numerator), axis=1).tolist()
+    functions = []
+    for k in range(len(lines)):
+        u: Array = numerator[:, k]
+        if spread[k] <= 16 * EPSILON * np.maximum.reduce(np.abs(u[0])):
+            mean = np.add.reduce(u)[None] / len(u)
+            functions += [(end[k] - mean) / length[k], (mean - start[k]) / length[k]]
+        else:
+            functions += [before[:, k], after[:, k]]
+    return functions

@@ -6,10 +6,12 @@ one piece that has to be extrapolated least, and keeps a knot more often than th
 removing it would amplify rounding too much. Poles have any number of trailing axes; the last may be a weight.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from cqblend.argument_checks import check_integer, to_float_array
-from cqblend.errors import InputError
+from cqblend.errors import GeometryError, InputError
 from cqblend.splines.bernstein import Array, evaluate_blossom
 from cqblend.splines.tolerances import SPLINE_LIMITS, SPLINE_TOLERANCES
 
@@ -36,16 +38,18 @@ def check_knot_vector(degree: object, knots: Array, count: int) -> int:
         raise InputError(f"{count} poles are too few for degree {degree}: give at least {degree + 1}")
     if not np.isfinite(knots).all():
         raise InputError("a knot is not a finite number")
-    if (np.diff(knots) < 0).any():
-        i = int(np.argmax(np.diff(knots) < 0))
+    falls = knots[1:] < knots[:-1]
+    if falls.any():
+        i = int(np.argmax(falls))
         raise InputError(f"knots must not decrease: knot {i + 1} is {knots[i + 1]}, after {knots[i]}")
     if not knots[degree] < knots[count]:
         raise InputError(f"the domain from knot {degree} to knot {count} is empty, at {knots[degree]}")
-    inside = knots[(knots > knots[degree]) & (knots < knots[count])]
-    values, repeats = np.unique(inside, return_counts=True)
-    if (repeats > degree + 1).any():
-        i = int(np.argmax(repeats))
-        raise InputError(f"knot {values[i]} is repeated {repeats[i]} times, more than degree + 1 = {degree + 1}")
+    first = knots[: -degree - 1]
+    repeated = first[(first == knots[degree + 1 :]) & (first > knots[degree]) & (first < knots[count])]
+    if len(repeated):
+        value = float(repeated[0])
+        times = int((knots == value).sum())
+        raise InputError(f"knot {value} is repeated {times} times, more than degree + 1 = {degree + 1}")
     return degree
 
 
@@ -79,52 +83,107 @@ def extract_pieces(degree: int, knots: Array, poles: Array) -> tuple[Array, Arra
     array([0])
     """
     p = degree
-    spans = p + np.flatnonzero(knots[p : -p - 1] < knots[p + 1 : len(knots) - p])
+    spans = (knots[p : -p - 1] < knots[p + 1 : len(knots) - p]).nonzero()[0] + p
+    around = knots[spans + _list_offsets(1 - p, 2 * p)] if p else knots[:0, None]  # (2p, m): p knots on both sides
     a, b = knots[spans], knots[spans + 1]
-    d = np.moveaxis(poles[spans - p + np.arange(p + 1)[:, None]], 1, -1)  # (p+1, .., m)
+    d = poles[spans + _list_offsets(-p, p + 1)]  # (p+1, m, ..)
+    d = np.ascontiguousarray(d.transpose(0, *range(2, d.ndim), 1))
+    breaks = np.concatenate([a, b[-1:]])
+    if len(spans) == 1 and is_clamped(p, knots):
+        return breaks, d, np.empty(0, dtype=int)
     e = np.empty_like(d)
+    wide = (slice(None), *(None,) * (d.ndim - 2))
+    after = a - around[:p]
     for r in range(p):
         e[r] = d[-1]
-        i = np.arange(p - r)[:, None]
-        left, right = knots[spans - p + r + 1 + i], knots[spans + 1 + i]
-        x = _insert_axes((a - left) / (right - left), d.ndim)
+        x = (after[r:] / (around[p : 2 * p - r] - around[r:p]))[wide]
         d = (1 - x) * d[:-1] + x * d[1:]
     e[p] = d[0]
+    length, beyond = b - a, around[p + 1 :] - a
     for s in range(1, p):
-        i = np.arange(p - s)[:, None]
-        outer = knots[spans + p - i - s + 1]
-        x = _insert_axes((b - a) / (outer - a), d.ndim)
+        x = (length / beyond[p - s - 1 :: -1])[wide]
         e[: p - s] = x * e[: p - s] + (1 - x) * e[1 : p - s + 1]
     # e[r] = f[a^r, b^(p-r)]: the coefficients in descending order
-    breaks = np.append(a, b[-1])
-    first = np.searchsorted(knots, breaks[1:-1], "left")
-    last = np.searchsorted(knots, breaks[1:-1], "right")
-    return breaks, np.ascontiguousarray(e[::-1]), p - (last - first)
+    return breaks, np.ascontiguousarray(e[::-1]), p - (spans[1:] - spans[:-1])
 
 
-def _insert_axes(x: Array, ndim: int) -> Array:
-    """Insert axes between the first and the last of x so that it broadcasts against an array of `ndim` axes."""
-    return x.reshape(x.shape[0], *(1,) * (ndim - 2), x.shape[1])
+@lru_cache(maxsize=256)
+def _list_offsets(first: int, count: int) -> Array:
+    """Whole numbers from the first, (count, 1); read-only."""
+    offsets = np.arange(first, first + count)[:, None]
+    offsets.flags.writeable = False
+    return offsets
 
 
-def _choose_pole_pieces(breaks: Array, degree: int, repeats: Array) -> tuple[Array, Array, Array, Array]:
-    """Find the full knot vector, each pole's knot window (p, n), the best piece to read it from, its amplification."""
+def _choose_pole_pieces(breaks: Array, degree: int, at: Array) -> tuple[Array, Array, Array]:
+    """Find the best piece to read each pole from.
+
+    Parameters
+    ----------
+    breaks
+        (m + 1,).
+    degree
+        p.
+    at
+        (n + p + 1,) for each knot the break at which it is.
+
+    Returns
+    -------
+    piece, far, factor
+        (n,); the poles that no piece gives without extrapolation, since the knots of their window are at more than two
+        neighbouring breaks; and by how much their extrapolation amplifies rounding.
+    """
     p = degree
-    at = np.repeat(np.arange(len(breaks)), repeats)
-    knots = breaks[at]
-    n = len(knots) - p - 1
-    window = knots[np.arange(1, p + 1)[:, None] + np.arange(n)]
+    n = len(at) - p - 1
     first, last = at[:n], at[p + 1 :] - 1
-    best = first
-    least = np.full(n, np.inf)
+    start, end = at[1 : n + 1], at[p : n + p]  # of the window
+    piece = np.minimum(np.where(end > start, start, np.maximum(first, start - 1)), last)
+    far = (end - start > 1).nonzero()[0]
+    if not len(far):
+        return piece, far, np.empty(0)
+    window = breaks[at[far + _list_offsets(1, p)]]
+    first, last = first[far], last[far]
+    best, least = first, np.full(len(far), np.inf)
     for offset in range(int((last - first).max()) + 1):
-        piece = np.minimum(first + offset, last)
-        lo, hi = breaks[piece], breaks[piece + 1]
-        outside = np.maximum(np.maximum(lo - window, window - hi), 0)
-        factor = np.prod(1 + 2 * outside / (hi - lo), axis=0)
-        best = np.where(factor < least, piece, best)
+        tried = np.minimum(first + offset, last)
+        low, high = breaks[tried], breaks[tried + 1]
+        # 1 at the ends of the piece and beyond them 1 + 2 d, at a distance of d lengths of the piece
+        distance = np.abs((window - (low + high) / 2) * (2 / (high - low)))
+        factor = np.multiply.reduce(np.maximum(distance, 1.0))
+        best = np.where(factor < least, tried, best)
         least = np.minimum(least, factor)
-    return knots, window, best, least
+    piece[far] = best
+    return piece, far, least
+
+
+def _raise_multiplicities(inner: Array, at: Array, degree: int, bad: Array) -> Array:
+    """Add one to the multiplicity of the interior breaks that have the least of those in the support of a bad pole."""
+    before, after = at[bad], at[bad + degree + 1]
+    crossed = before + _list_offsets(1, int((after - before).max()) - 1)
+    inside = crossed < after
+    repeats = np.where(inside, inner[np.minimum(crossed - 1, len(inner) - 1)], degree + 1)
+    least = inside & (repeats == repeats.min(axis=0))
+    raised = np.zeros(len(inner), dtype=int)
+    raised[crossed[least] - 1] = 1
+    return np.asarray(inner + raised)
+
+
+def _extrapolate_poles(coefs: Array, piece: Array, x: Array) -> Array:
+    """Blossoms (n, ..) of n of the pieces (p+1, .., m) at local arguments (p, n), of which few are neither 0 nor 1.
+
+    Those that are choose coefficients; the rest follow, from the nearest to the farthest.
+    """
+    p, n = x.shape
+    one = x == 1
+    chosen = one | (x == 0)
+    steps = p - int(np.add.reduce(chosen).min())
+    order = np.maximum(-x, x - 1).argsort(axis=0, kind="stable")[p - steps :]
+    pole = np.arange(n)
+    arguments = np.where(chosen[order, pole], 0.0, x[order, pole])
+    rows = np.minimum(np.add.reduce(one) + _list_offsets(0, steps + 1), p)
+    picked = coefs[rows, ..., piece]  # (steps + 1, n, ..)
+    values = evaluate_blossom(picked.transpose(0, *range(2, picked.ndim), 1), arguments)
+    return values.transpose(-1, *range(values.ndim - 1))
 
 
 def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Array, Array]:
@@ -157,27 +216,27 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
     """
     p = len(coefs) - 1
     ends = np.array([p + 1])
-    inner = np.clip(p - continuity, 0, p + 1).astype(int)
+    inner = np.minimum(np.maximum(p - continuity, 0), p + 1)
+    index = np.arange(len(breaks))
     while True:
-        knots, window, piece, factor = _choose_pole_pieces(breaks, p, np.concatenate([ends, inner, ends]))
-        bad = np.flatnonzero(factor > SPLINE_TOLERANCES.amplification)
+        at = index.repeat(np.concatenate([ends, inner, ends]))
+        piece, far, factor = _choose_pole_pieces(breaks, p, at)
+        bad = far[factor > SPLINE_TOLERANCES.amplification]
         if not len(bad):
             break
-        raise_at = np.zeros(len(inner), dtype=bool)
-        for i in bad:
-            crossed = np.flatnonzero((breaks[1:-1] > knots[i]) & (breaks[1:-1] < knots[i + p + 1]))
-            raise_at[crossed[inner[crossed] == inner[crossed].min()]] = True
-        inner = inner + raise_at
-    lo, hi = breaks[piece], breaks[piece + 1]
-    x = (window - lo) / (hi - lo)
-    poles = np.moveaxis(coefs, -1, 0)[piece, (x == 1).sum(axis=0)] if coefs.ndim else coefs
-    inexact = np.flatnonzero(((x != 0) & (x != 1)).any(axis=0))
-    if len(inexact):
-        x = x[:, inexact]
-        order = np.argsort(np.maximum(-x, x - 1), axis=0, kind="stable")
-        values = evaluate_blossom(coefs[..., piece[inexact]], np.take_along_axis(x, order, axis=0))
-        poles[inexact] = np.moveaxis(values, -1, 0)
-    return knots, poles
+        inner = _raise_multiplicities(inner, at, p, bad)
+    # knots of each pole's window at the end of its piece: so many arguments of the blossom are one
+    pole = np.arange(len(piece))
+    before = at.searchsorted(np.arange(len(breaks) + 1))
+    low, high = pole + 1, pole + p + 1
+    ones = np.minimum(np.maximum(before[piece + 2], low), high) - np.minimum(np.maximum(before[piece + 1], low), high)
+    poles = coefs.transpose(-1, *range(coefs.ndim - 1))[piece, ones]
+    if len(far):
+        read = piece[far]
+        start = breaks[read]
+        x = (breaks[at[far + _list_offsets(1, p)]] - start) / (breaks[read + 1] - start)
+        poles[far] = _extrapolate_poles(coefs, read, x)
+    return breaks[at], poles
 
 
 def to_homogeneous(poles: Array, weights: object) -> Array:
@@ -202,6 +261,20 @@ def to_homogeneous(poles: Array, weights: object) -> Array:
     if not np.isfinite(made).all():
         raise InputError("a pole times its weight is beyond the range of doubles")
     return made
+
+
+def to_euclidean(homogeneous: Array) -> tuple[Array, Array]:
+    """Poles (.., dim) and weights (..) of homogeneous poles (.., dim + 1).
+
+    Raises
+    ------
+    GeometryError
+        If a weight is not positive.
+    """
+    weights = homogeneous[..., -1]
+    if weights.min() <= 0:
+        raise GeometryError(f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first")
+    return homogeneous[..., :-1] / weights[..., None], weights
 
 
 def is_clamped(degree: int, knots: Array) -> bool:

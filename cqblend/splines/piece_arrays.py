@@ -30,7 +30,8 @@ def check_pieces(
     arrays = tuple(to_float_array(f"{name}: breaks", b) for b in breaks)
     values = to_float_array(f"{name}: coefficients", coefs)
     for b in arrays:
-        if b.ndim != 1 or len(b) < 2 or not np.isfinite(b).all() or (np.diff(b) <= 0).any():
+        # numbers that increase from a finite one to a finite one are finite
+        if b.ndim != 1 or len(b) < 2 or not np.isfinite(b[[0, -1]]).all() or not (b[1:] > b[:-1]).all():
             raise InputError(
                 f"{name}: breaks must be at least two finite, strictly increasing numbers, not {shown(b.tolist())}"
             )
@@ -54,20 +55,35 @@ def check_continuity(name: str, continuity: ArrayLike, break_count: int) -> Arra
     InputError
         If they are none, or not one for each interior break.
     """
-    order = to_float_array(f"{name}: continuity", continuity)
+    order: Array
+    if isinstance(continuity, np.ndarray) and continuity.dtype.kind == "i":
+        order = continuity
+    else:
+        order = to_float_array(f"{name}: continuity", continuity)
+        if not np.isfinite(order).all() or (order != np.floor(order)).any():
+            raise InputError(f"{name}: continuity must be whole numbers, not {shown(order.tolist())}")
     if order.shape != (break_count - 2,):
         raise InputError(f"{name}: continuity of shape {order.shape}, expected {(break_count - 2,)}")
-    if not np.isfinite(order).all() or (order != np.floor(order)).any():
-        raise InputError(f"{name}: continuity must be whole numbers, not {shown(order.tolist())}")
-    return np.clip(order, -1, SMOOTH).astype(int)
+    return np.minimum(np.maximum(order, -1), SMOOTH).astype(int)
 
 
 def apply_along_axis(kernel: Callable[[Array], Array], coefs: Array, axis: int, parameter_count: int) -> Array:
     """Apply a kernel of (p+1, .., n) arrays to parameter `axis` of an array with `parameter_count` parameters."""
     if parameter_count == 1:
         return kernel(coefs)
-    there, here = (axis, parameter_count + 1 + axis), (0, -1)
-    return np.moveaxis(kernel(np.moveaxis(coefs, there, here)), here, there)
+    here, there = ((3, 4), (0, 1))[axis]
+    return kernel(coefs.swapaxes(here, there)).swapaxes(here, there)
+
+
+def restrict_ends(coefs: Array, x0: float, x1: float) -> Array:
+    """Restrict pieces (p+1, .., n), in place, so that they start at x0 in the first and end at x1 in the last."""
+    if coefs.shape[-1] == 1:
+        return bernstein.restrict_pieces(coefs, x0, x1)
+    if x0 > 0:
+        coefs[..., 0] = bernstein.restrict_pieces(coefs[..., 0], x0, 1.0)
+    if x1 < 1:
+        coefs[..., -1] = bernstein.restrict_pieces(coefs[..., -1], 0.0, x1)
+    return coefs
 
 
 def unite_breaks(first: Array, second: Array) -> Array:

@@ -26,6 +26,7 @@ from cqblend.splines.piece_arrays import (
     elevate_to,
     match_degrees,
     replace_item,
+    restrict_ends,
     unite_breaks,
 )
 from cqblend.splines.tolerances import SPLINE_LIMITS
@@ -75,12 +76,21 @@ class Spline:
         source: tuple[Any, ...] | None,
     ) -> None:
         coefs = np.ascontiguousarray(coefs)
-        degrees = coefs.shape[: self._parameter_count]
-        continuity = tuple(np.where(c >= n - 1, SMOOTH, c) for c, n in zip(continuity, degrees, strict=True))
-        for array in (*breaks, coefs, *continuity):
-            array.setflags(write=False)
-        for name, value in zip(Spline.__slots__, (breaks, coefs, continuity, rational, source), strict=True):
-            object.__setattr__(self, name, value)
+        coefs.flags.writeable = False
+        for array in breaks:
+            array.flags.writeable = False
+        orders = []
+        for order, size in zip(continuity, coefs.shape, strict=False):
+            if len(order):
+                order = np.where(order >= size - 1, SMOOTH, order)
+                order.flags.writeable = False
+            orders.append(order)
+        write = object.__setattr__
+        write(self, "_breaks", breaks)
+        write(self, "_coefs", coefs)
+        write(self, "_continuity", tuple(orders))
+        write(self, "_rational", rational)
+        write(self, "_source", source)
 
     @classmethod
     def _from_pieces(
@@ -171,14 +181,20 @@ class Spline:
         old = self._breaks[axis]
         if len(breaks) == len(old):
             return self
-        piece = np.searchsorted(old, breaks[:-1], "right") - 1
-        start, length = old[piece], old[piece + 1] - old[piece]
-        x0, x1 = (breaks[:-1] - start) / length, (breaks[1:] - start) / length
+        ends = breaks[:-1], breaks[1:]
+        piece = old[1:-1].searchsorted(ends[0], "right")
+        start = old[:-1][piece]
+        length = old[1:][piece] - start
+        x0, x1 = ((end - start) / length for end in ends)
         coefs = apply_along_axis(
-            lambda c: bernstein.restrict_pieces(c[..., piece], x0, x1), self._coefs, axis, self._parameter_count
+            lambda c: bernstein.restrict_pieces(c.take(piece, axis=-1), x0, x1),
+            self._coefs,
+            axis,
+            self._parameter_count,
         )
         order = np.full(len(breaks) - 2, SMOOTH)
-        order[np.searchsorted(breaks, old[1:-1]) - 1] = self._continuity[axis]
+        if len(old) > 2:
+            order[breaks.searchsorted(old[1:-1]) - 1] = self._continuity[axis]
         return self._replace_axis(axis, breaks, coefs, order)
 
     def _snap_and_subdivide(self, axis: int, breaks: Array) -> Self:
@@ -441,20 +457,28 @@ class Spline:
             raise InputError(
                 f"cannot clip to [{start:.17g}, {end:.17g}]: the domain is [{old[0]:.17g}, {old[-1]:.17g}]"
             )
-        lo, hi = (old[np.abs(old - x).argmin()] if np.abs(old - x).min() <= slack else x for x in (start, end))
+        distances = np.abs(old[:, None] - (start, end))
+        nearest = distances.argmin(axis=0)
+        lo, hi = (
+            old.item(i) if distances[i, k] <= slack else x
+            for k, (i, x) in enumerate(zip(nearest, (start, end), strict=True))
+        )
         if lo == hi:
             raise InputError(f"cannot clip to [{start:.17g}, {end:.17g}]: it is empty to rounding")
-        cut = self._subdivide_at(axis, unite_breaks(old, np.array([lo, hi])))
-        breaks = cut._breaks[axis]
-        i, j = int(np.searchsorted(breaks, lo)), int(np.searchsorted(breaks, hi))
-        coefs = apply_along_axis(lambda c: c[..., i:j], cut._coefs, axis, self._parameter_count)
-        order = cut._continuity[axis][i : j - 1]
-        return self._replace_axis(axis, breaks[i : j + 1], coefs, order)
+        i, j = int(old.searchsorted(lo, "right")) - 1, int(old.searchsorted(hi))
+        breaks = old[i : j + 1].copy()
+        breaks[0], breaks[-1] = lo, hi
+        x0, x1 = (lo - old[i]) / (old[i + 1] - old[i]), (hi - old[j - 1]) / (old[j] - old[j - 1])
+        coefs = apply_along_axis(
+            lambda c: restrict_ends(c[..., i:j].copy(), x0, x1), self._coefs, axis, self._parameter_count
+        )
+        return self._replace_axis(axis, breaks, coefs, self._continuity[axis][i : j - 1].copy())
 
     def _insert_breaks(self, axis: int, breaks: ArrayLike) -> Self:
         old = self._breaks[axis]
-        new = np.unique(to_finite_array("breaks to cut at", breaks).ravel())
+        new = np.sort(to_finite_array("breaks to cut at", breaks), axis=None)
         new = new[(new > old[0]) & (new < old[-1])]
+        new = np.concatenate([new[:1], new[1:][new[1:] > new[:-1]]])
         return self._subdivide_at(axis, unite_breaks(old, new)) if len(new) else self
 
     def _reverse_axis(self, axis: int) -> Self:
@@ -465,22 +489,11 @@ class Spline:
 
     def _to_rational(self) -> Self:
         """Give it a weight component, one if it had none."""
-        return self if self._rational else self._replace_coefs(self._coefs, self._unit_weight())
-
-    def _unit_weight(self) -> Array:
-        count = self._parameter_count
-        return np.ones((*(1,) * (count + 1), *self._coefs.shape[count + 1 :]))
-
-    def _dehomogenise_poles(self, homogeneous: Array) -> tuple[Array, Array | None]:
-        """Poles and weights of assembled homogeneous poles (.., dim_h)."""
-        if not self._rational:
-            return homogeneous, None
-        weights = homogeneous[..., -1]
-        if weights.min() <= 0:
-            raise GeometryError(
-                f"a pole has the weight {weights.min():.3g}, which no B-spline may have; clip or cut first"
-            )
-        return homogeneous[..., :-1] / weights[..., None], weights
+        if self._rational:
+            return self
+        count, shape = self._parameter_count, self._coefs.shape
+        one = np.ones((*shape[:count], 1, *shape[count + 1 :]))
+        return self._from_pieces(self._breaks, np.concatenate([self._coefs, one], axis=count), True, self._continuity)
 
 
 def _unpickle_spline(cls: type[Spline], *state: Any) -> Spline:

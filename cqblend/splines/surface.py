@@ -4,7 +4,7 @@ Primary surfaces, ribbons and blends are surfaces of this class. Depends on NumP
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,10 +24,12 @@ from cqblend.splines.curve import Curve
 from cqblend.splines.evaluation import (
     BLOCK_SIZE,
     BreakSide,
-    build_design_matrix,
     check_break_side,
+    contract_differences,
     dehomogenise_derivatives,
+    evaluate_everywhere,
     locate_pieces,
+    tabulate_derivative_basis,
 )
 from cqblend.splines.knot_line_cuts import cut_at_knot_lines, to_barycentric
 from cqblend.splines.knots import (
@@ -36,6 +38,7 @@ from cqblend.splines.knots import (
     check_knot_vector,
     extract_pieces,
     is_clamped,
+    to_euclidean,
     to_homogeneous,
 )
 from cqblend.splines.piece_arrays import apply_along_axis
@@ -52,6 +55,8 @@ def _check_axis(value: object) -> int:
 def _broadcast_parameters(u: object, v: object) -> tuple[Array, Array]:
     """Return parameters of scattered points, of one shape."""
     u, v = to_finite_array("u", u), to_finite_array("v", v)
+    if u.shape == v.shape:
+        return u, v
     try:
         u, v = np.broadcast_arrays(u, v)
     except ValueError as error:
@@ -185,10 +190,11 @@ class Surface(Spline):
         if self._source is not None:
             degrees, (ku, kv), poles, weights = self._source
             return degrees, (ku.copy(), kv.copy()), poles.copy(), None if weights is None else weights.copy()
-        ku, rows = assemble_bspline(self._breaks[0], np.moveaxis(self._coefs, 3, -1), self._continuity[0])
+        ku, rows = assemble_bspline(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), self._continuity[0])
         # (Nu, q+1, dim, nv)
-        kv, poles = assemble_bspline(self._breaks[1], np.moveaxis(rows, 1, 0), self._continuity[1])
-        return (self.degree, (ku, kv), *self._dehomogenise_poles(np.ascontiguousarray(np.swapaxes(poles, 0, 1))))
+        kv, poles = assemble_bspline(self._breaks[1], rows.swapaxes(0, 1), self._continuity[1])
+        poles = np.ascontiguousarray(poles.swapaxes(0, 1))
+        return (self.degree, (ku, kv), *(to_euclidean(poles) if self._rational else (poles, None)))
 
     @property
     def degree(self) -> tuple[int, int]:
@@ -213,31 +219,38 @@ class Surface(Spline):
 
     # -- evaluation
 
-    def _evaluate_partials(self, u: Array, v: Array, ku: int, kv: int, total: int, side: BreakSide) -> Array:
-        """Homogeneous partial derivatives (ku+1, kv+1, dim_h, N) up to the total order, zero above it, at flat u, v."""
-        (p, q), n = self.degree, len(u)
-        if n > BLOCK_SIZE:
+    def _evaluate_partials(
+        self,
+        u: Array,
+        v: Array,
+        orders_u: Sequence[int],
+        orders_v: Sequence[int],
+        side: BreakSide,
+        dropped: int | None = None,
+    ) -> Array:
+        """Homogeneous partial derivatives (len(orders_v), len(orders_u), dim_h, N) at flat u, v; orders increase.
+
+        Those whose orders add up to `dropped` or more are zero.
+        """
+        if len(u) > BLOCK_SIZE:
             parts = [
-                self._evaluate_partials(u[i : i + BLOCK_SIZE], v[i : i + BLOCK_SIZE], ku, kv, total, side)
-                for i in range(0, n, BLOCK_SIZE)
+                self._evaluate_partials(u[i : i + BLOCK_SIZE], v[i : i + BLOCK_SIZE], orders_u, orders_v, side, dropped)
+                for i in range(0, len(u), BLOCK_SIZE)
             ]
             return np.concatenate(parts, axis=-1)
+        (p, q), shape, n = self.degree, self._coefs.shape, len(u)
         iu, su, xu, hu = locate_pieces(self._breaks[0], u, side)
         iv, sv, xv, hv = locate_pieces(self._breaks[1], v, side)
-        shape = self._coefs.shape
         patches = self._coefs.reshape(*shape[:3], -1).take(iu * shape[4] + iv, axis=-1)
-        columns = np.moveaxis(patches, 1, 0)
-        basis_u = [bernstein.evaluate_basis(p - i, su, xu) for i in range(min(ku, p) + 1)]
-        out = np.zeros((ku + 1, kv + 1, shape[2], n))
-        for j in range(min(kv, q) + 1):
-            if j:
-                columns = bernstein.differentiate_coefs(columns) / hv
-            rows = bernstein.contract_with_basis(columns, bernstein.evaluate_basis(q - j, sv, xv))
-            for i in range(min(ku, p, total - j) + 1):
-                if i:
-                    rows = bernstein.differentiate_coefs(rows) / hu
-                out[i, j] = bernstein.contract_with_basis(rows, basis_u[i])
-        return out
+        if p == q and orders_u == orders_v:  # both directions at once
+            pairs = [np.concatenate(pair) for pair in ((su, sv), (xu, xv), (hu, hv))]
+            both = tabulate_derivative_basis(p, orders_u, *pairs)
+            factors_u, factors_v = [basis[:, :n] for basis in both], [basis[:, n:] for basis in both]
+        else:
+            factors_u = tabulate_derivative_basis(p, orders_u, su, xu, hu)
+            factors_v = tabulate_derivative_basis(q, orders_v, sv, xv, hv)
+        rows = contract_differences(patches, orders_u, factors_u)  # (orders_u, q+1, dim_h, N)
+        return contract_differences(rows.swapaxes(0, 1), orders_v, factors_v, dropped)
 
     def __call__(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0, *, side: BreakSide = "right") -> Array:
         """Values of a partial derivative at scattered points, shape (.., dim); u and v broadcast.
@@ -250,9 +263,11 @@ class Surface(Spline):
             check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
             check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
-        jets = self._evaluate_partials(u.ravel(), v.ravel(), ku, kv, ku + kv, check_break_side(side))
-        values = (dehomogenise_derivatives(jets) if self._rational else jets)[ku, kv]
-        return np.asarray(np.moveaxis(values, 0, -1).reshape(*u.shape, self.dim))
+        orders_u, orders_v = ((range(k + 1) if self._rational else (k,)) for k in (ku, kv))
+        values = self._evaluate_partials(u.ravel(), v.ravel(), orders_u, orders_v, check_break_side(side))
+        if self._rational:
+            values = dehomogenise_derivatives(values)
+        return np.asarray(values[-1, -1].T.reshape(*u.shape, self.dim))
 
     def jet(self, u: ArrayLike, v: ArrayLike, order: int, *, side: BreakSide = "right") -> Array:
         """All partial derivatives up to a total order at scattered points.
@@ -265,12 +280,11 @@ class Surface(Spline):
         """
         u, v = _broadcast_parameters(u, v)
         order = check_integer("the order", order, 0, SPLINE_LIMITS.derivative)
-        jets = self._evaluate_partials(u.ravel(), v.ravel(), order, order, order, check_break_side(side))
+        orders = range(order + 1)
+        jets = self._evaluate_partials(u.ravel(), v.ravel(), orders, orders, check_break_side(side), order + 1)
         if self._rational:
-            jets = dehomogenise_derivatives(jets)
-            high = np.add.outer(np.arange(order + 1), np.arange(order + 1)) > order
-            jets[high] = 0
-        return np.moveaxis(jets, 2, -1).reshape(order + 1, order + 1, *u.shape, self.dim)
+            jets = dehomogenise_derivatives(jets, order)
+        return jets.transpose(1, 0, 3, 2).reshape(order + 1, order + 1, *u.shape, self.dim)
 
     def grid(self, u: ArrayLike, v: ArrayLike, ku: int = 0, kv: int = 0) -> Array:
         """Values of a partial derivative on a grid, shape (len(u), len(v), dim)."""
@@ -279,22 +293,11 @@ class Surface(Spline):
             check_integer("the order ku", ku, 0, SPLINE_LIMITS.derivative),
             check_integer("the order kv", kv, 0, SPLINE_LIMITS.derivative),
         )
-        (p, q), dim_h = self.degree, self._coefs.shape[2]
-        arranged = np.moveaxis(self._coefs, (0, 3, 2, 1, 4), (0, 1, 2, 3, 4))  # (p+1, nu, dim, q+1, nv)
-        arranged = arranged.reshape((p + 1) * arranged.shape[1], -1)
-        orders_u, orders_v = (range(ku + 1), range(kv + 1)) if self._rational else ((ku,), (kv,))
-        jets = np.empty((len(orders_u), len(orders_v), dim_h, len(u), len(v)))
-        designs = [build_design_matrix(self._breaks[1], q, v, j).T for j in orders_v]
-        for i, order in enumerate(orders_u):
-            rows = (build_design_matrix(self._breaks[0], p, u, order) @ arranged).reshape(
-                len(u), dim_h, len(designs[0])
-            )
-            for j, matrix in enumerate(designs):
-                jets[i, j] = np.moveaxis(
-                    (rows.reshape(len(u) * dim_h, len(matrix)) @ matrix).reshape(len(u), dim_h, len(v)), 1, 0
-                )
+        orders_u, orders_v = ((range(k + 1) if self._rational else (k,)) for k in (ku, kv))
+        rows = evaluate_everywhere(self._breaks[0], self._coefs.transpose(0, 1, 2, 4, 3), u, orders_u)
+        jets = evaluate_everywhere(self._breaks[1], rows.transpose(1, 0, 2, 4, 3), v, orders_v)  # (kv, ku, dim_h, ..)
         values = (dehomogenise_derivatives(jets) if self._rational else jets)[-1, -1]
-        return np.moveaxis(values, 0, -1)
+        return values.transpose(1, 2, 0)
 
     # -- algebra of two parameters
 
@@ -430,10 +433,9 @@ class Surface(Spline):
             If the curve's dim is not 2.
         """
         cut, index, continuity = self._cut_at_knot_lines(curve)
-        functions: list[Any] = []
-        for axis in (0, 1):
-            functions += to_barycentric(cut, axis, self._breaks[axis], index[axis])
         rational = self._rational or curve.rational
         frame = self._to_rational() if rational else self
-        coefs = bernstein.compose_patch(frame._coefs[..., index[0], index[1]], *functions)
+        shape = frame._coefs.shape
+        patches = frame._coefs.reshape(*shape[:3], -1).take(index[0] * shape[4] + index[1], axis=-1)
+        coefs = bernstein.compose_patch(patches, *to_barycentric(cut, self._breaks, index))
         return Curve._from_pieces(cut._breaks, coefs, rational, (continuity,))

@@ -57,6 +57,9 @@ class SplineTolerances:
     vanishing_field: float = 1e-9
     """Length below which a vector field has no direction, as a share of its largest length."""
 
+    coupling: float = 1e-17
+    """Coupling of two equations, as a share of what multiplies their own unknowns, that counts as none."""
+
     refined_fit: float = 5e-14
     """Error, as a share of the largest value, that ends the refinement of a spline that reproduces a function."""
 

@@ -26,6 +26,13 @@ def unwrap_parameters(uv: Array, periods: tuple[float | None, float | None]) -> 
     return out
 
 
+def turn_parameters(uv: Array, angles: Array) -> Array:
+    """Return native parameters (n, 2) of a point (2,) whose first one is an angle, turned by angles (n,)."""
+    out = np.tile(uv, (len(angles), 1))
+    out[:, 0] += angles
+    return out
+
+
 def to_half_angle_pair(angle: Array) -> Array:
     """Return (cos, sin) of half the angles, (n, 2): the homogeneous parameter of a circle."""
     return np.stack([np.cos(angle / 2), np.sin(angle / 2)], -1)

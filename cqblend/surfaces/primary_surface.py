@@ -38,6 +38,7 @@ import numpy as np
 
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.motions import Motion
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 JET_ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -98,6 +99,13 @@ class Primary(ABC):
             (n, 2) native parameters: of all periods, the one next to these is taken.
         """
 
+    @abstractmethod
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        """Return (r, s), (n, 2), of lifted directions d (n, k) at lifted points c (n, k).
+
+        r Su + s Sv is the derivative of the point P(c + v d) by v, in space.
+        """
+
     @property
     @abstractmethod
     def weight_exponents(self) -> Array:
@@ -134,6 +142,13 @@ class Primary(ABC):
         c
             The rail, lifted.
         """
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        """Return the native parameters (n, 2) of a point (2,) that is moved by amounts (n,).
+
+        None if the surface is not known to be mapped onto itself.
+        """
+        return None
 
     def scale_weight(self, c: Array, weight: Array) -> Array:
         """Scale lifted points (n, k) so that the homogeneous weight of P(c) is multiplied by ``weight`` (n,)."""

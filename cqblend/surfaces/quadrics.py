@@ -23,7 +23,9 @@ from cqblend.surfaces.angles import (
     multiply_quaternions,
     shift_to_period,
     to_half_angle_pair,
+    turn_parameters,
 )
+from cqblend.surfaces.motions import Motion
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 from cqblend.surfaces.vectors import LocalFrame, cross_product
@@ -131,6 +133,21 @@ class Plane(Quadric):
     def unlift_points(self, c: Array, near: Array) -> Array:
         return c[:, :2] / c[:, 2:]
 
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        return np.asarray((d[:, :2] - c[:, :2] * (d[:, 2:] / c[:, 2:])) / c[:, 2:])
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        x, y, _ = self.frame.axes
+        normal = cross_product(x, y)
+        if not motion.is_across(normal):
+            return None
+        if motion.centre is None:
+            return uv + np.multiply.outer(amounts, np.array([motion.direction @ x, motion.direction @ y]))
+        centre = self.frame.axes[:2] @ (motion.centre - self.frame.origin)
+        angles = amounts * motion.find_sense(normal)
+        cos, sin, (a, b) = np.cos(angles), np.sin(angles), uv - centre
+        return centre + np.stack([cos * a - sin * b, sin * a + cos * b], -1)
+
     def has_exact_pcurves(self) -> bool:
         return True
 
@@ -178,6 +195,20 @@ class Cylinder(Quadric):
     def unlift_points(self, c: Array, near: Array) -> Array:
         angle = 2 * np.arctan2(c[:, 1], c[:, 0])
         return np.stack([shift_to_period(angle, near[:, 0], 2 * np.pi), c[:, 2] / (c[:, :2] ** 2).sum(1)], -1)
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        along = self.frame.axes[2]
+        if motion.centre is None:
+            sense = motion.find_sense(along)
+            step = np.array([0.0, sense / float(np.linalg.norm(along))])
+            return uv + np.multiply.outer(amounts, step) if sense else None
+        sense = motion.find_turning_sense(self.frame)
+        return turn_parameters(uv, sense * amounts) if sense else None
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        weight, growth = (c[:, :2] ** 2).sum(1), 2 * (c[:, :2] * d[:, :2]).sum(1)
+        turn = 2 * (c[:, 0] * d[:, 1] - c[:, 1] * d[:, 0]) / weight
+        return np.stack([turn, (d[:, 2] - c[:, 2] * growth / weight) / weight], -1)
 
 
 @dataclass(frozen=True)
@@ -245,6 +276,16 @@ class Cone(Quadric):
         rho = self.nappe * (c[:, :2] ** 2).sum(1) / c[:, 2]
         v = (rho - self.radius) / np.sin(self.half_angle)
         return np.stack([shift_to_period(angle, near[:, 0], 2 * np.pi), v], -1)
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        sense = motion.find_turning_sense(self.frame)
+        return turn_parameters(uv, sense * amounts) if sense else None
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        square, growth = (c[:, :2] ** 2).sum(1), 2 * (c[:, :2] * d[:, :2]).sum(1)
+        turn = 2 * (c[:, 0] * d[:, 1] - c[:, 1] * d[:, 0]) / square
+        rate = self.nappe * (growth - square * d[:, 2] / c[:, 2]) / c[:, 2]  # of rho
+        return np.stack([turn, rate / np.sin(self.half_angle)], -1)
 
 
 @dataclass(frozen=True)
@@ -320,3 +361,16 @@ class Sphere(Quadric):
         n = np.einsum("ijk,nj,nk->ni", self.quadratic[:3], c, c) / (c**2).sum(1)[:, None] - self.frame.origin
         x, y, z = self.frame.axes @ n.T / self.radius
         return np.stack([shift_to_period(np.arctan2(y, x), near[:, 0], 2 * np.pi), np.arctan2(z, np.hypot(x, y))], -1)
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        sense = motion.find_turning_sense(self.frame)
+        return turn_parameters(uv, sense * amounts) if sense else None
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        norm, growth = (c**2).sum(1)[:, None], 2 * (c * d).sum(1)[:, None]
+        form = self._build_normal_form()
+        point = np.einsum("ijk,nj,nk->ni", form, c, c) / norm
+        rate = (2 * np.einsum("ijk,nj,nk->ni", form, c, d) - point * growth) / norm
+        (x, y, _), (dx, dy, dz) = self.frame.axes @ point.T, self.frame.axes @ rate.T
+        ring = x * x + y * y
+        return np.stack([(x * dy - y * dx) / ring, dz / np.sqrt(ring)], -1)

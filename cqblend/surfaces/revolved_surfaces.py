@@ -12,6 +12,8 @@ import numpy as np
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
+from cqblend.surfaces.angles import turn_parameters
+from cqblend.surfaces.motions import Motion
 from cqblend.surfaces.tensor_surface import TensorSurface, has_weight_kinks
 from cqblend.surfaces.vectors import LocalFrame
 
@@ -73,6 +75,10 @@ class RevolvedSpline(TensorSurface):
         v = self.wrap_parameters(uv)[:, 1]
         return revolve_jet(self.frame, uv[:, 0], np.stack([self.profile(v, k) for k in range(3)]))
 
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        sense = motion.find_turning_sense(self.frame)
+        return turn_parameters(uv, sense * amounts) if sense else None
+
     def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
         if not self.rational or self.levels_weight:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
@@ -114,6 +120,10 @@ class RevolvedEllipse(TensorSurface):
         cos, sin = np.cos(uv[:, 1:]), np.sin(uv[:, 1:])
         profile = np.array([middle + cos * a + sin * b, cos * b - sin * a, -cos * a - sin * b])
         return revolve_jet(self.frame, uv[:, 0], profile)
+
+    def carry_parameters(self, uv: Array, motion: Motion, amounts: Array) -> Array | None:
+        sense = motion.find_turning_sense(self.frame)
+        return turn_parameters(uv, sense * amounts) if sense else None
 
     def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
         return np.ones(len(uv)), np.zeros((len(uv), 2))

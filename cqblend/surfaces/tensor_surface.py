@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import comb, factorial
 from typing import Literal
 
@@ -22,7 +23,8 @@ from cqblend.splines.knot_line_cuts import cut_at_knot_lines
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.angles import half_angle_velocity, shift_to_period, to_half_angle_pair
 from cqblend.surfaces.knot_line_smoothness import expand_patches, measure_shape_continuity
-from cqblend.surfaces.primary_surface import JET_ORDERS, KnotCrossing, Primary
+from cqblend.surfaces.patch_evaluation import PatchTable
+from cqblend.surfaces.primary_surface import KnotCrossing, Primary
 from cqblend.surfaces.tolerances import SURFACE_TOLERANCES
 
 
@@ -106,6 +108,8 @@ class TensorSurface(Primary):
 
     def wrap_parameters(self, uv: Array) -> Array:
         """Shift native parameters (n, 2) into the domain along periodic directions."""
+        if self.periods == (None, None):
+            return uv
         out = uv.copy()
         for axis, period in enumerate(self.periods):
             if period is not None and not self.is_angular[axis]:
@@ -148,6 +152,16 @@ class TensorSurface(Primary):
                 out[:, axis] = shift_to_period(2 * np.arctan2(y, x), near[:, axis], 2 * np.pi)
             else:
                 out[:, axis] = y / (x + y)
+        return out
+
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        out = np.empty((len(c), 2))
+        for axis in (0, 1):
+            x, y, dx, dy = c[:, 2 * axis], c[:, 2 * axis + 1], d[:, 2 * axis], d[:, 2 * axis + 1]
+            if self.is_angular[axis]:
+                out[:, axis] = 2 * (x * dy - y * dx) / (x * x + y * y)
+            else:
+                out[:, axis] = (x * dy - y * dx) / (x + y) ** 2
         return out
 
     def compose_jets(self, c: Curve, directions: Sequence[Curve], order: int | None = None) -> tuple[Curve, ...]:
@@ -204,35 +218,58 @@ class TensorSurface(Primary):
         seam = [self.seam_continuity[axis]]
         return lines, np.concatenate([orders, *([*seam, *orders] for _ in laps[1:])])
 
+    def _trace_knot_crossings(self, c: Curve, axis: int, highest_continuity: int) -> tuple[Array, Array]:
+        """Return where (n,) a lifted rail crosses knot lines of one native parameter, and the points there, (n, 2).
+
+        Only lines of at most that continuity count.
+        """
+        nothing = np.empty(0), np.empty((0, 2))
+        if self.is_angular[axis]:
+            return nothing
+        lines, orders = self._list_crossable_lines(c, axis)
+        if not (orders <= highest_continuity).any():
+            return nothing
+        x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
+        cut, (index,), _ = cut_at_knot_lines(Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders])
+        steps = [
+            (j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _lines_between(index[j], index[j + 1])
+        ]
+        steps = [(j, i) for j, i in steps if orders[i - 1] <= highest_continuity]
+        if not steps:
+            return nothing
+        piece, line = np.array(steps).T
+        t = cut.breaks[piece + 1]
+        uv = self.unlift_points(c(t), np.zeros((len(t), 2)))
+        uv[:, axis] = lines[line]
+        return t, uv
+
+    def locate_knot_crossings(self, c: Curve, highest_continuity: int) -> Array:
+        """Return where (n,) a lifted rail crosses knot lines at points of at most this continuity."""
+        found = []
+        for axis in (0, 1):
+            t, uv = self._trace_knot_crossings(c, axis, highest_continuity)
+            if len(t):
+                found.append(t[self._measure_continuity(self._snap_to_knots(uv, axis), axis) <= highest_continuity])
+        return np.sort(np.concatenate(found)) if found else np.empty(0)
+
     def find_knot_crossings(self, c: Curve, highest_continuity: int) -> list[KnotCrossing]:
         found = []
         for axis in (0, 1):
-            if self.is_angular[axis]:
-                continue
-            lines, orders = self._list_crossable_lines(c, axis)
-            if not (orders <= highest_continuity).any():
-                continue
-            x, y = c.coefs[:, 2 * axis], c.coefs[:, 2 * axis + 1]
-            cut, (index,), _ = cut_at_knot_lines(
-                Curve(c.breaks, np.stack([y, x + y], 1), rational=True), [lines], [orders]
-            )
-            steps = [
-                (j, i) for j in np.flatnonzero(np.diff(index)).tolist() for i in _lines_between(index[j], index[j + 1])
-            ]
-            steps = [(j, i) for j, i in steps if orders[i - 1] <= highest_continuity]
-            if not steps:
-                continue
-            piece, line = np.array(steps).T
-            t, value = cut.breaks[piece + 1], lines[line]
-            uv = self.unlift_points(c(t), np.zeros((len(t), 2)))
-            uv[:, axis] = value
-            smooth, shape, crease = self.measure_smoothness(uv, axis)
-            axes = [axis] * len(t)
-            found += [
-                KnotCrossing(*fields)
-                for fields in zip(t.tolist(), axes, value.tolist(), smooth, shape, crease, strict=True)
-            ]
+            t, uv = self._trace_knot_crossings(c, axis, highest_continuity)
+            if len(t):
+                smooth, shape, crease = self.measure_smoothness(uv, axis)
+                axes, values = [axis] * len(t), uv[:, axis].tolist()
+                found += [
+                    KnotCrossing(*fields)
+                    for fields in zip(t.tolist(), axes, values, smooth, shape, crease, strict=True)
+                ]
         return sorted(crossing for crossing in found if crossing.continuity <= highest_continuity)
+
+    def _snap_to_knots(self, uv: Array, axis: int) -> Array:
+        """Return points (n, 2) of knot lines in the domain, exactly on the lines."""
+        uv, breaks = self.wrap_parameters(uv).copy(), self.breaks[axis]
+        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
+        return uv
 
     def measure_smoothness(self, uv: Array, axis: int) -> tuple[list[int], list[int], list[float]]:
         """Measure the continuity of the surface at points of knot lines, up to 4.
@@ -253,8 +290,7 @@ class TensorSurface(Primary):
             Of n each: the continuity of the parametrisation, that of the shape, and the angle by which the normal
             turns, rad.
         """
-        uv, breaks = self.wrap_parameters(uv), self.breaks[axis]
-        uv[:, axis] = breaks[np.abs(uv[:, axis, None] - breaks).argmin(axis=1)]
+        uv = self._snap_to_knots(uv, axis)
         continuity = self._measure_continuity(uv, axis)
         before, after = (self._expand_beside_knot(uv, axis, step) for step in (-1, 0))
         rounding = SURFACE_TOLERANCES.derivative_jump * float(np.abs(self.patches).max())
@@ -349,17 +385,18 @@ class SplineSurface(TensorSurface):
 
     surface: Surface = field()
 
+    @cached_property
+    def _table(self) -> PatchTable:
+        return PatchTable.from_patches(self.breaks, self.patches, rational=self.rational)
+
     def jet(self, uv: Array) -> Array:
-        u, v = self.wrap_parameters(uv).T
-        jet = self.surface.jet(u, v, 2)
-        return np.stack([jet[i, j] for i, j in JET_ORDERS])
+        return self._table.evaluate_jet(self.wrap_parameters(uv))
 
     def evaluate_weights(self, uv: Array) -> tuple[Array, Array]:
         if not self.rational or self.levels_weight:
             return np.ones(len(uv)), np.zeros((len(uv), 2))
-        u, v = self.wrap_parameters(uv).T
-        jet = Surface(self.breaks, self.patches[:, :, 3:]).jet(u, v, 1)[..., 0]
-        return jet[0, 0], np.stack([jet[1, 0], jet[0, 1]], -1)
+        weights = self._table.evaluate_homogeneous(self.wrap_parameters(uv))[:, :, 3]
+        return weights[0], weights[1:3].T
 
     def differentiate_beside_knot(self, uv: Array, axis: int, order: int, side: BreakSide) -> Array:
         orders = (order, 0) if axis == 0 else (0, order)

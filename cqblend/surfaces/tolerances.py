@@ -20,6 +20,10 @@ class SurfaceTolerances:
     """Jump of a derivative at the seam of a closed surface, times the power of the period and as a share of the largest
     coefficient, that is rounding."""
 
+    same_direction: float = 1e-13
+    """Sine of the angle between two directions, and share of the coordinates between two axes, up to which they are
+    the same."""
+
     antipode: float = 1e-6
     """Least 1 + cosine of the angle between a point of a sphere and its pole: below it, the lift is singular."""
 

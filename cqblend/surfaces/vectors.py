@@ -12,20 +12,34 @@ import numpy as np
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
+_FORWARD = np.array([1, 2, 0, 2, 0, 1])
+_BACKWARD = np.array([2, 0, 1, 1, 2, 0])
+_FEW_NUMBERS = 1000
+"""Up to as many, the number of NumPy calls counts, not that of operations."""
+
 
 def cross_product(a: Array, b: Array) -> Array:
-    """Return a x b of vectors (..., 3); four times as fast as NumPy's on the few hundred of a rail."""
+    """Return a x b of vectors (..., 3); several times as fast as NumPy's on the few hundred of a rail."""
+    if a.size <= _FEW_NUMBERS:
+        products = a.take(_FORWARD, axis=-1) * b.take(_BACKWARD, axis=-1)
+        return np.asarray(products[..., :3] - products[..., 3:])
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
+def measure_lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors (..., 3)."""
+    squares = vectors * vectors
+    return np.asarray(np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2]))
+
+
 def normalise_vectors(vectors: Array) -> Array:
     """Normalise vectors (..., 3); raise GeometryError where one has no direction."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if not np.all(length > 0):
+    length = measure_lengths(vectors)
+    if not length.all() or np.isnan(length.sum()):
         raise GeometryError("a surface is singular here: its partial derivatives span no tangent plane")
-    return vectors / length
+    return np.asarray(vectors / length[..., None])
 
 
 def to_tangent_coordinates(jet: Array, vector: Array) -> Array:
@@ -34,9 +48,9 @@ def to_tangent_coordinates(jet: Array, vector: Array) -> Array:
     e, f, g = (su * su).sum(1), (su * sv).sum(1), (sv * sv).sum(1)
     p, q = (su * vector).sum(1), (sv * vector).sum(1)
     det = e * g - f * f
-    if not np.all(det > 0):
+    if not (det > 0).all():
         raise GeometryError("a face is singular under the blend: its partial derivatives span no tangent plane")
-    return np.stack([(g * p - f * q) / det, (e * q - f * p) / det], -1)
+    return np.asarray(np.stack([g * p - f * q, e * q - f * p], axis=-1) / det[:, None])
 
 
 @dataclass(frozen=True)

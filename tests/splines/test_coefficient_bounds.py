@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from spline_oracles import bernstein_value, exact
 
-from cqblend.splines.coefficient_bounds import enclose_values, find_value_below
+from cqblend.splines.coefficient_bounds import enclose_values, find_value_below, has_value_below
 
 polynomials = st.tuples(st.integers(0, 9), st.integers(1, 4), st.integers(0, 2**32 - 1)).map(
     lambda a: np.random.default_rng(a[2]).uniform(-1, 1, (a[0] + 1, a[1])).round(3)
@@ -51,6 +51,16 @@ def test_a_dip_is_one_or_there_is_none(f, floor):
     else:
         piece, x = found
         assert bernstein_value(exact(f[:, piece]), Fraction(x)) < Fraction(floor)
+
+
+@given(polynomials, st.floats(-1, 1), st.integers(0, 2**32 - 1))
+def test_groups_have_a_dip_where_one_of_their_polynomials_has(f, floor, seed):
+    group = np.random.default_rng(seed).integers(0, 3, f.shape[1])
+    for i, found in enumerate(has_value_below(f, floor, group, 3).tolist()):
+        surely, perhaps = (
+            any(find_value_below(column[:, None], floor + off) for column in f.T[group == i]) for off in (-1e-12, 1e-12)
+        )
+        assert surely <= found <= perhaps
 
 
 def test_touching_is_not_a_dip():

@@ -27,6 +27,7 @@ ROOMS = (
     ("blends.contacts",),
     ("blends.rails",),
     ("blends.sections",),
+    ("blends.network",),
     ("blends.pde", "blends.potential"),
     ("blends.quality",),
     ("blend_options", "certificate"),

@@ -237,6 +237,25 @@ def test_tangent_along_the_rail_itself_is_the_rails_velocity(pair):
     assert np.abs(euclidean(position(t), tangent(t))[1] - velocity).max() < 1e-14 * rounding(position, 1)
 
 
+@every
+def test_unlifted_directions_are_the_derivative_of_the_kernels_point(pair):
+    c = rail(pair)
+    t = np.linspace(0.01, 0.99, 40)
+    d = seeded_random(pair).normal(size=(40, c.dim)) * 0.1
+    points, h = c(t), 1e-5
+    near = pair.primary.unlift_points(points, np.tile(pair.uv(np.array([0.5, 0.5])), (40, 1)))
+    rs = pair.primary.unlift_directions(points, d)
+    before, after = (pair.primary.unlift_points(points + step * d, near) for step in (-h, h))
+    assert np.abs((after - before) / (2 * h) - rs).max() < 1e-6 * max(1.0, np.abs(rs).max())
+    if not kinked(pair):
+        first, second = pair.primary.compose_jets(c, [interpolation.interpolate(t, d, degree=1)])
+        _, velocity = euclidean(first(t), second(t))
+        jet = pair.jet(pair.primary.unlift_points(points, near))
+        inside = (near >= np.min(pair.window, axis=1)).all(1) & (near <= np.max(pair.window, axis=1)).all(1)
+        found = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
+        assert np.abs(found - velocity)[inside].max() < 1e-9 * max(1.0, np.abs(velocity).max())
+
+
 @pytest.mark.parametrize("pair", [p for p in pairs().values() if kinked(p)], ids=lambda pair: pair.name)
 def test_weights_with_kinks_are_levelled_at_every_break(pair):
     c = rail(pair)
@@ -283,3 +302,11 @@ def test_patch_boundaries_are_crossed_both_ways_and_along_a_whole_lap():
     found = pair.primary.compose_position(c)(dense)
     assert np.abs(found[:, :3] - wanted).max() < 1e-14 * SIZE
     assert set(pair.primary.inner_knot_lines(0)) == {0.2, 0.5, 0.8}
+
+
+def test_crossings_are_located_where_they_are_found():
+    for pair in (p for p in pairs().values() if isinstance(p.primary, TensorSurface)):
+        c = rail(pair)
+        for highest in (0, 1, 2, 3):
+            found = [crossing.t for crossing in pair.primary.find_knot_crossings(c, highest)]
+            assert pair.primary.locate_knot_crossings(c, highest).tolist() == found

@@ -9,19 +9,18 @@ arrays of stations.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from cqblend.blends.contacts.newton import solve_damped_newton
-from cqblend.blends.contacts.surface_normals import differentiate_normal_unchecked
+from cqblend.blends.contacts.surface_normals import differentiate_normals, normalise_unchecked
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
-
-BOTH_SIDES = (0, 1)
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,15 @@ class Stations:
     """Points along an edge, each with a plane normal to the edge in which a cross-section of the blend is constructed.
 
     Parameters ``t`` (n,) of the edge, its ``points`` (n, 3) and unit ``tangents`` (n, 3), and the native parameters of
-    these points on both faces, ``uv``, (n, 2) each.
+    these points on both faces, ``uv``, (n, 2) each. ``jets`` (2, 6, n, 3) are the native jets of both surfaces there,
+    if they are known.
     """
 
     t: Array
     points: Array
     tangents: Array
     uv: tuple[Array, Array]
+    jets: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,8 @@ class Contacts:
 
     ``uv`` are their native parameters on both surfaces, (n, 2) each, ``edge_points`` (n, 3) the points of the edge that
     they belong to, ``cross_lengths`` (2, n) the lengths that the cross derivatives of the blend should have. Where
-    these derivatives are known as vectors into the blend, ``cross_vectors`` (2, n, 3) has them.
+    these derivatives are known as vectors into the blend, ``cross_vectors`` (2, n, 3) has them. ``edge_uv`` (n, 4), if
+    known, are the native parameters of the edge points on both surfaces.
     """
 
     t: Array
@@ -60,6 +62,7 @@ class Contacts:
     uv: tuple[Array, Array]
     cross_lengths: Array
     cross_vectors: Array | None = None
+    edge_uv: Array | None = None
 
     def select_stations(self, index: Array) -> Contacts:
         """Return the contacts with the given indices, or of a mask."""
@@ -69,6 +72,7 @@ class Contacts:
             (self.uv[0][index], self.uv[1][index]),
             self.cross_lengths[:, index],
             None if self.cross_vectors is None else self.cross_vectors[:, index],
+            None if self.edge_uv is None else self.edge_uv[index],
         )
 
     def get_cross_vectors(self, side: int) -> Array:
@@ -88,6 +92,7 @@ class Contacts:
             None
             if self.cross_vectors is None or others.cross_vectors is None
             else np.concatenate([self.cross_vectors, others.cross_vectors], axis=1),
+            None if self.edge_uv is None or others.edge_uv is None else np.concatenate([self.edge_uv, others.edge_uv]),
         )
         return both.select_stations(order)
 
@@ -96,27 +101,35 @@ ContactSolver = Callable[[Array], Contacts]
 """A function from parameters t (n,) to the contacts there."""
 
 
-def cache_contacts(solve: ContactSolver) -> ContactSolver:
-    """Return a solver that remembers contacts: a rail is refined by stations in addition to those already solved."""
-    known: Contacts | None = None
-
-    def solve_missing_stations(t: Array) -> Contacts:
-        nonlocal known
-        wanted = np.unique(t)
-        if known is None:
-            known = solve(wanted)
-        else:
-            missing = np.setdiff1d(wanted, known.t, assume_unique=True)
-            if len(missing):
-                known = known.merge_with(solve(missing))
-        return known.select_stations(np.searchsorted(known.t, t))
-
-    return solve_missing_stations
+def evaluate_both_jets(sides: tuple[SupportSurface, SupportSurface], x: Array) -> Array:
+    """Return the native jets (2, 6, n, 3) of both surfaces at parameters (n, 4)."""
+    jets = np.empty((2, 6, len(x), 3))
+    jets[0], jets[1] = sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:])
+    return jets
 
 
-def _measure_unit_steps(jets: tuple[Array, ...]) -> Array:
-    """Return |Su|, |Sv| of every jet, side by side, (n, 2 or 4)."""
-    return np.concatenate([np.linalg.norm(j[1:3], axis=2).T for j in jets], axis=1)
+def get_edge_jets(sides: tuple[SupportSurface, SupportSurface], stations: Stations) -> Array:
+    """Return the native jets (2, 6, n, 3) of both surfaces at stations."""
+    if stations.jets is None:
+        return evaluate_both_jets(sides, np.concatenate(stations.uv, axis=1))
+    return stations.jets
+
+
+def _measure_unit_steps(jets: Array) -> Array:
+    """Return |Su|, |Sv| of jets (sides, 6, n, 3), side by side, (n, 2 or 4)."""
+    return measure_lengths(jets[:, 1:3]).reshape(2 * len(jets), -1).T
+
+
+def _assemble_columns(rates: Array) -> Array:
+    """Return the Jacobian (n, 4, 4) of the distance between points of both surfaces, its last row zero.
+
+    ``rates`` (2, 2, n, 3) are the derivatives of the points by the parameters.
+    """
+    jacobian = np.zeros((rates.shape[2], 4, 4))
+    columns = jacobian[:, :3].transpose(2, 0, 1)
+    columns[:2] = rates[0]
+    np.negative(rates[1], out=columns[2:])
+    return jacobian
 
 
 def project_to_intersection(sides: tuple[SupportSurface, SupportSurface], stations: Stations, scale: float) -> Stations:
@@ -125,17 +138,16 @@ def project_to_intersection(sides: tuple[SupportSurface, SupportSurface], statio
     Edges of CAD files lie on their faces to a tolerance only; the surfaces themselves are exact. ``scale`` is the
     length of the edge.
     """
+    tau = stations.tangents
 
     def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
-        a, b = sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:])
-        tau = stations.tangents
-        residual = np.concatenate([a[0] - b[0], ((a[0] - stations.points) * tau).sum(1, keepdims=True)], 1)
-        jacobian = np.zeros((len(x), 4, 4))
-        for column, rate in enumerate((a[1], a[2], -b[1], -b[2])):
-            jacobian[:, :3, column] = rate
-            if column < 2:
-                jacobian[:, 3, column] = (rate * tau).sum(1)
-        return residual, jacobian, _measure_unit_steps((a, b))
+        jets = evaluate_both_jets(sides, x)
+        residual = np.empty((len(x), 4))
+        residual[:, :3] = jets[0, 0] - jets[1, 0]
+        residual[:, 3] = ((jets[0, 0] - stations.points) * tau).sum(axis=1)
+        jacobian = _assemble_columns(jets[:, 1:3])
+        jacobian[:, 3, :2] = (jets[0, 1:3] * tau).sum(axis=2).T
+        return residual, jacobian, _measure_unit_steps(jets)
 
     start = np.concatenate(stations.uv, axis=1)
     x, converged = solve_damped_newton(
@@ -144,11 +156,11 @@ def project_to_intersection(sides: tuple[SupportSurface, SupportSurface], statio
     if not converged.all():
         where = stations.t[~converged][0]
         raise GeometryError(f"the two surfaces do not cross cleanly at t = {where:.4g} of the edge")
-    uv = (x[:, :2], x[:, 2:])
-    point = sides[0].primary.jet(uv[0])[0]
-    outer = cross_product(sides[0].primary.evaluate_normals(uv[0]), sides[1].primary.evaluate_normals(uv[1]))
-    tau = normalise_vectors(outer) * np.sign((outer * stations.tangents).sum(1, keepdims=True))
-    return Stations(stations.t, point, tau, uv)
+    jets = evaluate_both_jets(sides, x)
+    normals = normalise_vectors(cross_product(jets[:, 1], jets[:, 2]))
+    outer = cross_product(normals[0], normals[1])
+    direction = normalise_vectors(outer) * np.sign((outer * tau).sum(axis=1, keepdims=True))
+    return Stations(stations.t, jets[0, 0], direction, (x[:, :2], x[:, 2:]), jets)
 
 
 def compute_inward_directions(
@@ -159,10 +171,11 @@ def compute_inward_directions(
     The sine is positive where the edge is convex. The stations run as the boundary of face 1 does: seen from outside,
     face 1 lies to their left.
     """
-    n1, n2 = (side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(sides, stations.uv, strict=True))
-    into1 = cross_product(n1, stations.tangents)
-    into2 = -cross_product(n2, stations.tangents)
-    return into1, into2, -(into1 * n2).sum(1)
+    jets = get_edge_jets(sides, stations)
+    n1, n2 = normalise_vectors(cross_product(jets[:, 1], jets[:, 2]))
+    into1 = cross_product(sides[0].outward * n1, stations.tangents)
+    into2 = cross_product(-sides[1].outward * n2, stations.tangents)
+    return into1, into2, -sides[1].outward * (into1 * n2).sum(axis=1)
 
 
 ContactAttempt = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -181,10 +194,6 @@ class EdgeStart:
     points: Array
     ways: Array
     metric: Array
-
-    def select_parameters(self, columns: slice) -> EdgeStart:
-        """Return the start of those unknowns only."""
-        return EdgeStart(self.points[:, columns], self.ways[:, columns], self.metric[:, columns])
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of iterations that go astray
@@ -250,98 +259,137 @@ def _make_size_error(what: str, stations: Stations, reached: Array, size: float)
     return SizeError(f"{what} at t = {t:.4g} of the edge{most}", kind="too large", place=t, value=size)
 
 
-def _make_edge_start(
-    sides: tuple[SupportSurface, SupportSurface], stations: Stations, vectors: Sequence[Array]
-) -> EdgeStart:
-    """Return the start of contacts that leave the edge along vectors (n, 3) on each side; its arrays are (n, 4)."""
-    jets = tuple(side.primary.jet(uv) for side, uv in zip(sides, stations.uv, strict=True))
+def _make_edge_start(edge: Array, jets: Array, vectors: Sequence[Array]) -> EdgeStart:
+    """Return the start of contacts that leave edge points (n, 2 s) along vectors (n, 3) on each of s sides.
+
+    ``jets`` (s, 6, n, 3) are those of the surfaces at the edge points.
+    """
     ways = [to_tangent_coordinates(jet, vector) for jet, vector in zip(jets, vectors, strict=True)]
-    return EdgeStart(np.concatenate(stations.uv, axis=1), np.concatenate(ways, axis=1), _measure_unit_steps(jets))
+    return EdgeStart(edge, np.concatenate(ways, axis=1), _measure_unit_steps(jets))
 
 
-def solve_ball_contacts(sides: tuple[SupportSurface, SupportSurface], stations: Stations, radius: float) -> Contacts:
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def _solve_near_expected(
+    attempt: ContactAttempt, expected: Array, edge: Array, jets: Array, size: float
+) -> Array | None:
+    """Return the contacts (n, k) of a size next to expected ones; None if not all of them are found there.
+
+    ``edge`` (n, k) and ``jets`` are the edge points in the same parameters and the jets there.
+    """
+    x, solved = attempt(np.arange(len(expected)), np.full(len(expected), size), expected)
+    metric = _measure_unit_steps(jets)
+    moved, missed = (np.abs(step * metric).max(axis=1) for step in (expected - edge, x - expected))
+    return x if (solved & (missed <= moved * CONTACT_TOLERANCES.largest_tracing_error)).all() else None
+
+
+def solve_ball_contacts(
+    sides: tuple[SupportSurface, SupportSurface],
+    stations: Stations,
+    radius: float,
+    expected: tuple[Array, Array] | None = None,
+) -> Contacts:
     """Return where a ball of the given radius, its centre in each station's plane, touches both surfaces.
 
     Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the unit normals towards the ball: into the material at a
     convex edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening
-    of the arc, which makes a cubic Hermite section the best-known approximation of the arc.
+    of the arc, which makes a cubic Hermite section the best-known approximation of the arc. ``expected`` are native
+    parameters near the contacts, if any are known.
     """
-    into1, into2, turn = compute_inward_directions(sides, stations)
+    edge_jets, edge = get_edge_jets(sides, stations), np.concatenate(stations.uv, axis=1)
+    into1, into2, turn = compute_inward_directions(sides, replace(stations, jets=edge_jets))
     on_edge = (stations.t >= 0) & (stations.t <= 1)  # in the extension past its ends, convexity may change
     turns = turn[on_edge] if on_edge.any() else turn
     if turns.max() > CONTACT_TOLERANCES.smooth_edge_sine and turns.min() < -CONTACT_TOLERANCES.smooth_edge_sine:
         raise GeometryError("the edge changes between convex and concave; a ball cannot roll along it")
-    sign = np.array([-np.sign(turns.sum()) * side.outward for side in sides])
-    half = np.arccos(np.clip(-(into1 * into2).sum(1), -1, 1)) / 2
+    signs = -np.sign(turns.sum()) * np.array([sides[0].outward, sides[1].outward])[:, None, None]
+    into, openings = np.stack([into1, into2]), np.zeros(len(turn))
 
     def attempt_ball_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
-        point, tau, r = stations.points[index], stations.tangents[index], sizes[:, None]
+        point, tau = stations.points[index], stations.tangents[index]
+        reach = sizes[:, None] * signs  # (2, n, 1)
 
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
-            jets = (sides[0].primary.jet(x[:, :2]), sides[1].primary.jet(x[:, 2:]))
-            centre, rates = [], []
-            for i in BOTH_SIDES:
-                n, nu, nv = differentiate_normal_unchecked(jets[i])
-                centre.append(jets[i][0] + r * sign[i] * n)
-                rates += [jets[i][1] + r * sign[i] * nu, jets[i][2] + r * sign[i] * nv]
-            middle = (centre[0] + centre[1]) / 2 - point
-            residual = np.concatenate([centre[0] - centre[1], (middle * tau).sum(1, keepdims=True)], 1)
-            jacobian = np.zeros((len(x), 4, 4))
-            for column, rate in enumerate(rates):
-                jacobian[:, :3, column] = rate if column < 2 else -rate
-                jacobian[:, 3, column] = (rate * tau).sum(1) / 2
+            jets = evaluate_both_jets(sides, x)
+            normals = differentiate_normals(jets)
+            centres = jets[:, 0] + reach * normals[0]
+            rates = jets[:, 1:3] + reach[:, None] * normals[1:].swapaxes(0, 1)
+            residual = np.empty((len(x), 4))
+            residual[:, :3] = centres[0] - centres[1]
+            residual[:, 3] = (((centres[0] + centres[1]) / 2 - point) * tau).sum(axis=1)
+            jacobian = _assemble_columns(rates)
+            jacobian[:, 3] = (rates * tau).sum(axis=3).reshape(4, -1).T / 2
             return residual, jacobian, _measure_unit_steps(jets)
 
         x, solved = solve_damped_newton(evaluate_system, start, sizes, sizes)
-        normals = []
-        for i, into in ((0, into1), (1, into2)):
-            jet = sides[i].primary.jet(x[:, 2 * i : 2 * i + 2])
-            normals.append(sign[i] * differentiate_normal_unchecked(jet)[0])
-            solved &= ((jet[0] - point) * into[index]).sum(1) > 0
-        solved &= measure_opening(*normals) > CONTACT_TOLERANCES.least_ball_opening
+        jets = evaluate_both_jets(sides, x)
+        first, second = signs * normalise_unchecked(cross_product(jets[:, 1], jets[:, 2]))
+        # the angles between the normals at both contacts
+        openings[index] = np.arctan2(measure_lengths(cross_product(first, second)), (first * second).sum(axis=1))
+        solved &= (((jets[:, 0] - point) * into[:, index]).sum(axis=2) > 0).all(axis=0)
+        solved &= openings[index] > CONTACT_TOLERANCES.least_ball_opening
         return x, solved
 
-    def measure_opening(m1: Array, m2: Array) -> Array:
-        """Return the angles (n,) between the normals at both contacts."""
-        return np.arctan2(np.linalg.norm(cross_product(m1, m2), axis=1), (m1 * m2).sum(1))
-
-    edge = _make_edge_start(sides, stations, (into1 * np.tan(half)[:, None], into2 * np.tan(half)[:, None]))
-    x, reached = grow_contacts(attempt_ball_contacts, edge, radius)
-    if reached.min() < radius:
-        smooth = (reached == 0) & (np.abs(turn) < CONTACT_TOLERANCES.smooth_edge_sine)
-        if smooth.any():
-            raise SizeError(f"the two faces are tangent to each other at t = {stations.t[smooth][0]:.4g} of the edge")
-        raise _make_size_error(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
-    uv = x[:, :2], x[:, 2:]
-    theta = measure_opening(*(sign[i] * sides[i].primary.evaluate_normals(uv[i]) for i in BOTH_SIDES))
-    return Contacts(stations.t, stations.points, uv, np.tile(4 * radius * np.tan(theta / 4), (2, 1)))
+    found = None
+    if expected is not None:
+        found = _solve_near_expected(attempt_ball_contacts, np.concatenate(expected, axis=1), edge, edge_jets, radius)
+    if found is None:
+        leaning = np.tan(np.arccos(np.clip(-(into1 * into2).sum(axis=1), -1, 1)) / 2)[:, None]
+        found, reached = grow_contacts(attempt_ball_contacts, _make_edge_start(edge, edge_jets, into * leaning), radius)
+        if reached.min() < radius:
+            smooth = (reached == 0) & (np.abs(turn) < CONTACT_TOLERANCES.smooth_edge_sine)
+            if smooth.any():
+                raise SizeError(
+                    f"the two faces are tangent to each other at t = {stations.t[smooth][0]:.4g} of the edge"
+                )
+            raise _make_size_error(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
+    lengths = np.tile(4 * radius * np.tan(openings / 4), (2, 1))
+    return Contacts(stations.t, stations.points, (found[:, :2], found[:, 2:]), lengths, edge_uv=edge)
 
 
 def solve_setback_contacts(
-    sides: tuple[SupportSurface, SupportSurface], stations: Stations, widths: tuple[float, float]
+    sides: tuple[SupportSurface, SupportSurface],
+    stations: Stations,
+    widths: tuple[float, float],
+    expected: tuple[Array, Array] | None = None,
 ) -> Contacts:
     """Return the points of each face at a straight distance from the edge point, within the station's plane.
 
     The length of the cross derivatives is the chord between them, divided between the sides as the widths are: a third
-    of it, where the section's inner control points stand, never reaches the edge.
+    of it, where the section's inner control points stand, never reaches the edge. ``expected`` are native parameters
+    near the contacts, if any are known.
     """
-    into = compute_inward_directions(sides, stations)[:2]
-    edge = _make_edge_start(sides, stations, into)
+    jets = get_edge_jets(sides, stations)
+    into = compute_inward_directions(sides, replace(stations, jets=jets))[:2]
     first, second = (
-        _solve_setback_points(side.primary, stations, direction, edge.select_parameters(columns), width)
-        for side, direction, columns, width in zip(sides, into, (slice(0, 2), slice(2, 4)), widths, strict=True)
+        _solve_setback_points(
+            sides[i].primary,
+            stations,
+            _FaceFeet(stations.uv[i], jets[i : i + 1], into[i], None if expected is None else expected[i]),
+            widths[i],
+        )
+        for i in (0, 1)
     )
     chord = sides[1].primary.jet(second)[0] - sides[0].primary.jet(first)[0]
     shares = 2 * np.array(widths) / sum(widths)
-    cross_lengths = np.multiply.outer(shares, np.linalg.norm(chord, axis=1))
-    return Contacts(stations.t, stations.points, (first, second), cross_lengths)
+    cross_lengths = np.multiply.outer(shares, measure_lengths(chord))
+    edge = np.concatenate(stations.uv, axis=1)
+    return Contacts(stations.t, stations.points, (first, second), cross_lengths, edge_uv=edge)
 
 
-def _solve_setback_points(primary: Primary, stations: Stations, into: Array, edge: EdgeStart, width: float) -> Array:
-    """Return the native parameters (n, 2) of the points of one face at a distance ``width`` from the edge points.
+class _FaceFeet(NamedTuple):
+    """The edge points on one face: native parameters (n, 2), jets (1, 6, n, 3), and directions into the face (n, 3).
 
-    ``into`` (n, 3) are the directions from the edge into the face.
+    ``expected`` are native parameters near the contacts, if any are known.
     """
+
+    uv: Array
+    jets: Array
+    into: Array
+    expected: Array | None
+
+
+def _solve_setback_points(primary: Primary, stations: Stations, feet: _FaceFeet, width: float) -> Array:
+    """Return the native parameters (n, 2) of the points of one face at a distance ``width`` from the edge points."""
 
     def attempt_setback_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
         point, tau = stations.points[index], stations.tangents[index]
@@ -349,17 +397,22 @@ def _solve_setback_points(primary: Primary, stations: Stations, into: Array, edg
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
             jet = primary.jet(x)
             offset = jet[0] - point
-            distance = np.linalg.norm(offset, axis=1, keepdims=True)
-            residual = np.concatenate([distance - sizes[:, None], (offset * tau).sum(1, keepdims=True)], 1)
-            radial = offset / distance
-            rows = [np.stack([(jet[1] * w).sum(1), (jet[2] * w).sum(1)], -1) for w in (radial, tau)]
-            return residual, np.stack(rows, 1), _measure_unit_steps((jet,))
+            distance = measure_lengths(offset)
+            residual = np.stack([distance - sizes, (offset * tau).sum(axis=1)], axis=1)
+            jacobian = np.empty((len(x), 2, 2))
+            jacobian[:, 0] = (jet[1:3] * (offset / distance[:, None])).sum(axis=2).T
+            jacobian[:, 1] = (jet[1:3] * tau).sum(axis=2).T
+            return residual, jacobian, _measure_unit_steps(jet[None])
 
         x, solved = solve_damped_newton(evaluate_system, start, sizes, sizes)
-        solved &= ((primary.jet(x)[0] - point) * into[index]).sum(1) > 0
+        solved &= ((primary.jet(x)[0] - point) * feet.into[index]).sum(axis=1) > 0
         return x, solved
 
-    x, reached = grow_contacts(attempt_setback_contacts, edge, width)
+    if feet.expected is not None:
+        found = _solve_near_expected(attempt_setback_contacts, feet.expected, feet.uv, feet.jets, width)
+        if found is not None:
+            return found
+    x, reached = grow_contacts(attempt_setback_contacts, _make_edge_start(feet.uv, feet.jets, (feet.into,)), width)
     if reached.min() < width:
         raise _make_size_error(f"no point of the face lies at width {width:g} from the edge", stations, reached, width)
     return x

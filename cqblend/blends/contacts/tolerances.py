@@ -22,6 +22,9 @@ class ContactTolerances:
         The same share, below which it stops as soon as the residual no longer halves: what moves then is rounding.
     converged_residual
         The same share, up to which a result counts as a solution.
+    quadratic_step, quadratic_residual
+        A step, as a share of the longest one, and the residual before it, as that share, that lead to the solution: the
+        error left is about the square of the step.
     longest_projection_step
         Longest Newton step onto the intersection of two surfaces, as a share of the length of the edge.
     least_ball_opening
@@ -31,10 +34,20 @@ class ContactTolerances:
         to the size reached).
     largest_prediction_error
         How far a contact may be from where the continuation expects it, as a share of the step.
+    largest_tracing_error
+        How far a contact may be from where its neighbours along the edge let expect it, as a share of its distance from
+        the edge.
+    full_turn_slack
+        Difference of the angle of an edge around an axis from a full turn (rad) up to which it is one.
+    tracing_stations
+        Stations that a polynomial through known contacts runs through.
+    least_tracing_gap
+        Share of the known range: of stations that are nearer to each other, one is used for that.
     rough_continuity
         Knot lines at which a surface is less smooth than C3, this number, are looked for.
     crossing_stations
-        Stations between which contacts are checked for crossing a knot line.
+        Stations between which contacts are checked for crossing a knot line. Those of a first fit of 16 equal spans are
+        among them.
     secant_steps
         Most steps of regula falsi towards a crossing.
     kink_probe_share
@@ -48,12 +61,18 @@ class ContactTolerances:
     exact_residual: float = 1e-15
     stalled_residual: float = 1e-11
     converged_residual: float = 1e-9
+    quadratic_step: float = 1e-8
+    quadratic_residual: float = 1e-6
     longest_projection_step: float = 0.1
     least_ball_opening: float = 1e-9
     first_size_share: float = 1 / 128
     largest_prediction_error: float = 0.5
+    largest_tracing_error: float = 0.1
+    full_turn_slack: float = 1e-9
+    tracing_stations: int = 6
+    least_tracing_gap: float = 1e-5
     rough_continuity: int = 3
-    crossing_stations: int = 129
+    crossing_stations: int = 145
     secant_steps: int = 30
     kink_probe_share: float = 1e-3
     crossing_residual: float = 1e-13

@@ -76,8 +76,13 @@ class LeastSquaresProblem(ABC, Generic[AlongBasis]):
             If there are fewer collocation points than unknowns.
         """
 
-    def estimate_error(self) -> ErrorEstimate:
-        """Return how far from exact the solution is: what is left of the residual between the collocation points."""
+    @cached_property
+    def error_estimate(self) -> ErrorEstimate:
+        """How far from exact the solution is."""
+        return self._estimate_error()
+
+    def _estimate_error(self) -> ErrorEstimate:
+        """Return what is left of the residual between the collocation points."""
         v, weights = gauss_rule(self.equation.order + self.terms + PDE_LIMITS.extra_points)
         (low, high), count = self.basis.domain, 3 * self.basis.count + PDE_LIMITS.extra_points
         w = low + (high - low) * (np.arange(count) + 0.5) / count
@@ -155,24 +160,33 @@ class SplineProblem(LeastSquaresProblem[Splines]):
     @cached_property
     def bubble_coefficients(self) -> Array:
         """The coefficients of the bubbles, (terms, count, c), solved at once."""
+        coefficients = self._fill_end_coefficients()
+        coefficients[:, self._free_functions] += self._free_coefficients.reshape(self.terms, -1, coefficients.shape[-1])
+        return coefficients
+
+    @cached_property
+    def _free_coefficients(self) -> Array:
+        """The free ones of them, (terms times free functions, c)."""
+        system, right, _ = self._system
+        return _solve_least_squares(system, right)
+
+    @cached_property
+    def _system(self) -> tuple[Array, Array, Array]:
+        """The least-squares system for all free coefficients, from zero."""
         start = self._fill_end_coefficients()
         if start[..., 0].size > PDE_LIMITS.most_unknowns:
             raise InputError(
                 f"{self.terms} terms times {self.basis.count} functions along are more than {PDE_LIMITS.most_unknowns} "
                 "unknowns: take fewer terms or modes"
             )
-        system, right, _ = self._build_system(range(self.terms), start)
-        start[:, self._free_functions] += _solve_least_squares(system, right).reshape(self.terms, -1, start.shape[-1])
-        return start
+        return self._build_system(range(self.terms), start)
 
-    def estimate_error(self) -> ErrorEstimate:
-        """Return how far from exact the solution is: its residual, or what more bubbles would take of the energy."""
+    def _estimate_error(self) -> ErrorEstimate:
+        """Return the residual, or what more bubbles would take of the energy."""
         if self.minimise == "residual":
-            return super().estimate_error()
-        start = self._fill_end_coefficients()
-        system, _, size = self._build_system(range(self.terms), start)
-        solved = (self.bubble_coefficients - start)[:, self._free_functions].reshape(len(system.T), -1)
-        total = np.linalg.norm(system @ solved, axis=0)
+            return super()._estimate_error()
+        system, _, size = self._system
+        total = np.linalg.norm(system @ self._free_coefficients, axis=0)
         further = np.zeros((PDE_LIMITS.extra_bubbles, *self.bubble_coefficients.shape[1:]))
         padded = np.concatenate([self.bubble_coefficients, further])
         system, right, _ = self._build_system(range(self.terms, len(padded)), padded)

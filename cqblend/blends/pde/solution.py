@@ -215,7 +215,7 @@ class BoundaryProblem:
 
     def _measure_residuals(self, groups: ComponentGroups) -> tuple[float, float, float]:
         """Return the relative residuals of x, y and z; 0 for a component that is rounding beside the others."""
-        estimates = [(members, problem.estimate_error()) for members, problem in groups]
+        estimates = [(members, problem.error_estimate) for members, problem in groups]
         size = max(float(estimate.terms_size.max()) for _, estimate in estimates)
         residuals = [0.0] * 3
         for members, estimate in estimates:

@@ -9,16 +9,45 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from cqblend.blends.contacts.newton import solve_damped_newton
-from cqblend.blends.potential.family_pair import FamilyPair, Reshaped
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
+
+
+class ReshapedPair(Protocol):
+    """Two surfaces that are reshaped together, as x goes from 0 to 1.
+
+    Parameters of a pair are q = (u1, v1, u2, v2), on both surfaces. ``scale`` (mm) is what residuals and steps are
+    relative to.
+    """
+
+    @property
+    def primaries(self) -> tuple[Primary, Primary]:
+        """The two surfaces as they are before they are reshaped."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """Size of the surfaces, or of what happens on them (mm)."""
+        ...
+
+    def evaluate_jets(self, q: Array, x: Array) -> tuple[Array, Array]:
+        """Return S, Su, Sv, Sx, (4, n, 3), of both surfaces at parameters (n, 4) and x (n,)."""
+        ...
+
+    def describe_place(self, q: Array, x: Array, row: int) -> str:
+        """Describe one of n places q (n, 4) at x (n,) for messages: how far both are reshaped, and the point."""
+        ...
+
+
+Pair = TypeVar("Pair", bound=ReshapedPair, covariant=True)
 
 
 class CutCondition(Protocol):
@@ -69,23 +98,53 @@ class IsoparametricCut:
         return (q[:, self.axis] - self.parameter_at(t)) * self.length_per_unit, gradient, np.zeros(len(t))
 
 
+class LinearisedSystem(NamedTuple):
+    """The four equations at n places, and what they were computed from.
+
+    ``matrix`` (n, 4, 4) is the derivative of the ``residual`` (n, 4) by q, ``rate`` (n, 4) that by x; ``jets`` are
+    those of both surfaces.
+    """
+
+    matrix: Array
+    residual: Array
+    rate: Array
+    jets: tuple[Array, Array]
+
+    def differentiate_solutions(self) -> Array | None:
+        """Return the derivative (n, 4) of the parameters by x, None where a matrix is singular."""
+        try:
+            return np.asarray(np.linalg.solve(self.matrix, -self.rate[..., None])[..., 0])
+        except np.linalg.LinAlgError:
+            return None
+
+    def estimate_displacement(self, change: Array) -> Array:
+        """Return how far (n,) a change (n, 4) of parameters moves the points on the surfaces, to first order (mm)."""
+        steps = [
+            change[:, 2 * i, None] * jet[1] + change[:, 2 * i + 1, None] * jet[2] for i, jet in enumerate(self.jets)
+        ]
+        return np.asarray(np.linalg.norm(np.stack(steps), axis=2).max(axis=0))
+
+
 @dataclass(frozen=True)
-class IntersectionCurves(Generic[Reshaped]):
+class IntersectionCurves(Generic[Pair]):
     """The intersection curves of a pair of reshaped surfaces with a cut condition: equations and continuation."""
 
-    family_pair: FamilyPair[Reshaped]
+    pair: Pair
     cut_condition: CutCondition
 
-    def _evaluate_system(self, q: Array, t: Array, x: Array) -> tuple[Array, Array, Array, tuple[Array, Array]]:
-        """Return matrix (n, 4, 4), residual (n, 4), its derivative by x, and the jets."""
-        jets = self.family_pair.evaluate_jets(q, x)
+    def linearise_system(self, q: Array, t: Array, x: Array) -> LinearisedSystem:
+        """Return the equations and their derivatives at parameters (n, 4), t (n,) and x (n,)."""
+        jets = self.pair.evaluate_jets(q, x)
         first, second = jets
         cut_residual, gradient, cut_rate = self.cut_condition(t, q, jets)
         matrix = np.empty((len(q), 4, 4))
-        matrix[:, :3] = np.stack([first[1], first[2], -second[1], -second[2]], axis=-1)
+        matrix[:, :3, 0], matrix[:, :3, 1] = first[1], first[2]
+        matrix[:, :3, 2], matrix[:, :3, 3] = -second[1], -second[2]
         matrix[:, 3] = gradient
-        residual = np.concatenate([first[0] - second[0], cut_residual[:, None]], axis=1)
-        return matrix, residual, np.concatenate([first[3] - second[3], cut_rate[:, None]], axis=1), jets
+        residual, rate = np.empty((len(q), 4)), np.empty((len(q), 4))
+        residual[:, :3], residual[:, 3] = first[0] - second[0], cut_residual
+        rate[:, :3], rate[:, 3] = first[3] - second[3], cut_rate
+        return LinearisedSystem(matrix, residual, rate, jets)
 
     def correct_solutions(
         self, start: Array, t: Array, x: Array, longest_step: float | None = None
@@ -96,32 +155,31 @@ class IntersectionCurves(Generic[Reshaped]):
         """
 
         def evaluate_newton_system(q: Array) -> tuple[Array, Array, Array]:
-            matrix, residual, _, jets = self._evaluate_system(q, t, x)
-            return residual, matrix, np.concatenate([np.linalg.norm(jet[1:3], axis=2).T for jet in jets], axis=1)
+            system = self.linearise_system(q, t, x)
+            lengths = np.concatenate([np.linalg.norm(jet[1:3], axis=2).T for jet in system.jets], axis=1)
+            return system.residual, system.matrix, lengths
 
-        scale = self.family_pair.scale
+        scale = self.pair.scale
         if longest_step is None:
             longest_step = POTENTIAL_TOLERANCES.longest_correction * scale
         return solve_damped_newton(evaluate_newton_system, start, scale, longest_step)
 
-    def differentiate_solutions(self, q: Array, t: Array, x: Array) -> tuple[Array, tuple[Array, Array]]:
-        """Return the derivative (n, 4) of the parameters by x, and the jets."""
-        matrix, _, residual_rate, jets = self._evaluate_system(q, t, x)
-        try:
-            return np.linalg.solve(matrix, -residual_rate[..., None])[..., 0], jets
-        except np.linalg.LinAlgError:
-            raise self.make_lost_error(q[0], float(x[0])) from None
-
     def evaluate_cross_derivatives(self, q: Array, t: Array, x: Array, side: int) -> Array:
         """Return the derivatives (n, 3) of the points by x within the surface of side 0 or 1, held as it is at x."""
-        rates, jets = self.differentiate_solutions(q, t, x)
-        uv_rates = rates[:, 2 * side : 2 * side + 2]
-        return np.asarray(uv_rates[:, :1] * jets[side][1] + uv_rates[:, 1:] * jets[side][2])
+        system = self.linearise_system(q, t, x)
+        return map_rates_to_space(self._differentiate_solutions(system, q, x), system.jets, side)
 
-    def make_lost_error(self, q: Array, x: float) -> GeometryError:
-        """Return the error that says where an intersection is lost."""
+    def _differentiate_solutions(self, system: LinearisedSystem, q: Array, x: Array) -> Array:
+        """Return the derivative (n, 4) of the parameters by x."""
+        rates = system.differentiate_solutions()
+        if rates is None:
+            raise self.make_lost_error(q, x, 0)
+        return rates
+
+    def make_lost_error(self, q: Array, x: Array, row: int) -> GeometryError:
+        """Return the error that says where, among n places q (n, 4) at x (n,), an intersection is lost."""
         return GeometryError(
-            f"the intersection of the reshaped surfaces is lost near {self.family_pair.describe_place(q, x)}: there, "
+            f"the intersection of the reshaped surfaces is lost near {self.pair.describe_place(q, x, row)}: there, "
             "they part, touch, or one is singular (a pole); choose smaller a and b, or another reference"
         )
 
@@ -133,35 +191,43 @@ class IntersectionCurves(Generic[Reshaped]):
         GeometryError
             Where they are lost, where the surfaces touch, or one is folded; the message names s and the place.
         """
-        q0, converged = self.correct_solutions(start, t, np.full(len(t), x0))
+        at_start = np.full(len(t), x0)
+        q0, converged = self.correct_solutions(start, t, at_start)
         if not converged.all():
-            raise self.make_lost_error(start[~converged][0], x0)
+            raise self.make_lost_error(start, at_start, int((~converged).argmax()))
         table = np.empty((len(t), len(x_values), 4))
         indices = np.arange(len(x_values))
         for order in (indices[x_values >= x0], indices[x_values < x0][::-1]):
             q, x = q0, x0
             for j in order.tolist():
-                q, x = self._continue_to(q, t, x, float(x_values[j])), float(x_values[j])
+                q, x = self.follow_solutions(q, t, x, float(x_values[j])), float(x_values[j])
                 table[:, j] = q
-        self._check_regularity(table, x_values)
+        self.check_regularity(table.reshape(-1, 4), np.tile(x_values, len(t)))
         return table
 
-    def _continue_to(self, q: Array, t: Array, x: float, target: float) -> Array:
-        """Continue solutions from x to a target, in steps that are halved while Newton's corrections are large."""
+    def follow_solutions(self, q: Array, t: Array, x: float, target: float) -> Array:
+        """Follow solutions (n, 4) from x to a target, in steps that are halved while Newton's corrections are large.
+
+        Raises
+        ------
+        GeometryError
+            Where they are lost.
+        """
         step = target - x
-        negligible = POTENTIAL_TOLERANCES.negligible_correction * self.family_pair.scale
+        negligible = POTENTIAL_TOLERANCES.negligible_correction * self.pair.scale
         while x != target:
-            rates, _ = self.differentiate_solutions(q, t, np.full(len(q), x))
-            guess, next_x = q + step * rates, np.full(len(q), x + step)
-            solution, accepted = self.correct_solutions(guess, t, next_x)
+            here, there = np.full(len(q), x), np.full(len(q), x + step)
+            rates = self._differentiate_solutions(self.linearise_system(q, t, here), q, here)
+            guess = q + step * rates
+            solution, accepted = self.correct_solutions(guess, t, there)
             if accepted.all():
-                jets = self.family_pair.evaluate_jets(solution, next_x)
-                moved, corrected = (_estimate_displacement(solution - other, jets) for other in (q, guess))
+                system = self.linearise_system(solution, t, there)
+                moved, corrected = (system.estimate_displacement(solution - other) for other in (q, guess))
                 accepted = corrected <= np.maximum(POTENTIAL_TOLERANCES.correction * moved, negligible)
             if not accepted.all():
                 step /= 2
                 if abs(step) < POTENTIAL_TOLERANCES.shortest_x_step:
-                    raise self.make_lost_error(q[~accepted][0], x)
+                    raise self.make_lost_error(q, here, int((~accepted).argmax()))
                 continue
             q, x = solution, x + step
             if abs(target - x) < POTENTIAL_TOLERANCES.shortest_x_step / 2:
@@ -169,21 +235,19 @@ class IntersectionCurves(Generic[Reshaped]):
             step = float(np.clip(2 * step, -abs(target - x), abs(target - x)))
         return q
 
-    def _check_regularity(self, table: Array, x_values: Array) -> None:
-        """Raise GeometryError where the surfaces touch, or a reshaped one is folded."""
-        q, x = table.reshape(-1, 4), np.tile(x_values, len(table))
-        jets = self.family_pair.evaluate_jets(q, x)
+    def check_regularity(self, q: Array, x: Array) -> None:
+        """Raise GeometryError where the surfaces touch, or a reshaped one is folded, at solutions (n, 4) at x (n,)."""
+        jets = self.pair.evaluate_jets(q, x)
         normals = [cross_product(jet[1], jet[2]) for jet in jets]
-        for number, (family, jet, normal) in enumerate(zip(self.family_pair.families, jets, normals, strict=True), 1):
-            original = family.primary.jet(q[:, 2 * number - 2 : 2 * number])
+        for number, (primary, jet, normal) in enumerate(zip(self.pair.primaries, jets, normals, strict=True), 1):
+            original = primary.jet(q[:, 2 * number - 2 : 2 * number])
             same_side = (normal * cross_product(original[1], original[2])).sum(axis=1)
             reversed_both = ((jet[1] * original[1]).sum(axis=1) < 0) & ((jet[2] * original[2]).sum(axis=1) < 0)
             folded = (same_side <= 0) | reversed_both
             if folded.any():
-                i = int(folded.argmax())
                 raise GeometryError(
                     f"surface {number} is reshaped so far that it turns over on itself, at "
-                    f"{self.family_pair.describe_place(q[i], float(x[i]))}: choose a smaller {'ab'[number - 1]}, or "
+                    f"{self.pair.describe_place(q, x, int(folded.argmax()))}: choose a smaller {'ab'[number - 1]}, or "
                     "smaller amounts"
                 )
         sine = np.linalg.norm(cross_product(normalise_vectors(normals[0]), normalise_vectors(normals[1])), axis=1)
@@ -191,11 +255,11 @@ class IntersectionCurves(Generic[Reshaped]):
             i = int(sine.argmin())
             raise GeometryError(
                 f"the reshaped surfaces touch at an angle of {sine[i]:.2g} rad, at "
-                f"{self.family_pair.describe_place(q[i], float(x[i]))}: choose other a and b"
+                f"{self.pair.describe_place(q, x, i)}: choose other a and b"
             )
 
 
-def _estimate_displacement(change: Array, jets: tuple[Array, Array]) -> Array:
-    """Return how far (n,) a change of parameters moves the points on the surfaces, to first order (mm)."""
-    steps = [change[:, 2 * i, None] * jet[1] + change[:, 2 * i + 1, None] * jet[2] for i, jet in enumerate(jets)]
-    return np.asarray(np.linalg.norm(np.stack(steps), axis=2).max(axis=0))
+def map_rates_to_space(rates: Array, jets: tuple[Array, Array], side: int) -> Array:
+    """Return the vectors (n, 3) in the tangent planes of side 0 or 1 that rates (n, 4) of the parameters stand for."""
+    uv_rates = rates[:, 2 * side : 2 * side + 2]
+    return np.asarray(uv_rates[:, :1] * jets[side][1] + uv_rates[:, 1:] * jets[side][2])

@@ -6,25 +6,23 @@ Parameters of a pair are q = (u1, v1, u2, v2), on both surfaces.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, TypeVar
 
 import numpy as np
 
 from cqblend.blends.potential.relations import Relation
-from cqblend.blends.potential.surface_family import Course, Family, ReshapedSurface
+from cqblend.blends.potential.surface_family import Course, Family
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-
-Reshaped = TypeVar("Reshaped", bound=ReshapedSurface, covariant=True)
+from cqblend.surfaces.primary_surface import Primary
 
 
 @dataclass(frozen=True)
-class FamilyPair(Generic[Reshaped]):
+class FamilyPair:
     """Two surfaces, reshaped together.
 
     Attributes
     ----------
-    families : tuple of ReshapedSurface
+    families : tuple of Family
         Surface 1 and surface 2.
     s : Curve
         (s1, s2) at x in [0, 1], those of :attr:`Relation.eased`.
@@ -36,14 +34,14 @@ class FamilyPair(Generic[Reshaped]):
         Size of the surfaces, mm, that residuals and steps are relative to.
     """
 
-    families: tuple[Reshaped, Reshaped]
+    families: tuple[Family, Family]
     s: Curve
     courses: tuple[Course, Course]
     bounds: Array
     scale: float
 
     @staticmethod
-    def from_relation(families: tuple[Family, Family], relation: Relation) -> FamilyPair[Family]:
+    def from_relation(families: tuple[Family, Family], relation: Relation) -> FamilyPair:
         """Prepare two families, that of surface 1 first."""
         first, second = families
         s = relation.eased
@@ -56,11 +54,14 @@ class FamilyPair(Generic[Reshaped]):
         (first, second), (first_course, second_course) = self.families, self.courses
         return first.jet(q[:, :2], first_course(x)), second.jet(q[:, 2:], second_course(x))
 
-    def describe_place(self, q: Array, x: float) -> str:
-        """Describe a place q (4,) at x for messages: s of both surfaces, and the coordinates of the point."""
-        s1, s2 = self.s(x)
-        point = self.evaluate_jets(q[None], np.array([x]))[0][0, 0]
-        return f"s = ({s1:.4g}, {s2:.4g}), at {format_point(point)}"
+    @property
+    def primaries(self) -> tuple[Primary, Primary]:
+        """The two surfaces as they are before they are reshaped."""
+        return self.families[0].primary, self.families[1].primary
+
+    def describe_place(self, q: Array, x: Array, row: int) -> str:
+        """Describe one of n places q (n, 4) at x (n,) for messages: s of both surfaces, and the coordinates."""
+        return describe_offsets(self.s(x[row]), self.evaluate_jets(q[row, None], x[row, None])[0][0, 0])
 
     def measure_outside(self, q: Array) -> Array:
         """Return how far (n, 4) parameters are outside of the domains, as a share of these; 0 inside."""
@@ -71,3 +72,8 @@ class FamilyPair(Generic[Reshaped]):
 def format_point(point: Array) -> str:
     """Return the coordinates of a point as messages write them."""
     return "(" + ", ".join(f"{x:.5g}" for x in point) + ")"
+
+
+def describe_offsets(s: Array, point: Array) -> str:
+    """Return how far both surfaces are reshaped, and the coordinates of a point, as messages write them."""
+    return f"s = ({s[0]:.4g}, {s[1]:.4g}), at {format_point(point)}"

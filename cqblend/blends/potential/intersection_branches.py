@@ -14,7 +14,6 @@ import numpy as np
 from cqblend.blends.potential.box_subdivision import find_candidates
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair
-from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Surface
@@ -43,7 +42,7 @@ class _BranchPoint:
     tangent: Array
 
 
-def trace_branches(family_pair: FamilyPair[Family], x: float) -> list[IntersectionBranch]:
+def trace_branches(family_pair: FamilyPair, x: float) -> list[IntersectionBranch]:
     """Return all branches of the intersection at x, the longest first.
 
     Raises
@@ -66,7 +65,7 @@ def trace_branches(family_pair: FamilyPair[Family], x: float) -> list[Intersecti
     return sorted(branches, key=lambda one: -float(np.linalg.norm(np.diff(one.points, axis=0), axis=1).sum()))
 
 
-def _approximate_surfaces(family_pair: FamilyPair[Family], x: float) -> list[Surface]:
+def _approximate_surfaces(family_pair: FamilyPair, x: float) -> list[Surface]:
     """Return both surfaces as splines, within the tolerance of the test of boxes."""
     tolerance = POTENTIAL_TOLERANCES.box_fit * family_pair.scale
     return [family(s, tolerance) for family, s in zip(family_pair.families, family_pair.s(x).tolist(), strict=True)]
@@ -76,7 +75,7 @@ def _approximate_surfaces(family_pair: FamilyPair[Family], x: float) -> list[Sur
 class _BranchTracer:
     """Traces branches of the intersection at one x."""
 
-    family_pair: FamilyPair[Family]
+    family_pair: FamilyPair
     x: float
 
     @property
@@ -111,8 +110,8 @@ class _BranchTracer:
         if sine < POTENTIAL_TOLERANCES.touching_sine:
             raise GeometryError(
                 f"the surfaces touch, at an angle of {sine:.2g} rad, at "
-                f"{self.family_pair.describe_place(q, self.x)}: there, their intersection has no direction; move one "
-                "of them, or choose other a and b"
+                f"{self.family_pair.describe_place(q[None], self._x_array, 0)}: there, their intersection has no "
+                "direction; move one of them, or choose other a and b"
             )
         return across / sine
 
@@ -216,7 +215,7 @@ class _BranchTracer:
             step = min(step * growth, POTENTIAL_TOLERANCES.longest_step * scale)
         raise GeometryError(
             "the intersection of the surfaces cannot be followed past "
-            f"{self.family_pair.describe_place(here.q, self.x)}"
+            f"{self.family_pair.describe_place(here.q[None], self._x_array, 0)}"
         )
 
     def _unwrap_start(self, seed: Array, last: Array) -> Array:
@@ -236,7 +235,7 @@ def _passes_start(start: _BranchPoint, here: _BranchPoint, there: _BranchPoint, 
     return bool(passes and np.linalg.norm(start.point - here.point) < 2 * moved)
 
 
-def find_nearest_approach(family_pair: FamilyPair[Family], x: float) -> tuple[float, Array]:
+def find_nearest_approach(family_pair: FamilyPair, x: float) -> tuple[float, Array]:
     """Return about how near two surfaces that do not meet come to each other at x (mm), and the place (3,)."""
     grids = []
     for surface in _approximate_surfaces(family_pair, x):

@@ -29,7 +29,6 @@ from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.evaluation import BreakSide
-from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import TensorSurface
 from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
@@ -68,10 +67,11 @@ class OffsetFamily(Family):
     def jet(self, uv: Array, state: State) -> Array:
         """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
         check_uv_and_state(uv, state)
-        if self.shares is None:
-            return _offset_jet(self.primary, self.sign, uv, state)
         base = self.primary.jet(uv)
         n, nu, nv = differentiate_normal(base)
+        if self.shares is None:
+            f, rate = self.sign * state.amounts, self.sign * state.rates
+            return np.stack([base[0] + f * n, base[1] + f * nu, base[2] + f * nv, rate * n])
         out = np.empty((4, len(uv), 3))
         u, v = self.primary.wrap_parameters(uv).T
         jet = self.shares.jet(u, v, 1)
@@ -117,26 +117,6 @@ class OffsetFamily(Family):
     def normals(self) -> Surface | None:
         """The unit normals as a spline of the surface's own degrees, knots and weights; None if they are not one."""
         return interpolate_unit_normals(self.surface)
-
-
-@dataclass(frozen=True)
-class OffsetSide:
-    """Any surface whose points move along unit normals, by ``sign`` times one amount: a side of an edge."""
-
-    primary: Primary
-    sign: float
-
-    def jet(self, uv: Array, state: State) -> Array:
-        """Return S, Su, Sv and the derivative by x, (4, n, 3), at (n, 2)."""
-        return _offset_jet(self.primary, self.sign, uv, state)
-
-
-def _offset_jet(primary: Primary, sign: float, uv: Array, state: State) -> Array:
-    """Return S, Su, Sv and the derivative by x, (4, n, 3), of an offset by one amount."""
-    base = primary.jet(uv)
-    n, nu, nv = differentiate_normal(base)
-    f = sign * state.amounts
-    return np.stack([base[0] + f * n, base[1] + f * nu, base[2] + f * nv, sign * state.rates * n])
 
 
 def _check_creases(surface: Surface) -> None:

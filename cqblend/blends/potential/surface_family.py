@@ -17,7 +17,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
 from cqblend.splines.approximation import approximate_to_rounding
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.tensor_surface import SplineSurface
 
 AmountFunction = Callable[[Array], Any]
@@ -60,19 +59,6 @@ class Course:
             zeros = np.zeros((len(x), 3))
             return State(amounts, rates, zeros, zeros)
         return State(amounts, rates, *self.reference.jet(x, 1))
-
-
-class ReshapedSurface(Protocol):
-    """A surface that moves along a relation: what the intersection of two of them needs to know."""
-
-    @property
-    def primary(self) -> Primary:
-        """The surface itself, s = 0."""
-        ...
-
-    def jet(self, uv: Array, state: State) -> Array:
-        """Return S, Su, Sv and the derivative by x, (4, n, 3), at native parameters (n, 2)."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.blends.potential.continuation import CutCondition, IntersectionCurves, IsoparametricCut, PlaneCut
 from cqblend.blends.potential.family_pair import FamilyPair, format_point
 from cqblend.blends.potential.intersection_branches import IntersectionBranch
-from cqblend.blends.potential.surface_family import Family
 from cqblend.blends.potential.swept_section import NO_KINKS, make_ribbon_targets
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
@@ -43,7 +42,7 @@ class Sweep:
     solved from a start interpolated in this table. ``t`` covers the domain, once round if the curves are ``closed``.
     """
 
-    curves: IntersectionCurves[Family]
+    curves: IntersectionCurves[FamilyPair]
     closed: bool
     t: Array
     x: Array
@@ -65,20 +64,19 @@ class Sweep:
         start = self._interpolate_table(t, x)
         q, converged = self.curves.correct_solutions(start, t, x)
         if not converged.all():
-            i = int((~converged).argmax())
-            raise self.curves.make_lost_error(start[i], float(x[i]))
+            raise self.curves.make_lost_error(start, x, int((~converged).argmax()))
         return q
 
     def evaluate_points(self, t: Array, x: Array) -> Array:
         """Return the points (n, m, 3) of the curves at t (n,) and x (m,)."""
         tt, xx = (grid.ravel() for grid in np.meshgrid(t, x, indexing="ij"))
-        return self.curves.family_pair.evaluate_jets(self.solve_parameters(tt, xx), xx)[0][0].reshape(len(t), len(x), 3)
+        return self.curves.pair.evaluate_jets(self.solve_parameters(tt, xx), xx)[0][0].reshape(len(t), len(x), 3)
 
     def solve_contacts(self, t: Array) -> Contacts:
         """Return the rails' parameters and cross derivatives at t (n,): rail 1 is at x = 1, rail 2 at x = 0."""
         uv, vectors = self._solve_rails(t)
         half = np.full(len(t), 0.5)
-        middle = self.curves.family_pair.evaluate_jets(self._interpolate_table(t, half), half)[0][0]
+        middle = self.curves.pair.evaluate_jets(self._interpolate_table(t, half), half)[0][0]
         return Contacts(t, middle, uv, np.linalg.norm(vectors, axis=2), vectors)
 
     def _solve_rails(self, t: Array) -> tuple[tuple[Array, Array], Array]:
@@ -111,7 +109,7 @@ class Sweep:
         GeometryError
             There is none, or the curves may not be trimmed: they are closed, or run along a parameter from end to end.
         """
-        family_pair = self.curves.family_pair
+        family_pair = self.curves.pair
         outside = family_pair.measure_outside(self.q.reshape(-1, 4)).max(axis=1).reshape(self.q.shape[:2])
         inside = (outside <= POTENTIAL_TOLERANCES.domain).all(axis=1)
         if inside.all():
@@ -123,7 +121,8 @@ class Sweep:
             value = np.clip(q[axis], *family_pair.bounds[axis])
             raise GeometryError(
                 f"the intersection leaves surface {axis // 2 + 1} at {'uv'[axis % 2]} = {value:.4g}, near "
-                f"{family_pair.describe_place(q, float(self.x[j]))}: choose smaller a and b, or a larger surface"
+                f"{family_pair.describe_place(q[None], self.x[j, None], 0)}: choose smaller a and b, or a larger "
+                "surface"
             )
         runs = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
         first, last = max(
@@ -140,14 +139,14 @@ class Sweep:
 
         def is_on_surfaces(t: float) -> bool:
             q = self.solve_parameters(np.full(len(self.x), t), self.x)
-            return bool(self.curves.family_pair.measure_outside(q).max() <= POTENTIAL_TOLERANCES.domain / 2)
+            return bool(self.curves.pair.measure_outside(q).max() <= POTENTIAL_TOLERANCES.domain / 2)
 
         return bisect_interval(is_on_surfaces, inside, outside, POTENTIAL_LIMITS.trim_bisections)[0]
 
     def _explain_roughness(self) -> str:
         """Return the reason why rails cannot be fitted: a singular point next to one, or too little continuity."""
         for side, uv in enumerate(self.solve_contacts(self.t).uv):
-            jet = self.curves.family_pair.families[side].primary.jet(uv)
+            jet = self.curves.pair.families[side].primary.jet(uv)
             area = np.linalg.norm(cross_product(jet[1], jet[2]), axis=1)
             if area.min() < POTENTIAL_TOLERANCES.singular_area * area.max():
                 return (
@@ -165,7 +164,7 @@ class Sweep:
         rails, cross_vectors = self._solve_rails(self.t)
         for side, (uv, vectors) in enumerate(zip(rails, cross_vectors, strict=True)):
             length = np.linalg.norm(vectors, axis=1)
-            jet = self.curves.family_pair.families[side].primary.jet(uv)
+            jet = self.curves.pair.families[side].primary.jet(uv)
             rate = np.gradient(jet[0], self.t, axis=0)
             across = (cross_product(rate, vectors) * normalise_vectors(cross_product(jet[1], jet[2]))).sum(axis=1)
             across[length <= RAIL_TOLERANCES.measurable_share * length.max()] = 0.0
@@ -188,7 +187,7 @@ class Sweep:
         cut = self.curves.cut_condition
         if not isinstance(cut, IsoparametricCut):
             return NO_KINKS
-        knots, orders = self.curves.family_pair.families[cut.axis // 2].kinks(cut.axis % 2)
+        knots, orders = self.curves.pair.families[cut.axis // 2].kinks(cut.axis % 2)
         t, tolerance = (knots - cut.first) / (cut.last - cut.first), POTENTIAL_TOLERANCES.kink_parameter
         inside = (t >= -tolerance) & (t < 1 - tolerance if self.closed else t <= 1 + tolerance) & (orders < 5)
         return np.where(np.abs(t[inside]) < tolerance, 0.0, t[inside]), orders[inside]
@@ -196,14 +195,14 @@ class Sweep:
     @cached_property
     def width(self) -> float:
         """The largest distance between the rails (mm)."""
-        family_pair = self.curves.family_pair
+        family_pair = self.curves.pair
         rails = [family_pair.evaluate_jets(self.q[:, j], np.full(len(self.t), self.x[j]))[0][0] for j in (0, -1)]
         return float(np.linalg.norm(rails[0] - rails[1], axis=1).max())
 
     def fit_ribbons(self, tolerance: float) -> tuple[Ribbon, Ribbon]:
         """Fit ribbons to the rails and to the derivatives by x, well within the tolerance (mm) of the interior."""
         self._check_sides()
-        first, second = (family.primary for family in self.curves.family_pair.families)
+        first, second = (family.primary for family in self.curves.pair.families)
         unwrap: Callable[..., ContactSolver] = unwrap_closed_solver if self.closed else unwrap_open_solver
         solve = unwrap(self.solve_contacts, (first, second))
         wanted = make_ribbon_targets(tolerance, self.width)
@@ -225,7 +224,7 @@ class Sweep:
         return replace(first_ribbon, fades=True), replace(second_ribbon, fades=True)
 
 
-def sweep_branch(family_pair: FamilyPair[Family], branch: IntersectionBranch, x0: float) -> Sweep:
+def sweep_branch(family_pair: FamilyPair, branch: IntersectionBranch, x0: float) -> Sweep:
     """Continue one branch of the intersection at x0 to all x of the relation."""
     branch = _restart_off_knots(family_pair, branch) if branch.closed else branch
     length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(branch.points, axis=0), axis=1)))
@@ -248,7 +247,7 @@ def sweep_branch(family_pair: FamilyPair[Family], branch: IntersectionBranch, x0
     return Sweep(curves, branch.closed, t, x, curves.continue_solutions(start, t, x0, x)).trim_to_domains()
 
 
-def _restart_off_knots(family_pair: FamilyPair[Family], branch: IntersectionBranch) -> IntersectionBranch:
+def _restart_off_knots(family_pair: FamilyPair, branch: IntersectionBranch) -> IntersectionBranch:
     """Return a closed branch that starts where it is farthest from knot lines and seams, in shares of the domains."""
     clearance = np.full(len(branch.parameters) - 1, np.inf)
     for axis in range(4):
@@ -281,9 +280,7 @@ def _interpolate_branch(t: Array, values: Array, closed: bool) -> Curve:
     return interpolation.interpolate(extended, np.concatenate([before, values, after]), degree=5).clip(0.0, 1.0)
 
 
-def _find_steady_parameter(
-    family_pair: FamilyPair[Family], branch: IntersectionBranch, branch_curve: Curve
-) -> int | None:
+def _find_steady_parameter(family_pair: FamilyPair, branch: IntersectionBranch, branch_curve: Curve) -> int | None:
     """Return the index of the parameter whose rate along a branch is the most even; None if none is even enough.
 
     It must run over the whole domain, or over a period if the branch is closed.

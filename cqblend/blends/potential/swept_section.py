@@ -11,6 +11,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from cqblend.blends.potential.section_table import SectionTable
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails.fit_exceptions import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
@@ -68,8 +69,14 @@ class SweptSection(FilledSection):
 
     def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return the difference of the swept surface from the Hermite section, as a function of t (n,): (n, m, 3)."""
-        hermite = build_section(sides)
-        return lambda t: self.swept.evaluate_points(t, 1 - v) - hermite.grid(t, v)
+        hermite, x = build_section(sides), 1 - v
+        sections = SectionTable(
+            lambda t: self.swept.evaluate_points(t, x),
+            self.swept.domain,
+            self.closed,
+            POTENTIAL_TOLERANCES.table_fit * self.tolerance,
+        )
+        return lambda t: sections(t) - hermite.grid(t, v)
 
     def blend_ribbons(
         self, ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float

@@ -54,6 +54,25 @@ class PotentialTolerances:
     negligible_correction: float = 1e-3
     """Size of a correction that is always accepted, as a share of the size of the surfaces."""
 
+    steady_turn: float = 1e-9
+    """Largest deviation of unit tangents at equal steps from those of a line or a circle."""
+
+    station_turn: float = 1e-5
+    """Largest change of a tangent, rad, by which stations may be made smooth: more is a kink."""
+
+    station_shift: float = 1e-3
+    """Largest distance by which they may be moved, as a share of the distance of those that are interpolated."""
+
+    start_correction: float = 0.1
+    """Largest correction of a solution from a start that was interpolated along the edge, as a share of its distance
+    from the edge: with more, it may lie on another branch."""
+
+    prediction_gap: float = 0.1
+    """Largest gap between known stations in which others are predicted, over the edge."""
+
+    extrapolation: float = 2.0
+    """How far past the known stations others are predicted, as a share of the last gap between these."""
+
     shortest_x_step: float = 1e-3
     """Shortest step in x, over [0, 1]."""
 
@@ -90,6 +109,9 @@ class PotentialTolerances:
     singular_area: float = 0.15
     """Share of the largest length of Su x Sv along a rail, below which the surface is nearly singular."""
 
+    table_fit: float = 1 / 16
+    """Largest error of interpolated sections, as a share of the tolerance of the interior."""
+
     rail_fit: float = 1 / 16
     """Tolerance of the rails, as a share of that of the interior."""
 
@@ -121,6 +143,21 @@ class PotentialLimits:
 
     table_x_values: int = 17
     """Values of x of that table."""
+
+    smoothed_stations: int = 64
+    """Spans between stations of an edge that others are interpolated from."""
+
+    prediction_nodes: int = 4
+    """Known stations from which one in between is predicted."""
+
+    table_cells: int = 16
+    """Least number of cells of a table of sections."""
+
+    table_shortest_cell: int = 1024
+    """The domain over the length of the shortest cell: shorter ones would be at a kink."""
+
+    table_stencil: int = 6
+    """Exact sections from which one in between is interpolated."""
 
     closing_points: int = 8
     """Points repeated beyond both ends of a closed branch, so that its interpolant is periodic."""

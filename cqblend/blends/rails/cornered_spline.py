@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.interpolation import interpolate
+from cqblend.splines.interpolation import OneSidedData, interpolate_between_corners
 
 
 @dataclass(frozen=True)
@@ -86,17 +85,12 @@ def interpolate_with_corners(
     before[even] = after[even] = (before[even] + after[even]) / 2
     if closed and even[0] and even[-1]:
         before[-1] = after[0] = (right[0] + left[-1]) / 2
-    order = np.where(even, 1, 0)
-    size = np.abs(values).max()
-
-    def make_piece(i: int, j: int) -> Curve:
-        ends = np.concatenate([values[3 * i : 3 * j : 3], spans[3, j - 1 : j]])
-        if np.abs(ends[-1] - values[3 * j]).max() > RAIL_TOLERANCES.same_value_share * size:
-            order[j] = -1
-        return interpolate(nodes[i : j + 1], ends, derivatives=np.stack([after[i], before[j]]))
-
-    starts = corners[:-1].tolist()
-    pieces = [make_piece(i, j) for i, j in zip(starts, corners[1:].tolist(), strict=True)]
-    joints = zip(pieces[1:], order[starts[1:]].tolist(), strict=True)
-    whole = reduce(lambda curve, joint: curve.join(joint[0], continuity=joint[1]), joints, pieces[0])
-    return whole.reduce(tolerance=1e-13)
+    at_nodes = values[::3]
+    ends = at_nodes.copy()
+    ends[1:] = spans[3]
+    is_corner = np.zeros(len(nodes), dtype=bool)
+    is_corner[corners] = True
+    jumps = np.abs(ends - at_nodes).max(axis=1) > RAIL_TOLERANCES.same_value_share * np.abs(values).max()
+    order = np.where(is_corner, np.where(jumps, -1, np.where(even, 1, 0)), 2)
+    data = OneSidedData(ends, at_nodes, before, after)
+    return interpolate_between_corners(nodes, data, is_corner, order[1:-1]).reduce(tolerance=1e-13)

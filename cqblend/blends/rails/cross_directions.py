@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,11 @@ class RailStations:
     towards_blend: Array
     chord: Array
 
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals of the surface, (n, 3)."""
+        return normalise_vectors(cross_product(self.jet[1], self.jet[2]))
+
 
 CrossField = Callable[[RailStations], Array]
 """A function from stations to vectors (n, 3) of any length, whose projections on the tangent planes are the field."""
@@ -40,9 +46,7 @@ CrossField = Callable[[RailStations], Array]
 
 def perpendicular_field(stations: RailStations) -> Array:
     """T2 = +-(C' x n): perpendicular to the rail in space, on the side of the blend on the whole."""
-    return _orient_towards_blend(
-        cross_product(stations.velocity, normalise_vectors(cross_product(stations.jet[1], stations.jet[2]))), stations
-    )
+    return _orient_towards_blend(cross_product(stations.velocity, stations.normals), stations)
 
 
 def parametric_field(stations: RailStations) -> Array:
@@ -69,11 +73,10 @@ def compute_unit_directions(field: CrossField, stations: RailStations) -> Array:
     GeometryError
         If the field vanishes or is normal to the surface somewhere.
     """
-    n = normalise_vectors(cross_product(stations.jet[1], stations.jet[2]))
-    vectors = field(stations)
+    n, vectors = stations.normals, field(stations)
     flat = vectors - (vectors * n).sum(1, keepdims=True) * n
-    length = np.linalg.norm(flat, axis=1)
-    if not np.all(length > RAIL_TOLERANCES.least_tangent_share * np.linalg.norm(vectors, axis=1)):
+    length = measure_lengths(flat)
+    if not (length > RAIL_TOLERANCES.least_tangent_share * measure_lengths(vectors)).all():
         raise GeometryError(
             f"the cross direction at t = {stations.t[length.argmin()]:.6g} is zero or normal to the surface: it has no "
             "tangent part; choose other tangents"

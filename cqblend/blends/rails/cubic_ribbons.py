@@ -5,6 +5,7 @@ Straight and circular rails have lighter forms (:mod:`cqblend.blends.rails.line_
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,6 +15,7 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
+from cqblend.blends.rails.break_spacing import halve_spans, predict_growth, space_breaks
 from cqblend.blends.rails.cornered_spline import KinkData, add_third_points, interpolate_with_corners
 from cqblend.blends.rails.direction_steering import Steering, SteeringPin, find_pins
 from cqblend.blends.rails.fit_exceptions import TooManySpansError
@@ -60,14 +62,14 @@ def fit_cubic_ribbons(
     closed: bool,
     corners: Array = NO_CORNERS,
 ) -> tuple[Ribbon, Ribbon]:
-    """Return C2 cubic ribbons on the fewest stations that meet what is wanted, by halving the spans that do not.
+    """Return C2 cubic ribbons on about the fewest stations that meet what is wanted.
 
     The ribbons are only C1 at ``corners``, where contacts are known to be no more than C1, and where the rail crosses
     a parametric kink of its surface; if derivatives are given, also at knot lines at which the surface is less than C3.
 
-    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans are halved down to 1/128
-    of the rail for the sake of the directions, to 1/4096 for that of the position. What the directions miss then stands
-    in the certificate; the tangent planes are exact all the same.
+    Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans get shorter down to
+    1/128 of the rail for the sake of the directions, to 1/4096 for that of the position. What the directions miss then
+    stands in the certificate; the tangent planes are exact all the same.
 
     Raises
     ------
@@ -145,30 +147,45 @@ class _CubicFit:
     def refine_breaks(
         self, breaks: Array, moves: Sequence[ContactMove], steering: tuple[Steering, Steering]
     ) -> tuple[Array, tuple[Ribbon, Ribbon]]:
-        """Halve spans until the ribbons are as wanted; return the breaks, and the ribbons."""
-        wanted = self.wanted
-        shortest = RAIL_TOLERANCES.least_divided_span * RAIL_TOLERANCES.shortest_span_for_direction
-        while True:
+        """Shorten spans until the ribbons are as wanted; return the breaks, and the ribbons."""
+        fixed = np.append(self.corners, [move.t for move in moves])
+        for count in itertools.count():
             fitted = self.interpolate_contacts(breaks, moves, steering)
-            share = np.diff(breaks) / self.length
-            divided = np.zeros(len(share), bool)
-            for errors in fitted.errors:
-                for inner in (slice(1, None, 3), slice(2, None, 3)):
-                    divided |= (errors.across[inner] > wanted.position) & (
-                        share > RAIL_TOLERANCES.shortest_span_for_position
-                    )
-                    turned = (errors.direction[inner] > wanted.direction) | (errors.length[inner] > wanted.length)
-                    divided |= turned & (share > shortest)
-            if not divided.any():
+            missed, growth = self._find_missed_spans(breaks, fitted.errors)
+            if not missed.any():
                 break
-            breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[divided] / 2]))
-        missed = max(float(errors.across.max()) for errors in fitted.errors)
-        if missed > RAIL_TOLERANCES.largest_miss * wanted.position:
+            if count < RAIL_TOLERANCES.spacing_rounds:
+                breaks = space_breaks(breaks, growth, fixed)
+            else:
+                breaks = halve_spans(breaks, np.where(missed, 2.0, 0.0)[:, None].repeat(2, axis=1))
+        gap = max(float(errors.across.max()) for errors in fitted.errors)
+        if gap > RAIL_TOLERANCES.largest_miss * self.wanted.position:
             raise TooManySpansError(
-                f"the rails miss the contacts by {missed:.2g} mm on {len(breaks)} stations",
+                f"the rails miss the contacts by {gap:.2g} mm on {len(breaks)} stations",
                 "the edge or its faces are not smooth enough for this size; try a smaller one",
             )
         return breaks, fitted.ribbons
+
+    def _find_missed_spans(self, breaks: Array, errors: tuple[RibbonErrors, RibbonErrors]) -> tuple[Array, Array]:
+        """Return which spans (n,) err too much and are not too short already, and the factors by which they must grow.
+
+        That is, by which there must be more spans in their place.
+        """
+        wanted, share = self.wanted, np.diff(breaks) / self.length
+        across, turned = np.zeros(len(share)), np.zeros(len(share))
+        for one in errors:
+            for inner in (slice(1, None, 3), slice(2, None, 3)):
+                across = np.maximum(across, one.across[inner] / wanted.position)
+                turned = np.maximum(turned, one.direction[inner] / wanted.direction)
+                turned = np.maximum(turned, one.length[inner] / wanted.length)
+        shortest = RAIL_TOLERANCES.shortest_span_for_direction
+        across[share <= RAIL_TOLERANCES.shortest_span_for_position] = 0.0
+        turned = np.where(share > RAIL_TOLERANCES.least_divided_span * shortest, turned, 0.0)
+        growth = np.maximum(
+            predict_growth(across, RAIL_TOLERANCES.position_order),
+            np.minimum(predict_growth(turned, RAIL_TOLERANCES.direction_order), share / shortest),
+        )
+        return np.maximum(across, turned) > 1, growth
 
     def interpolate_contacts(
         self, breaks: Array, moves: Sequence[ContactMove], steering: tuple[Steering, Steering]

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.rails.break_spacing import halve_spans
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData, add_third_points, interpolate_with_corners
 from cqblend.blends.rails.direction_steering import Steering, find_pins
 from cqblend.blends.rails.parametric_kinks import ParametricKinks
@@ -24,7 +25,7 @@ from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import merge_breaks
 from cqblend.splines.tolerances import SPLINE_TOLERANCES
 from cqblend.surfaces.tensor_surface import TensorSurface
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 
 @dataclass(frozen=True)
@@ -57,36 +58,43 @@ def fit_directions(rail: SampledRail, vectors: Array, method: DirectionMethod) -
     that the speed of its sections is constant: those of curves that run as straight as they can, at constant speed.
     """
     steering, kinks, c, jet = method.steering, method.kinks, rail.c, rail.jet
-    vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), rail.t)
+    if steering.pins:
+        vectors = steering.turn_vectors(vectors, normalise_vectors(cross_product(jet[1], jet[2])), rail.t)
     rs = steering.zero_at_pins(to_tangent_coordinates(jet, vectors), rail.t)
-    values = rail.primary.lift_directions(rail.uv, c(rail.t), rs)
+    values = rail.primary.lift_directions(rail.uv, rail.lifted, rs)
     if kinks is None:
         first = method.make_curve(values, None)
+        fitted = rail.evaluate_tangents(first(rail.t))
     else:
         rs = steering.zero_at_pins(kinks.to_coordinates(vectors[kinks.sample_indices[1]]), kinks.t[0])
         before = rail.primary.lift_directions(kinks.uv[0], c(kinks.t[0], side="left"), rs)
         first = kinks.fit_curve(values, before, method.make_curve, lambda d: (c, rail.primary.compose_jets(c, [d])))
-    angles, lengths = _measure_deviations(rail.primary.compose_jets(c, [first]), rail.t, vectors)
+        fitted = _evaluate_first_jet(rail.primary.compose_jets(c, [first]), rail.t)
+    angles, lengths = _measure_deviations(fitted, vectors)
     return FittedDirections(add_higher_directions(rail, first, method), angles, lengths)
 
 
-def _measure_deviations(jets: Sequence[Curve], t: Array, vectors: Array) -> tuple[Array, Array]:
-    """Return how far the first derivatives of a ribbon are from vectors (n, 3) at t: rad, and relative.
+def _evaluate_first_jet(jets: Sequence[Curve], t: Array) -> Array:
+    """Return the first derivative of a ribbon in space, (n, 3), of its homogeneous jets."""
+    return dehomogenise_jets(np.stack([curve(t) for curve in jets[:2]]))[1]
+
+
+def _measure_deviations(fitted: Array, vectors: Array) -> tuple[Array, Array]:
+    """Return how far the first derivatives (n, 3) of a ribbon are from wanted vectors (n, 3): rad, and relative.
 
     Vectors that vanish have no direction, and differences of length are then measured relative to a short one.
     """
-    fitted = dehomogenise_jets(np.stack([curve(t) for curve in jets]))[1]
-    length = np.linalg.norm(vectors, axis=1)
+    length = measure_lengths(vectors)
     least = RAIL_TOLERANCES.compared_vector_share * length.max()
-    angle = np.arctan2(np.linalg.norm(cross_product(fitted, vectors), axis=1), (fitted * vectors).sum(1))
-    ratio = (np.linalg.norm(fitted, axis=1) - length) / np.maximum(length, least)
+    angle = np.arctan2(measure_lengths(cross_product(fitted, vectors)), (fitted * vectors).sum(1))
+    ratio = (measure_lengths(fitted) - length) / np.maximum(length, least)
     return np.where(length > least, angle, 0.0), np.abs(ratio)
 
 
 def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMethod) -> tuple[Curve, ...]:
     """Return the first direction with second and third ones, up to an order: see :func:`fit_directions`."""
     primary, c, steering, kinks = rail.primary, rail.c, method.steering, method.kinks
-    directions, lifted = [first], c(rail.t)
+    directions, lifted = [first], rail.lifted
 
     def lift_without_weight(uv: Array, lifted: Array, rs: Array, jets: Array) -> Array:
         """Return lifted directions (r, s), with that multiple of the lifted point for which their jet has no weight.
@@ -166,10 +174,7 @@ class DirectionFit:
         if self.exact_direction is not None and self.order < 2:
             return merge_breaks(self.lifted_rail.breaks, self.kink_parameters)
         return merge_breaks(
-            self.lifted_rail.breaks,
-            np.array(
-                [crossing.t for crossing in self.primary.find_knot_crossings(self.lifted_rail, max(2, self.order))]
-            ),
+            self.lifted_rail.breaks, self.primary.locate_knot_crossings(self.lifted_rail, max(2, self.order))
         )
 
     @cached_property
@@ -197,7 +202,10 @@ class DirectionFit:
         return self.has_seam_kink or len(self.kink_parameters) > 0
 
     def fit_ribbon(self, nodes: Array, steering: Steering) -> tuple[Ribbon, Array]:
-        """Fit the directions at nodes; also return a mask of the spans in which they miss what is wanted."""
+        """Fit the directions at nodes; also return their errors as shares of what is allowed, (n, 2).
+
+        They are those at a third and at two thirds of every span.
+        """
         t = add_third_points(nodes)
         kinks = merge_breaks(self.corners, np.array([pin.t for pin in steering.pins]))
         apart = np.abs(nodes[:, None] - kinks).min(axis=1)
@@ -214,7 +222,7 @@ class DirectionFit:
                 interpolate_with_corners(nodes, values / weight(t), corners, closed=self.closed, kinks=kinks) * weight
             )
 
-        sampled = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t)
+        sampled = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t, exact=True)
         break_uv = self.rail.curve(self.lifted_rail.breaks)
         method = DirectionMethod(self.order, make_direction, steering, self._find_kinks(nodes, sampled))
         if self.exact_direction is not None and not steering.pins and method.kinks is None:
@@ -226,13 +234,14 @@ class DirectionFit:
             )
             directions = add_higher_directions(sampled, first, method)
             exact = Ribbon(self.primary, self.lifted_rail, directions, break_uv, self.order)
-            return exact, np.zeros(len(nodes) - 1, bool)
+            return exact, np.zeros((len(nodes) - 1, 2))
         fitted, slack = fit_directions(sampled, self.target_vectors(t), method), steering.evaluate_slack(t)
-        missed = (fitted.angle_errors > RAIL_TOLERANCES.direction + slack) | (
-            fitted.length_errors > RAIL_TOLERANCES.length + slack
+        errors = np.maximum(
+            fitted.angle_errors / (RAIL_TOLERANCES.direction + slack),
+            fitted.length_errors / (RAIL_TOLERANCES.length + slack),
         )
         ribbon = Ribbon(self.primary, self.lifted_rail, fitted.curves, break_uv, self.order)
-        return ribbon, missed[1::3] | missed[2::3]
+        return ribbon, np.stack([errors[1::3], errors[2::3]], axis=1)
 
     def _find_kinks(self, nodes: Array, rail: SampledRail) -> ParametricKinks | None:
         """Return the parametric kinks at nodes of a fit, the seam of a closed rail among them."""
@@ -249,41 +258,33 @@ class DirectionFit:
         """Return a ribbon with the deviations of its direction from the wanted one, at eight points of every span."""
         breaks = ribbon.directions[0].breaks
         t = np.append((breaks[:-1] + np.arange(8)[:, None] / 8 * np.diff(breaks)).ravel(), breaks[-1])
-        angles, lengths = _measure_deviations(
-            self.primary.compose_jets(self.lifted_rail, ribbon.directions[:1]), t, self.target_vectors(t)
-        )
+        if self.has_kinks:
+            fitted = _evaluate_first_jet(ribbon.compose_jets(), t)
+        else:
+            rail = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t, exact=True)
+            fitted = rail.evaluate_tangents(ribbon.directions[0](t))
+        angles, lengths = _measure_deviations(fitted, self.target_vectors(t))
         return replace(ribbon, direction=float(angles.max()), length=float(lengths.max()))
 
 
 def fit_ribbons_on_rails(fits: tuple[DirectionFit, DirectionFit], steer: float) -> tuple[Ribbon, Ribbon]:
     """Make ribbons on two given rails, on common nodes, with directions turned by ``steer`` (rad) at most."""
     domain = fits[0].lifted_rail.domain
-    no_steering = [Steering((), domain, one.closed) for one in fits]
-    shortest = max(RAIL_TOLERANCES.shortest_span_by_order[one.order] for one in fits) * (domain[1] - domain[0])
-
-    def refine_nodes(nodes: Array, steering: Sequence[Steering]) -> tuple[list[Ribbon], Array]:
-        while True:
-            (first, first_missed), (second, second_missed) = (
-                one.fit_ribbon(nodes, turns) for one, turns in zip(fits, steering, strict=True)
-            )
-            divided = (first_missed | second_missed) & (np.diff(nodes) > RAIL_TOLERANCES.least_divided_span * shortest)
-            if not divided.any():
-                return [first, second], nodes
-            nodes = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:])[divided] / 2]))
-
+    no_steering = (Steering((), domain, fits[0].closed), Steering((), domain, fits[1].closed))
     corners = merge_breaks(fits[0].corners, fits[1].corners)
     spread = np.linspace(*domain, RAIL_TOLERANCES.initial_spans + 1)
     clear = np.abs(spread[:, None] - corners).min(axis=1) > (spread[1] - spread[0]) / 3
-    ribbons, nodes = refine_nodes(np.sort(np.concatenate([corners, spread[clear]])), no_steering)
+    first_nodes = np.sort(np.concatenate([corners, spread[clear]]))
+    ribbons, nodes = _refine_nodes(fits, first_nodes, no_steering)
     steering, pins = no_steering, [find_pins(ribbon, steer) for ribbon in ribbons]
     if any(pins):
         nodes = merge_breaks(nodes, np.array([pin.t for of_rail in pins for pin in of_rail]))
-        steering = [
-            replace(one, pins=tuple(replace(pin, t=float(nodes[np.abs(nodes - pin.t).argmin()])) for pin in of_rail))
-            for one, of_rail in zip(no_steering, pins, strict=True)
+        at_nodes = [
+            tuple(replace(pin, t=float(nodes[np.abs(nodes - pin.t).argmin()])) for pin in of_rail) for of_rail in pins
         ]
-        ribbons, _ = refine_nodes(nodes, steering)
-    elif any(one.exact_direction is None for one in fits):
+        steering = (replace(no_steering[0], pins=at_nodes[0]), replace(no_steering[1], pins=at_nodes[1]))
+        ribbons, _ = _refine_nodes(fits, nodes, steering)
+    elif len(nodes) == len(first_nodes) and any(one.exact_direction is None for one in fits):
         on_corners = [one.fit_ribbon(corners, turns)[0] for one, turns in zip(fits, no_steering, strict=True)]
         if all(map(_has_same_directions, on_corners, ribbons)):
             ribbons = on_corners
@@ -294,6 +295,25 @@ def fit_ribbons_on_rails(fits: tuple[DirectionFit, DirectionFit], steer: float) 
         for one, ribbon, turns in zip(fits, ribbons, steering, strict=True)
     )
     return first, second
+
+
+def _refine_nodes(
+    fits: tuple[DirectionFit, DirectionFit], nodes: Array, steering: tuple[Steering, Steering]
+) -> tuple[list[Ribbon], Array]:
+    """Halve spans until both ribbons are as wanted, or spans as short as they may be.
+
+    Returns the ribbons, and the nodes, which both have in common.
+    """
+    shortest = max(RAIL_TOLERANCES.shortest_span_by_order[one.order] for one in fits) * (nodes[-1] - nodes[0])
+    while True:
+        (first, first_errors), (second, second_errors) = (
+            one.fit_ribbon(nodes, turns) for one, turns in zip(fits, steering, strict=True)
+        )
+        long = np.diff(nodes) > RAIL_TOLERANCES.least_divided_span * shortest
+        errors = np.where(long[:, None], np.maximum(first_errors, second_errors), 0.0)
+        if errors.max() <= 1:
+            return [first, second], nodes
+        nodes = halve_spans(nodes, errors)
 
 
 def _has_same_directions(one: Ribbon, other: Ribbon) -> bool:

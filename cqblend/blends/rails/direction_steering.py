@@ -69,6 +69,8 @@ class Steering:
 
     def evaluate_slack(self, t: Array) -> Array:
         """Return by how much (n,), in rad, a fit may miss the turn near pins: only its value at the pins matters."""
+        if not self.pins:
+            return np.zeros_like(t)
         largest = max((abs(pin.angle) for pin in self.pins), default=0.0)
         reach = 2 * RAIL_TOLERANCES.fade_length_share * (self.domain[1] - self.domain[0])
         near = [np.abs(self._measure_offset(t, pin)) < reach for pin in self.pins]

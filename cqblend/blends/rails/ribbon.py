@@ -26,17 +26,44 @@ BREAK_SIDES: tuple[BreakSide, BreakSide] = ("left", "right")
 
 @dataclass(frozen=True)
 class SampledRail:
-    """A rail ``c`` of lifted parameters on a primary surface, and its native parameters ``uv`` (n, 2) at ``t`` (n,)."""
+    """A rail ``c`` of lifted parameters on a primary surface, and native parameters ``uv`` (n, 2) at ``t`` (n,).
+
+    The parameters are those that the rail was fitted to; with ``exact``, it runs through them.
+    """
 
     primary: Primary
     c: Curve
     uv: Array
     t: Array
+    exact: bool = False
 
     @cached_property
     def jet(self) -> Array:
         """The native jet of the surface at the samples, (6, n, 3)."""
         return self.primary.jet(self.uv)
+
+    @cached_property
+    def lifted_jet(self) -> Array:
+        """Lifted points and their derivatives by t, (2, n, k)."""
+        return self.c.jet(self.t, 1)
+
+    @property
+    def lifted(self) -> Array:
+        """Lifted points, (n, k)."""
+        return np.asarray(self.lifted_jet[0])
+
+    @cached_property
+    def own_jet(self) -> Array:
+        """The native jet of the surface at the points of the rail itself, (6, n, 3)."""
+        return self.jet if self.exact else self.primary.jet(self.primary.unlift_points(self.lifted, self.uv))
+
+    def evaluate_tangents(self, directions: Array) -> Array:
+        """Return the vectors (n, 3) in space of lifted directions (n, k) at the points of the rail.
+
+        Not where only the parametrisation of the surface has a kink: there, they differ on both sides.
+        """
+        rs = self.primary.unlift_directions(self.lifted, directions)
+        return np.asarray(rs[:, :1] * self.own_jet[1] + rs[:, 1:] * self.own_jet[2])
 
 
 @dataclass(frozen=True)

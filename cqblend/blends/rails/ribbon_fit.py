@@ -23,7 +23,7 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
 
 Domain = tuple[float, float]
 LengthFactor = Callable[[Array], Array]
@@ -128,10 +128,14 @@ def fit_ribbon(
     """
     primary, uv, t = samples.primaries[side], samples.contacts.uv[side], samples.t
     c, kinks = _fit_rail(samples, side, curves)
-    point, rate = dehomogenise_jets(primary.compose_position(c).jet(t, 1))
+    rail = SampledRail(primary, c, uv, t)
+    if kinks is None:
+        point, rate = rail.own_jet[0], rail.evaluate_tangents(rail.lifted_jet[1])
+    else:
+        point, rate = dehomogenise_jets(primary.compose_position(c).jet(t, 1))
     vectors = samples.compute_cross_derivatives(side, rate, wanted)
     method = DirectionMethod(wanted.orders[side], curves.make_direction, steering, kinks)
-    fitted = fit_directions(SampledRail(primary, c, uv, t), vectors, method)
+    fitted = fit_directions(rail, vectors, method)
     domain, directions = steering.domain, fitted.curves
     inside = (t >= domain[0]) & (t <= domain[1])
     if not inside.all():
@@ -139,10 +143,8 @@ def fit_ribbon(
     break_uv = np.stack([np.interp(c.breaks, t, column) for column in uv.T], -1)
     offset, slack = (point - samples.jets[side][0])[inside], steering.evaluate_slack(t)
     errors = RibbonErrors(
-        np.linalg.norm(offset, axis=1),
-        np.linalg.norm(
-            offset if wanted.given_derivatives else cross_product(offset, normalise_vectors(rate[inside])), axis=1
-        ),
+        measure_lengths(offset),
+        measure_lengths(offset if wanted.given_derivatives else cross_product(offset, normalise_vectors(rate[inside]))),
         (fitted.angle_errors - slack)[inside],
         (fitted.length_errors - slack)[inside],
     )

@@ -51,6 +51,19 @@ class RailTolerances:
         Relative difference of the values on both sides of a corner up to which the curve is continuous there.
     initial_spans
         Spans that a cubic fit starts with.
+    spacing_rounds
+        Fits whose spans are spaced by the errors of the one before; after these, spans that err are halved.
+    aimed_share
+        Share of a tolerance that a predicted number of spans aims at.
+    position_order, direction_order
+        Powers of the length of spans with which the errors of cubic rails, and of directions along them, fall: those of
+        directions with the fourth, that of the slope of the rail with the third.
+    least_span_growth, most_span_growth
+        Factors from one number of spans to the next, at least and at most.
+    neighbour_growth
+        Share of the growth of its neighbours that a span takes part in.
+    spared_span
+        Part of a span that is spared when the number of spans is rounded up.
     shortest_span_by_order
         Shortest span of the directions of a given rail, as a share of the rail, by order of continuity: the rounding of
         a blend's poles shows in its derivatives of order k divided by spans to the power of k.
@@ -107,10 +120,18 @@ class RailTolerances:
     same_fit_share: float = 1e-6
     same_value_share: float = 1e-14
     initial_spans: int = 16
+    spacing_rounds: int = 3
+    aimed_share: float = 0.6
+    position_order: float = 4.0
+    direction_order: float = 3.4
+    least_span_growth: float = 1.0
+    most_span_growth: float = 5.0
+    neighbour_growth: float = 0.8
+    spared_span: float = 0.05
     shortest_span_by_order: tuple[float, float, float, float] = (1 / 512, 1 / 512, 1 / 128, 1 / 64)
     shortest_span_for_direction: float = 1 / 128
     shortest_span_for_position: float = 1 / 4096
-    least_divided_span: float = 1.9
+    least_divided_span: float = 1.3
     overlap_stations: int = 24
     projection_residual: float = 2e-13
     exact_deviation: float = 1e-11

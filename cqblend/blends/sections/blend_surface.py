@@ -59,12 +59,17 @@ class BlendSurface:
 def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve]]:
     """Return the homogeneous jets of both ribbons on common breaks, none of which nearly coincide.
 
-    Those of light ribbons are reduced to the lowest degree that they really have.
+    Those of light ribbons are reduced to the lowest degree that they really have. Jets of higher order may be small
+    differences of large terms, so that their rounding is that of the position.
     """
 
     def compose_jets(ribbon: Ribbon) -> list[Curve]:
         jets = ribbon.compose_jets()[: ribbon.order + 1]
-        return [jet.reduce(tolerance=RAIL_TOLERANCES.light_degree_share) if ribbon.light else jet for jet in jets]
+        if not ribbon.light:
+            return list(jets)
+        sizes = [float(np.abs(jet.coefs).max()) for jet in jets]
+        shares = [RAIL_TOLERANCES.light_degree_share * max(1.0, sizes[0] / size) if size else 0.0 for size in sizes]
+        return [jet.reduce(tolerance=share) if jet.degree > 1 else jet for jet, share in zip(jets, shares, strict=True)]
 
     first, second = (compose_jets(ribbon) for ribbon in ribbons)
     together = align_breaks([*first, *second])
@@ -78,9 +83,13 @@ def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve
 
 def _check_tangent_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
     """Raise GeometryError where rail and cross direction are parallel: there, the blend would turn over."""
-    t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
-    t = t[~is_faded(ribbon, t)]
-    rate, vector = dehomogenise_jets(rail.jet(t, 1))[1], dehomogenise_jets(np.stack([rail(t), field(t)]))[1]
+    if ribbon.light:  # all its points are alike
+        t = rail.breaks[:1]
+    else:
+        t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
+        t = t[~is_faded(ribbon, t)]
+    rail_jet = rail.jet(t, 1)
+    rate, vector = dehomogenise_jets(rail_jet)[1], dehomogenise_jets(np.stack([rail_jet[0], field(t)]))[1]
     sine = (
         cross_product(normalise_vectors(rate), normalise_vectors(vector))
         * ribbon.primary.evaluate_normals(ribbon.find_native_parameters(t))
@@ -99,7 +108,11 @@ def _check_jumps(ribbons: tuple[Ribbon, Ribbon], sides: tuple[Jets, Jets]) -> No
     The first one jumps at a crease of the surface, the second one where its curvature jumps, unless the first direction
     is parallel to the knot line there.
     """
-    torn = [(ribbon, *_measure_jumps(jets)) for ribbon, jets in zip(ribbons, sides, strict=True)]
+    torn = [
+        (ribbon, *_measure_jumps(jets))
+        for ribbon, jets in zip(ribbons, sides, strict=True)
+        if not ribbon.light  # whose curves meet at their breaks, on smooth surfaces
+    ]
     for _, t, jumps in torn:
         for k, jump in enumerate(jumps, start=1):
             if not jump.any():

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.rails.ribbon import evaluate_space_jets
 from cqblend.blends.sections.hermite_section import Jets
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.splines.evaluation import BreakSide
+from cqblend.splines.evaluation import BreakSide, dehomogenise_derivatives
 from cqblend.surfaces.vectors import cross_product
 
 JUMP_ERRORS = np.array([0.5, 0.1, 0.017, 0.005])
@@ -27,11 +26,13 @@ JUMP_ERRORS = np.array([0.5, 0.1, 0.017, 0.005])
 class ExactJets:
     """The exact homogeneous jets of both ribbons, all on the same breaks, and what a fit of them may miss.
 
+    ``together`` has the components of all of them, which costs one evaluation where they would cost four or more.
     ``tolerance`` is that of position, ``angular_tolerance`` that of tangent planes (rad); ``sizes`` are the diagonals
     of the boxes around the rails. *Rows* are the Euclidean jets of the first side by order, then those of the second.
     """
 
     sides: tuple[list[Curve], list[Curve]]
+    together: Curve
     tolerance: float
     angular_tolerance: float
     sizes: tuple[float, float]
@@ -43,11 +44,22 @@ class ExactJets:
 
     def evaluate_rows(self, t: Array, order: int, side: BreakSide) -> Array:
         """Return the Euclidean rows with their derivatives by t, (rows, order + 1, n, 3)."""
-        return np.concatenate([evaluate_space_jets(jets, t, order, side) for jets in self.sides])
+        return np.concatenate(self._evaluate_each_side(t, order, side))
 
     def evaluate_sides(self, t: Array) -> list[Array]:
         """Return for each side its Euclidean jets with the derivatives that are compared, (orders, 2 or 3, n, 3)."""
-        return [evaluate_space_jets(jets, t, count_derivatives(jets), "right") for jets in self.sides]
+        counts = [count_derivatives(jets) for jets in self.sides]
+        found = self._evaluate_each_side(t, max(counts), "right")
+        return [rows[:, : count + 1] for rows, count in zip(found, counts, strict=True)]
+
+    def _evaluate_each_side(self, t: Array, order: int, side: BreakSide) -> list[Array]:
+        """Return for each side its Euclidean jets with their derivatives by t, (orders, order + 1, n, 3)."""
+        size = max(1, COMPACT_TOLERANCES.gathered_numbers // self.together.coefs[..., 0].size)
+        parts = [self.together.jet(t[i : i + size], order, side=side) for i in range(0, len(t), size)]
+        values = np.concatenate(parts, axis=1).transpose(2, 0, 1)
+        homogeneous = values.reshape(-1, 4, order + 1, len(t)).swapaxes(1, 2)
+        first = len(self.sides[0])
+        return [dehomogenise_derivatives(rows).swapaxes(2, 3) for rows in (homogeneous[:first], homogeneous[first:])]
 
     def measure_errors(self, fitted: list[Array], exact: list[Array], widths: Array) -> Array:
         """Return the largest error of any sort, as a share of its tolerance, (n,).
@@ -126,7 +138,7 @@ def collect_exact_jets(sides: tuple[Jets, Jets], tolerance: float, angular_toler
     for rail in (first[0], second[0]):
         points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
         sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
-    return ExactJets((first, second), tolerance, angular_tolerance, (sizes[0], sizes[1]))
+    return ExactJets((first, second), Curve.stack(together), tolerance, angular_tolerance, (sizes[0], sizes[1]))
 
 
 def compute_norms(vectors: Array) -> Array:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -33,17 +34,15 @@ Sampler = Callable[[Array], Array]
 """A function from parameters t (n,) to values there, (n, ..)."""
 
 
-class _SampledInterior(NamedTuple):
-    """An interior at points across, and a basis across that holds it.
+PLACES_BETWEEN_NODES = np.array([0.13, 0.41, 0.77])
+"""Where in a piece, as shares of it, polynomials are compared with an interior."""
 
-    ``evaluate`` and ``evaluate_weighted`` return (n, m, 3) at t (n,), without and with the weight of the section;
-    ``size`` is the largest coordinate of the latter.
-    """
+
+class _SampledInterior(NamedTuple):
+    """An interior at m points across: (n, m, 3) at t (n,), without and with the weight of the section."""
 
     evaluate: Sampler
     evaluate_weighted: Sampler
-    size: float
-    across: _AcrossBasis
 
 
 class _FitAttempt(NamedTuple):
@@ -98,49 +97,78 @@ class FilledSection(ABC):
         )
 
     def fit_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
-        """Return the interior as splines, None if it is within the tolerance of zero."""
+        """Return the interior as splines, None if it is within the tolerance of zero.
+
+        It is sampled at as many points across as its splines take.
+        """
         jets = align_breaks([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        sampled = self._sample_interior(sides, breaks)
-        if sampled is None:
-            return None
-        across = sampled.across
-
-        def sample_coefficients(t: Array) -> Array:
-            return across.fit_coefficients(sampled.evaluate_weighted(t))
-
-        tolerance = max(
-            SECTION_TOLERANCES.coefficient_share * sampled.size, SECTION_TOLERANCES.polynomial_share * self.tolerance
-        )
-        curve = _fit_on_pieces(sample_coefficients, breaks, degree, tolerance)
-        if curve is None:
-            weight = _common_weight(sides)
-            if weight is None:
-                curve = self._fit_along(sample_coefficients, breaks, None if _has_unit_weight(sides) else jets)
-            else:  # fitted without the weight, whose kinks need no approximation then
-                unweighted = self._fit_along(lambda t: across.fit_coefficients(sampled.evaluate(t)), breaks, None)
-                curve = unweighted * weight
-        return SectionInterior(curve, across.tables, across.breaks, across.continuity)
-
-    def _sample_interior(self, sides: tuple[Jets, Jets], breaks: Array) -> _SampledInterior | None:
-        """Sample the interior across, at as many points as it takes; None if it is within the tolerance of zero."""
         for points in (self.points, SECTION_TOLERANCES.finer_points_factor * self.points):
-            v = (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
-            evaluate = self.make_interior_function(sides, v)
-            evaluate_weighted = evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
+            sampled = self._sample_across(sides, points)
+            if degree <= SECTION_TOLERANCES.most_simple_degree:
+                interior = self._fit_on_pieces(sampled, breaks, degree)
+                if interior is not None:
+                    is_zero = np.abs(interior.curve.coefs).max(initial=0.0) <= self.tolerance / 4
+                    return None if is_zero else interior
             spread = np.linspace(breaks[0], breaks[-1], SECTION_TOLERANCES.size_samples)
-            values = evaluate_weighted(np.union1d(spread, (breaks[:-1] + breaks[1:]) / 2))
+            values = sampled.evaluate_weighted(np.union1d(spread, (breaks[:-1] + breaks[1:]) / 2))
             size = float(np.abs(values).max())
             if size <= self.tolerance / 4:
                 return None
-            across = self._choose_across_basis(v, values)
+            across = self._choose_across_basis(values)
             if across is not None:
-                return _SampledInterior(evaluate, evaluate_weighted, size, across)
+                return across.make_interior(self._fit_splines(sampled, across, sides, jets))
         raise TooManySpansError(
             f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
             f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans across",
             f"ask for a larger tolerance, or {self.advice[0]}",
         )
+
+    def _sample_across(self, sides: tuple[Jets, Jets], points: int) -> _SampledInterior:
+        """Return the interior at so many points across."""
+        v = _space_points_across(points)
+        evaluate = self.make_interior_function(sides, v)
+        return _SampledInterior(
+            evaluate, evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
+        )
+
+    def _fit_on_pieces(self, sampled: _SampledInterior, breaks: Array, degree: int) -> SectionInterior | None:
+        """Return an interior as polynomials on the section's own pieces, of its degree; None if it is not that.
+
+        It is that between planes, and around axes. A few samples of each piece tell.
+        """
+        nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
+        steps = np.diff(breaks)
+        places = np.concatenate([nodes, PLACES_BETWEEN_NODES])
+        values = sampled.evaluate_weighted((breaks[:-1] + places[:, None] * steps).ravel())
+        across = self._choose_across_basis(values)
+        if across is None:
+            return None
+        found, between = np.split(across.fit_coefficients(values).reshape(len(places), len(steps), -1), [degree + 1])
+        matrix = np.linalg.inv(bernstein.evaluate_basis(degree, 1 - nodes, nodes).T)
+        found[-1, :-1] = found[0, 1:]  # the same points, but for rounding
+        coefs = np.einsum("pk,knd->pdn", matrix, found)
+        coefs[0], coefs[-1] = found[0].T, found[-1].T
+        curve = Curve(breaks, coefs, continuity=np.zeros(len(steps) - 1, dtype=int))
+        t = breaks[:-1] + PLACES_BETWEEN_NODES[:, None] * steps
+        tolerance = max(
+            SECTION_TOLERANCES.coefficient_share * float(np.abs(values).max()),
+            SECTION_TOLERANCES.polynomial_share * self.tolerance,
+        )
+        error = np.abs(curve(t.ravel()).reshape(between.shape) - between).max()
+        return across.make_interior(curve) if error <= tolerance else None
+
+    def _fit_splines(
+        self, sampled: _SampledInterior, across: _AcrossBasis, sides: tuple[Jets, Jets], jets: list[Curve]
+    ) -> Curve:
+        """Approximate the coefficients of an interior along, without its weight if that is the same at all v."""
+        breaks, weight = jets[0].breaks, _common_weight(sides)
+        if weight is None:
+            weighted_jets = None if _has_unit_weight(sides) else jets
+            return self._fit_along(
+                lambda t: across.fit_coefficients(sampled.evaluate_weighted(t)), breaks, weighted_jets
+            )
+        return self._fit_along(lambda t: across.fit_coefficients(sampled.evaluate(t)), breaks, None) * weight
 
     def _fit_along(self, sample: Sampler, breaks: Array, weighted_jets: list[Curve] | None) -> Curve:
         """Approximate coefficients of the interior along: C4 if possible, else with C1 kinks, else with all kinks.
@@ -175,17 +203,22 @@ class FilledSection(ABC):
             f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
-    def _choose_across_basis(self, v: Array, values: Array) -> _AcrossBasis | None:
-        """Choose the fewest functions across that hold values (n, m, 3) at v (m,) within a quarter of the tolerance.
+    def _choose_across_basis(self, values: Array) -> _AcrossBasis | None:
+        """Choose the fewest functions across that hold values (n, m, 3) at m points within a quarter of the tolerance.
 
         None if none do.
         """
-        for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * len(v)):
-            across = _AcrossBasis.from_spans(self.conditions, degree, spans, v)
+        for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * values.shape[1]):
+            across = _AcrossBasis.from_spans(self.conditions, degree, spans, values.shape[1])
             fitted = across.evaluate_at_points(across.fit_coefficients(values))
             if np.abs(fitted - values).max() <= self.tolerance / 4:
                 return across
         return None
+
+
+def _space_points_across(points: int) -> Array:
+    """Return the Chebyshev points (m,) across at which interiors are sampled."""
+    return (1 - np.cos(np.pi * (np.arange(points) + 0.5) / points)) / 2
 
 
 def _multiply_by_weight(evaluate: Sampler, sides: tuple[Jets, Jets], v: Array) -> Sampler:
@@ -225,8 +258,13 @@ class _AcrossBasis:
     components: Array
 
     @classmethod
-    def from_spans(cls, conditions: tuple[int, int, int], degree: int, spans: int, v: Array) -> _AcrossBasis:
-        """Return the B-splines on equal spans, without those that do not vanish as often as ``conditions`` asks for."""
+    @lru_cache(maxsize=128)
+    def from_spans(cls, conditions: tuple[int, int, int], degree: int, spans: int, points: int) -> _AcrossBasis:
+        """Return the B-splines on equal spans, without those that do not vanish as often as ``conditions`` asks for.
+
+        All blends share them, so that their arrays are not to be written to.
+        """
+        v = _space_points_across(points)
         breaks = np.linspace(0, 1, spans + 1)
         knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
         _, coefs, continuity = extract_pieces(degree, knots, np.eye(spans + degree))
@@ -242,6 +280,10 @@ class _AcrossBasis:
         """Return the coefficients (n, m) of the fit to values (n, points, 3)."""
         parts = [values[..., i] @ self.least_squares[self.components == i].T for i in range(3)]
         return np.concatenate(parts, axis=1)
+
+    def make_interior(self, curve: Curve) -> SectionInterior:
+        """Return the interior whose coefficients are a curve."""
+        return SectionInterior(curve, self.tables, self.breaks, self.continuity)
 
     def evaluate_at_points(self, coefs: Array) -> Array:
         """Return values (n, points, 3) of coefficients (n, m)."""
@@ -270,22 +312,3 @@ def _common_weight(sides: tuple[Jets, Jets]) -> Curve | None:
     if not same or any(np.abs(one.coefs - first.coefs).max() > SECTION_TOLERANCES.coefficient_share for one in others):
         return None
     return first if all(np.abs(one).max() <= SECTION_TOLERANCES.coefficient_share for one in higher) else None
-
-
-def _fit_on_pieces(sample: Sampler, breaks: Array, degree: int, tolerance: float) -> Curve | None:
-    """Return an interior as polynomials on the section's own pieces, of its degree; None if it is not that.
-
-    It is that between planes, and around axes.
-    """
-    if degree > SECTION_TOLERANCES.most_simple_degree:
-        return None
-    nodes = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
-    steps = np.diff(breaks)
-    values = sample((breaks[:-1] + nodes[:, None] * steps).ravel()).reshape(degree + 1, len(steps), -1)
-    matrix = np.linalg.inv(bernstein.evaluate_basis(degree, 1 - nodes, nodes).T)
-    values[-1, :-1] = values[0, 1:]  # the same points, but for rounding
-    coefs = np.einsum("pk,knd->pdn", matrix, values)
-    coefs[0], coefs[-1] = values[0].T, values[-1].T
-    curve = Curve(breaks, coefs, continuity=np.zeros(len(steps) - 1, dtype=int))
-    between = (breaks[:-1] + np.array([0.13, 0.41, 0.77])[:, None] * steps).ravel()
-    return curve if np.abs(curve(between) - sample(between)).max() <= tolerance else None

@@ -47,6 +47,12 @@ class SectionTolerances:
         Degree along of sections whose interior may be polynomial, as between planes and around axes.
     size_samples
         Parameters along, at least, at which the size of an interior is measured.
+    revolved_deviation
+        Deviation of a blend from a turned profile, as a share of its largest coordinate about the axis, that is
+        rounding.
+    revolved_gap, revolved_full_turn
+        Gap between the ends of a circular rail, as a share of its size, and difference of its angle from a full turn
+        (rad), up to which it is closed.
     """
 
     largest_degree: int = 25
@@ -65,6 +71,9 @@ class SectionTolerances:
     most_smooth_spans: int = 128
     most_simple_degree: int = 4
     size_samples: int = 257
+    revolved_deviation: float = 1e-12
+    revolved_gap: float = 1e-9
+    revolved_full_turn: float = 1e-9
 
 
 @dataclass(frozen=True)
@@ -97,6 +106,8 @@ class CompactTolerances:
         Length that stands in for that of vectors which have none.
     coefficient_rounding
         Rounding of the coefficients of a jet, relative, as far as it shows in what is compared.
+    gathered_numbers
+        Coefficients gathered for one evaluation, which should stay in the processor's cache.
     samples_per_span, test_points_per_span
         Samples of each span that a fit is made of, and points at which it is measured.
     """
@@ -114,6 +125,7 @@ class CompactTolerances:
     snap_share: float = 0.1
     tiny_length: float = 1e-100
     coefficient_rounding: float = 16 * EPSILON
+    gathered_numbers: int = 1 << 17
     samples_per_span: int = 4
     test_points_per_span: int = 10
 

@@ -217,6 +217,13 @@ class ReparametrizedSpline(Primary):
                 slower[:, axis] /= arcs.evaluate_conic_rates(self.spline.wrap_parameters(at)[:, axis])[0]
         return self.spline.lift_directions(at, c, slower)
 
+    def unlift_directions(self, c: Array, d: Array) -> Array:
+        at, faster = self.spline.unlift_points(c, np.zeros((len(c), 2))), self.spline.unlift_directions(c, d)
+        for axis, arcs in enumerate((self.parameters.u, self.parameters.v)):
+            if arcs is not None:
+                faster[:, axis] *= arcs.evaluate_conic_rates(self.spline.wrap_parameters(at)[:, axis])[0]
+        return faster
+
     @property
     def weight_exponents(self) -> Array:
         return self.spline.weight_exponents
@@ -345,6 +352,7 @@ def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
 
     speeds = np.linalg.norm(primary.jet(guide)[1:3], axis=2).min()
     rounding = 16 * np.finfo(float).eps * float(np.abs(primary.jet(guide)[0]).max() / speeds)
+    aim = CONVERSION_TOLERANCES.rail_pcurve_share * CONVERSION_TOLERANCES.pcurve + rounding
     for _ in range(CONVERSION_TOLERANCES.pcurve_refinements):
         uv = solve_parameters(breaks)
         starts = _solve_parameter_jets(primary, uv[:-1], position, breaks[:-1], "right")
@@ -352,7 +360,7 @@ def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
         curve = interpolate_jets(breaks, starts, stops)
         t = (breaks[:-1] + CHECKED_SHARES * np.diff(breaks)).ravel()
         error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
-        bad = (error > CONVERSION_TOLERANCES.pcurve + rounding).reshape(len(CHECKED_SHARES), -1).any(axis=0)
+        bad = (error > aim).reshape(len(CHECKED_SHARES), -1).any(axis=0)
         if not bad.any():
             return curve
         breaks = np.sort(np.concatenate([breaks, (breaks[:-1] + breaks[1:])[bad] / 2]))

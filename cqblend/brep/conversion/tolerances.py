@@ -22,6 +22,8 @@ class ConversionTolerances:
     """A parameter bound beyond is infinite to OCCT."""
     pcurve: float = 1e-11
     """Largest error of a fitted pcurve, in rad or parameters of the spline: it turns normals by as much."""
+    rail_pcurve_share: float = 0.2
+    """Share of it that the fit of a rail's pcurve may miss at its test points, few as they are."""
     pcurve_refinements: int = 12
     """How often the spans of a fitted pcurve are halved at most."""
     equal_derivatives: float = 1e-9
@@ -47,6 +49,15 @@ class ConversionTolerances:
     """Relative error of a face's area that OCCT is asked for."""
     degenerate_normal: float = 1e-12
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
+
+    rail_angles: int = 17
+    """Number of angles at which a circular rail is compared with its image on the face."""
+
+    circular_rail: float = 1e-14
+    """Relative to the radius and the distance from the origin: largest distance between the two, that of rounding."""
+
+    circular_speed: float = 1e-9
+    """Relative: by how much the speed along a parameter may differ from that along a circle by its angle."""
 
 
 CONVERSION_TOLERANCES = ConversionTolerances()

@@ -9,6 +9,7 @@ which the two do not agree, are evaluated by OCCT point by point.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -36,9 +37,9 @@ from OCP.GeomConvert import GeomConvert
 from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Vec, gp_Vec2d
 
 from cqblend.brep.conversion import spline_arrays
-from cqblend.brep.measurement.spline_basis import divide_by_weights, evaluate_basis
+from cqblend.brep.measurement.spline_basis import count_knots, divide_by_weights, evaluate_basis
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange
+from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange, choose_witnesses
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -47,6 +48,9 @@ AnyCurve: TypeAlias = Geom_Curve | Geom2d_Curve | BRepAdaptor_Curve
 
 CurveFormula = Callable[[Array, int], Array]
 """Value and derivatives up to an order of a curve, (order + 1, d, n), at parameters (n,)."""
+
+_LINES = (Geom_Line, Geom2d_Line)
+_CONICS = (Geom_Circle, Geom2d_Circle, Geom_Ellipse, Geom2d_Ellipse)
 
 
 class CurveEvaluator:
@@ -59,50 +63,75 @@ class CurveEvaluator:
         3 in space, 2 in the plane.
     is_analytic : bool
         Whether it is a line, a circle or an ellipse, which is smooth everywhere.
-    knots : ndarray or None
-        The knots of a spline, each once, within its own bounds; None of every other curve.
     """
 
     def __init__(self, curve: AnyCurve) -> None:
         self.curve = curve
         self.dimension = 2 if isinstance(curve, Geom2d_Curve) else 3
-        basis = curve
-        while isinstance(basis, Geom_TrimmedCurve | Geom2d_TrimmedCurve):
-            basis = basis.BasisCurve()
-        self.knots: Array | None = None
-        self._formula: CurveFormula | None = None
+        while isinstance(curve, Geom_TrimmedCurve | Geom2d_TrimmedCurve):
+            curve = curve.BasisCurve()
+        self._basis = curve
+        self.is_analytic = isinstance(curve, _LINES + _CONICS)
         self._witnessed = WitnessedRange()
-        if isinstance(basis, Geom_BSplineCurve | Geom_BezierCurve | Geom2d_BSplineCurve | Geom2d_BezierCurve):
-            self.knots, self._formula = _read_spline(basis)
-        elif isinstance(basis, Geom_Line | Geom2d_Line):
-            self._formula = _read_line(basis)
-        elif isinstance(basis, Geom_Circle | Geom2d_Circle | Geom_Ellipse | Geom2d_Ellipse):
-            self._formula = _read_ellipse(basis)
-        self.is_analytic = self._formula is not None and self.knots is None
+        self._is_contradicted = False
 
     @property
     def is_in_bulk(self) -> bool:
         """Whether there is a formula, which OCCT has not contradicted."""
-        return self._formula is not None
+        return self._reading[1] is not None and not self._is_contradicted
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether it is a straight line at constant speed, a spline with two poles included."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineCurve | Geom2d_BSplineCurve):
+            return bool(basis.Degree() == 1 and basis.NbPoles() == 2 and not basis.IsRational())
+        return isinstance(basis, _LINES)
+
+    @property
+    def is_single_span(self) -> bool:
+        """Whether it has no knots inside, and no period after which it starts anew."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineCurve | Geom2d_BSplineCurve):
+            return bool(basis.NbKnots() == 2 and not basis.IsPeriodic())
+        return self.is_analytic or isinstance(basis, Geom_BezierCurve | Geom2d_BezierCurve)
+
+    @property
+    def knots(self) -> Array | None:
+        """The knots of a spline, each once, within its own bounds; None of every other curve."""
+        return self._reading[0]
+
+    @cached_property
+    def _reading(self) -> tuple[Array | None, CurveFormula | None]:
+        """The distinct knots and the formula of the curve, as far as there are any."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineCurve | Geom_BezierCurve | Geom2d_BSplineCurve | Geom2d_BezierCurve):
+            return _read_spline(basis)
+        if isinstance(basis, _LINES):
+            return None, _read_line(basis)
+        return None, _read_ellipse(basis) if isinstance(basis, _CONICS) else None
 
     def __call__(self, ts: Array, order: int = 0) -> Array:
-        """Return the points and the derivatives up to an order of at most 2, (order + 1, n, d), at parameters (n,).
+        """Return the points and the derivatives up to an order of at most 2, (order + 1, d, n), at parameters (n,).
+
+        Coordinates come before samples, as NumPy works through such arrays fastest.
 
         Raises
         ------
         GeometryError
             If OCCT cannot evaluate the curve.
         """
-        if self._formula is None or len(ts) < MEASURE_TOLERANCES.fewest_in_bulk:
+        formula = None if len(ts) < MEASURE_TOLERANCES.fewest_in_bulk else self._reading[1]
+        if formula is None or self._is_contradicted:
             return self.evaluate_by_occt(ts, order)
-        found = self._formula(ts, order).transpose(0, 2, 1)
-        if not self._witnessed.covers(ts[:, None]):
-            at = self._witnessed.choose_witnesses(len(ts))
+        found = formula(ts, order)
+        if not self._witnessed.covers(ts[None]):
+            at = choose_witnesses(len(ts))
             witnessed = self.evaluate_by_occt(ts[at], order)
-            if not _agrees(found[:, at], witnessed):
-                self._formula = None
+            if not _agrees(found[..., at], witnessed):
+                self._is_contradicted = True
                 return self.evaluate_by_occt(ts, order)
-            self._witnessed.extend(ts[:, None])
+            self._witnessed.extend(ts[None])
         return found
 
     def evaluate_by_occt(self, ts: Array, order: int = 0) -> Array:
@@ -125,17 +154,18 @@ class CurveEvaluator:
                 raise GeometryError(f"OCCT cannot evaluate a curve at t = {t:.9g}") from error
             for read in readers:
                 flat += read()
-        return np.array(flat).reshape(-1, order + 1, self.dimension).transpose(1, 0, 2)
+        return np.array(flat).reshape(-1, order + 1, self.dimension).transpose(1, 2, 0)
 
 
 def _agrees(found: Array, witnessed: Array) -> bool:
-    """Whether points and derivatives (order + 1, n, d) are those of OCCT, but for rounding."""
-    allowed = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
-    allowed[0] *= MEASURE_TOLERANCES.witness_position
-    allowed[1:] *= MEASURE_TOLERANCES.witness_derivative
-    # A derivative that ought to be nothing is rounding of what it is a difference of.
-    allowed = np.maximum(allowed, MEASURE_TOLERANCES.witness_position * np.abs(witnessed).max(initial=0.0))
-    return bool((np.abs(found - witnessed).max(axis=(1, 2), initial=0.0) <= allowed).all())
+    """Whether points and derivatives (order + 1, d, n) are those of OCCT, but for rounding."""
+    sizes, errors = (np.abs(part).max(axis=(1, 2)) for part in (witnessed, found - witnessed))
+    # a derivative that ought to be nothing is rounding of what it is a difference of
+    allowed = np.maximum(
+        MEASURE_TOLERANCES.witness_derivative * sizes, MEASURE_TOLERANCES.witness_position * sizes.max()
+    )
+    allowed[0] = MEASURE_TOLERANCES.witness_position * sizes[0]
+    return bool((errors <= allowed).all())
 
 
 def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
@@ -157,7 +187,7 @@ def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
         found = basis.combine(columns.take(basis.poles, axis=1))
         return np.stack(found if weights is None else divide_by_weights(found))
 
-    return np.unique(knots), evaluate_spline
+    return count_knots(knots)[0], evaluate_spline
 
 
 def _read_line(line: Geom_Line | Geom2d_Line) -> CurveFormula:

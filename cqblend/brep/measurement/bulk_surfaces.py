@@ -9,6 +9,7 @@ in a new region. Offset surfaces and all others, and those on which the two do n
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -31,9 +32,9 @@ from OCP.gp import gp_Ax2, gp_Pnt, gp_Vec
 
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
-from cqblend.brep.measurement.spline_basis import LocalBasis, evaluate_basis
+from cqblend.brep.measurement.spline_basis import LocalBasis, count_knots, evaluate_basis
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
-from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange
+from cqblend.brep.measurement.witnesses import EVALUATION_FAILURES, WitnessedRange, choose_witnesses
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
@@ -56,40 +57,60 @@ class SurfaceEvaluator:
     surface : Geom_Surface
     is_analytic : bool
         Whether it is a plane, a cylinder, a cone, a sphere or a torus, which is smooth everywhere.
-    spline : SplineSurface or None
-        The surface's poles and knots if it is a spline.
     """
 
     def __init__(self, surface: Geom_Surface) -> None:
         self.surface = surface
-        basis = surface
-        while isinstance(basis, Geom_RectangularTrimmedSurface):
-            basis = basis.BasisSurface()
-        self.spline = SplineSurface(basis) if isinstance(basis, Geom_BSplineSurface | Geom_BezierSurface) else None
-        self._formula = self.spline.compute_jets if self.spline else _find_formula(basis)
-        self.is_analytic = isinstance(basis, Geom_ElementarySurface)
+        while isinstance(surface, Geom_RectangularTrimmedSurface):
+            surface = surface.BasisSurface()
+        self._basis = surface
+        self.is_analytic = isinstance(surface, Geom_ElementarySurface)
         self._witnessed = WitnessedRange()
+        self._is_contradicted = False
 
     @property
     def is_in_bulk(self) -> bool:
         """Whether there is a formula, which OCCT has not contradicted."""
-        return self._formula is not None
+        return self._formula is not None and not self._is_contradicted
+
+    @property
+    def is_single_patch(self) -> bool:
+        """Whether there is no knot line in it, and no period after which it starts anew, but that of an angle."""
+        basis = self._basis
+        if isinstance(basis, Geom_BSplineSurface):
+            is_patch = basis.NbUKnots() == 2 and basis.NbVKnots() == 2
+            return bool(is_patch and not basis.IsUPeriodic() and not basis.IsVPeriodic())
+        if isinstance(basis, Geom_SurfaceOfRevolution | Geom_SurfaceOfLinearExtrusion):
+            return CurveEvaluator(basis.BasisCurve()).is_single_span
+        return self.is_analytic or isinstance(basis, Geom_BezierSurface)
+
+    @cached_property
+    def spline(self) -> SplineSurface | None:
+        """The surface's poles and knots if it is a spline."""
+        is_spline = isinstance(self._basis, Geom_BSplineSurface | Geom_BezierSurface)
+        return SplineSurface(self._basis) if is_spline else None
+
+    @cached_property
+    def _formula(self) -> SurfaceFormula | None:
+        """The formula of the surface, if there is one."""
+        return self.spline.compute_jets if self.spline else _find_formula(self._basis)
 
     def __call__(self, uv: Array, order: Order) -> Array:
-        """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, n, 3), at parameters (n, 2).
+        """Return jets S, Su, Sv and, to order 2, Suu, Svv, Suv, as (1, 3 or 6, 3, n), at parameters (2, n).
 
         Raises
         ------
         GeometryError
             If OCCT cannot evaluate the surface.
         """
-        if self._formula is None or len(uv) < MEASURE_TOLERANCES.fewest_in_bulk:
+        formula = None if uv.shape[1] < MEASURE_TOLERANCES.fewest_in_bulk else self._formula
+        if formula is None or self._is_contradicted:
             return self.evaluate_by_occt(uv, order)
-        found = np.stack(self._formula(uv[:, 0], uv[:, 1], order)).transpose(0, 2, 1)
+        found = np.stack(formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
-            at = self._witnessed.choose_witnesses(len(uv))
-            if not _agrees(found[:, at], self.evaluate_by_occt(uv[at], order)):
-                self._formula = None
+            at = choose_witnesses(uv.shape[1])
+            if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
+                self._is_contradicted = True
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
         return found
@@ -106,30 +127,31 @@ class SurfaceEvaluator:
         point, vectors = gp_Pnt(), [gp_Vec() for _ in range(_JET_COUNTS[order] - 1)]
         readers = [point.Coord, *(vector.Coord for vector in vectors)]
         flat: list[float] = []
-        for u, v in uv.tolist():
+        for u, v in uv.T.tolist():
             try:
                 evaluate(u, v, point, *vectors)
             except EVALUATION_FAILURES as error:
                 raise GeometryError(f"OCCT cannot differentiate the surface at (u, v) = ({u:.9g}, {v:.9g})") from error
             for read in readers:
                 flat += read()
-        return np.array(flat).reshape(-1, len(readers), 3).transpose(1, 0, 2)
+        return np.array(flat).reshape(-1, len(readers), 3).transpose(1, 2, 0)
 
 
 def _agrees(found: Array, witnessed: Array) -> bool:
-    """Whether jets (1, 3 or 6, n, 3) are those of OCCT, but for rounding.
+    """Whether jets (1, 3 or 6, 3, n) are those of OCCT, but for rounding.
 
     What is allowed of a derivative is relative to the largest of its order; a second one may vanish, and counts then
     beside the curvature of a surface as large as its coordinates.
     """
-    sizes = np.abs(witnessed).max(axis=(1, 2), initial=0.0)
-    errors = np.abs(found - witnessed).max(axis=(1, 2), initial=0.0)
-    if not errors[0] <= MEASURE_TOLERANCES.witness_position * sizes[0]:
-        return False
-    slope = sizes[1:3].max(initial=0.0)
-    bend = sizes[3:].max(initial=slope**2 / sizes[0] if sizes[0] else 0.0)
-    allowed = MEASURE_TOLERANCES.witness_derivative * np.repeat((slope, bend), (2, 3))
-    return bool((errors[1:] <= allowed[: len(errors) - 1]).all())
+    sizes, errors = (np.abs(part).max(axis=(1, 2)).tolist() for part in (witnessed, found - witnessed))
+    slope = max(sizes[1:3], default=0.0)
+    bend = max([*sizes[3:], slope**2 / sizes[0] if sizes[0] else 0.0])
+    position, derivative = MEASURE_TOLERANCES.witness_position, MEASURE_TOLERANCES.witness_derivative
+    return (
+        errors[0] <= position * sizes[0]
+        and all(error <= derivative * slope for error in errors[1:3])
+        and all(error <= derivative * bend for error in errors[3:])
+    )
 
 
 class SplineSurface:
@@ -141,6 +163,8 @@ class SplineSurface:
     knots : (ndarray, ndarray)
         Full knot vectors over one period where it is periodic.
     is_periodic : (bool, bool)
+    breaks, multiplicities : (ndarray, ndarray)
+        The distinct knots in both directions, and how often each is repeated.
     """
 
     def __init__(self, surface: Geom_BSplineSurface | Geom_BezierSurface) -> None:
@@ -148,6 +172,8 @@ class SplineSurface:
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
         self.degrees, self.knots, poles, weights = spline_arrays.surface_to_arrays(surface)
         self.is_periodic = (surface.IsUPeriodic(), surface.IsVPeriodic())
+        breaks, multiplicities = zip(*map(count_knots, self.knots), strict=True)
+        self.breaks, self.multiplicities = breaks, multiplicities
         self._shape = poles.shape[:2]
         if weights is not None:
             poles = np.concatenate((poles * weights[..., None], weights[..., None]), axis=-1)
@@ -159,29 +185,22 @@ class SplineSurface:
 
         Along an isoparameter the poles are first reduced to those of the curves of points and cross derivatives.
         """
-        bases = []
-        for k, t in enumerate((u, v)):
-            low, high = self.knots[k][0], self.knots[k][-1]
-            if self.is_periodic[k]:
-                t = t - np.floor((t - low) / (high - low)) * (high - low)
-            is_constant = bool((t == t[0]).all())
-            bases.append(evaluate_basis(self.knots[k], self.degrees[k], t[:1] if is_constant else t, order))
-        along_u, along_v = bases
+        along_u, along_v = (self._evaluate_basis(axis, t, order) for axis, t in enumerate((u, v)))
         table = self._columns.reshape(-1, *self._shape)
-        rows: list[Array]  # for each order across v: the poles in u that count at each sample, (d, p + 1, n)
         if along_v.poles.shape[1] == 1:
-            block = table[:, :, along_v.poles[:, 0]][..., None]
-            rows = [curve[..., 0].take(along_u.poles, axis=1) for curve in along_v.combine(block)]
-        elif along_u.poles.shape[1] == 1:
-            return self._order_jets(self._reduce_columns(table, along_u, along_v))
-        else:
-            index = along_u.poles[:, None] * self._shape[1] + along_v.poles[None]
-            rows = along_v.combine(self._columns.take(index, axis=1))
-        mixed = [along_u.combine(row) for row in rows]  # [j][i]: differentiated i times by u and j times by v
-        return self._order_jets({(i, j): mixed[j][i] for j in range(order + 1) for i in range(order + 1 - j)})
+            curves = along_v.combine(table[:, :, along_v.poles[:, 0], None])
+            mixed = [along_u.combine(curve[..., 0].take(along_u.poles, axis=1)) for curve in curves]
+            return self._order_jets(lambda i, j: mixed[j][i], order)
+        if along_u.poles.shape[1] == 1:
+            curves = along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None])
+            mixed = [along_v.combine(curve[..., 0].take(along_v.poles, axis=1)) for curve in curves]
+            return self._order_jets(lambda i, j: mixed[i][j], order)
+        picked = self._columns.take(along_u.poles[:, None] * self._shape[1] + along_v.poles, axis=1)
+        mixed = [along_u.combine(row) for row in along_v.combine(picked)]
+        return self._order_jets(lambda i, j: mixed[j][i], order)
 
     def compute_normals_on_grid(self, u: Array, v: Array) -> Array:
-        """Return vectors (n, m, 3) along the normals Su x Sv at all pairs of parameters u (n,) and v (m,)."""
+        """Return vectors (3, n, m) along the normals Su x Sv at all pairs of parameters u (n,) and v (m,)."""
         along_u, along_v = (
             evaluate_basis(knots, degree, t, 1)
             for knots, degree, t in zip(self.knots, self.degrees, (u, v), strict=True)
@@ -192,19 +211,19 @@ class SplineSurface:
         sv = along_u.combine(rows[1].take(along_u.poles, axis=2))[0]
         if self._is_rational:
             su, sv = (part[:-1] * points[-1] - part[-1] * points[:-1] for part in (su, sv))
-        return np.cross(su, sv, axis=0).transpose(2, 1, 0)
+        (a, b, c), (x, y, z) = su, sv
+        return np.stack((b * z - c * y, c * x - a * z, a * y - b * x)).transpose(0, 2, 1)
 
-    def _reduce_columns(self, table: Array, along_u: LocalBasis, along_v: LocalBasis) -> dict[tuple[int, int], Array]:
-        """Return the homogeneous derivatives along an isoparameter of constant u, by their orders in u and v."""
-        block = table[:, along_u.poles[:, 0]].transpose(0, 2, 1)[..., None]
-        curves = [curve[..., 0].take(along_v.poles, axis=1) for curve in along_u.combine(block)]
-        order = len(curves) - 1
-        found = [along_v.combine(curve) for curve in curves]
-        return {(i, j): found[i][j] for i in range(order + 1) for j in range(order + 1 - i)}
+    def _evaluate_basis(self, axis: int, t: Array, order: Order) -> LocalBasis:
+        """Return the basis in one direction at parameters (n,), at one of them if they are all the same."""
+        knots = self.knots[axis]
+        if self.is_periodic[axis]:
+            t = t - np.floor((t - knots[0]) / (knots[-1] - knots[0])) * (knots[-1] - knots[0])
+        return evaluate_basis(knots, self.degrees[axis], t[:1] if (t == t[0]).all() else t, order)
 
-    def _order_jets(self, found: dict[tuple[int, int], Array]) -> list[Array]:
+    def _order_jets(self, get_derivative: Callable[[int, int], Array], order: Order) -> list[Array]:
         """Return the jets in their order, of homogeneous coordinates divided by their weights."""
-        jets = [found[orders] for orders in _ORDERS_IN_U_AND_V if orders in found]
+        jets = [get_derivative(i, j) for i, j in _ORDERS_IN_U_AND_V[: _JET_COUNTS[order]]]
         if not self._is_rational:
             return jets
         weight, parts = [jet[-1] for jet in jets], [jet[:-1] for jet in jets]
@@ -232,8 +251,8 @@ def _find_formula(surface: Geom_Surface) -> SurfaceFormula | None:
 
         def locate_meridian(v: Array, order: Order) -> Array:
             found = curve(v, order).copy()
-            found[0] -= origin
-            return np.asarray((found @ axes.T).transpose(0, 2, 1))
+            found[0] -= origin[:, None]
+            return np.asarray(axes @ found)
 
         return _make_revolution_formula(frame, locate_meridian)
     profile = _find_profile(surface)
@@ -264,7 +283,7 @@ def _read_extrusion(surface: Geom_SurfaceOfLinearExtrusion) -> SurfaceFormula:
     direction = np.array(surface.Direction().Coord())[:, None]
 
     def evaluate_extrusion(u: Array, v: Array, order: Order) -> list[Array]:
-        found = curve(u, order).transpose(0, 2, 1)
+        found = curve(u, order)
         zero = np.zeros((3, len(u)))
         jets = [found[0] + direction * v, *found[1:2], direction + zero, *found[2:], zero, zero]
         return jets[: _JET_COUNTS[order]]

@@ -13,8 +13,7 @@ import numpy as np
 from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
 from OCP.BRep import BRep_Tool
 from OCP.BRepLib import BRepLib_ValidateEdge
-from OCP.Geom import Geom_Line, Geom_Plane
-from OCP.Geom2d import Geom2d_Line
+from OCP.Geom import Geom_Plane
 from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
 from OCP.GeomAdaptor import GeomAdaptor_Curve, GeomAdaptor_Surface
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
@@ -53,22 +52,34 @@ def measure_curve_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
         )
     space, plane, on_surface = CurveEvaluator(curve), CurveEvaluator(pcurve), SurfaceEvaluator(surface)
 
-    def measure_distances(ts: Array) -> Array:
-        image = on_surface(plane(map_to_range(ts, ends, pcurve_ends))[0], 0)[0]
-        return measure_lengths(space(ts)[0] - image)
+    if space.is_straight and plane.is_straight and isinstance(surface, Geom_Plane):
+        ts = np.array(ends)  # a difference of straight lines is largest at an end
+        return float(measure_lengths(space(ts)[0] - on_surface(plane(np.array(pcurve_ends))[0], 0)[0]).max())
 
-    if isinstance(curve, Geom_Line) and isinstance(pcurve, Geom2d_Line) and isinstance(surface, Geom_Plane):
-        return float(measure_distances(np.array(ends)).max())  # a difference of straight lines is largest at an end
+    def measure_distances(ts: Array, *, by_occt: bool = False) -> Array:
+        at = map_to_range(ts, ends, pcurve_ends)
+        if by_occt:
+            image = on_surface.evaluate_by_occt(plane.evaluate_by_occt(at)[0], 0)[0]
+            return measure_lengths(space.evaluate_by_occt(ts)[0] - image)
+        return measure_lengths(space(ts)[0] - on_surface(plane(at)[0], 0)[0])
+
+    if space.is_single_span and plane.is_single_span and on_surface.is_single_patch:
+        largest = float(measure_distances(_spread_over_spans(np.array(ends), 1), by_occt=True).max())
+        if largest < MEASURE_TOLERANCES.exact_deviation:
+            return largest  # so smooth a difference is nothing elsewhere either
     crossings = find_knot_crossings(plane, low, high, on_surface)
     breaks = map_to_range(np.concatenate((find_curve_knots(plane, low, high), crossings)), pcurve_ends, ends)
     breaks = np.unique(np.concatenate((find_curve_knots(space, *ends), breaks.clip(*ends))))
-    return _search_largest_value(measure_distances, _spread_over_spans(breaks))
+    return _search_largest_value(measure_distances, _spread_over_spans(breaks, MEASURE_TOLERANCES.deviation_samples))
 
 
-def _spread_over_spans(breaks: Array) -> Array:
-    """Return parameters in all spans between breaks, these included: denser towards the ends of each part of a span."""
+def _spread_over_spans(breaks: Array, least: int) -> Array:
+    """Return parameters in all spans between breaks, these included: denser towards the ends of each part of a span.
+
+    There are at least as many as asked for, and one part of twelve to each span.
+    """
     per_part, spans = len(SPAN_SHARES) + 1, len(breaks) - 1
-    parts = -(-MEASURE_TOLERANCES.deviation_samples // (per_part * spans))
+    parts = -(-least // (per_part * spans))
     nodes = (breaks[:-1] + np.arange(parts)[:, None] / parts * np.diff(breaks)).T.ravel()
     inside = nodes + SPAN_SHARES[:, None] * np.diff(nodes, append=breaks[-1])
     return np.unique(np.concatenate((nodes, inside.ravel(), breaks[-1:])))

@@ -26,11 +26,10 @@ from cqblend.brep.measurement.edge_parameters import SPAN_SHARES, resample_near_
 from cqblend.brep.measurement.edge_samples import EdgeSamples, SideSampler, choose_sample_parameters, read_edge_curve
 from cqblend.brep.measurement.edge_sides import EdgeSide, find_edge_sides
 from cqblend.brep.measurement.surface_evaluation import (
-    compute_cross_products,
-    compute_dot_products,
+    compute_normals,
+    express_curvature,
     measure_angle_between,
     measure_lengths,
-    normalise_rows,
 )
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import GeometryError
@@ -130,31 +129,31 @@ def measure_continuity_between(
     def compare_sides(ts: Array) -> tuple[Array, Array, Array]:
         points, tangents = curve(ts, 1)
         one, two = first.sample(ts), second.sample(ts)
-        pairs = ((one.points, two.points), (one.points, points), (two.points, points))
-        gaps = np.max([measure_lengths(a - b) for a, b in pairs], axis=0)
+        gaps = [measure_lengths(side.points - points) for side in (one, two)]
+        gaps.append(measure_lengths(one.points - two.points))
         angles, jumps = _compare_tangent_planes(one, two, tangents)
         if where is not None:
             counts = where(ts)
             angles, jumps = np.where(counts, angles, np.nan), np.where(counts, jumps, np.nan)
-        return gaps, angles, jumps
+        return np.maximum(np.maximum(gaps[0], gaps[1]), gaps[2]), angles, jumps
 
     ts = choose_sample_parameters((first, second), curve, samples)
     values = compare_sides(ts)
     measured = int(np.isfinite(values[1]).sum())
     if not measured:
         raise GeometryError("the edge has no normal on both sides anywhere: a surface is degenerate all along it")
-    ts, quantities = resample_near_maxima(compare_sides, ts, values)
-    worst = ts[[int(np.nanargmax(quantity)) for quantity in quantities]]
-    witnessed = compare_sides(worst)  # so few points are evaluated by OCCT itself
-    gap, angle, jump = (float(np.nanmax(np.concatenate(pair))) for pair in zip(quantities, witnessed, strict=True))
-    at = worst[1:2]
-    normals = first.sample(at).normals[0], second.sample(at).normals[0]
+    ts, rows = resample_near_maxima(compare_sides, ts, values, MEASURE_TOLERANCES.negligible_continuity)
+    worst = ts[np.nanargmax(rows, axis=1)]
+    # so few points are evaluated by OCCT itself
+    gap, angle, jump = np.fmax(np.fmax.reduce(rows, axis=1), np.fmax.reduce(compare_sides(worst), axis=1)).tolist()
     return Continuity(
         gap=gap,
         angle=angle,
         curvature_jump=jump,
         tolerance=BRep_Tool.Tolerance_s(edge),
-        kind=_classify_edge(edge, curve(at, 1)[1, 0], *normals, angle),
+        kind="smooth"
+        if angle <= MEASURE_TOLERANCES.smooth_edge_angle
+        else _classify_sharp_edge(first, second, worst[1]),
         samples=measured,
     )
 
@@ -164,36 +163,36 @@ def measure_surface_contact(
 ) -> tuple[float, float, float]:
     """Measure how two surfaces meet along a common curve, at its parameters ts (n,).
 
-    ``locate`` returns parameters (n, 2) on each surface; on the first one, u runs along the curve. Returns gap, angle
+    ``locate`` returns parameters (2, n) on each surface; on the first one, u runs along the curve. Returns gap, angle
     and curvature jump as in :class:`Continuity`; on a surface, normals have no outside, and are taken to point the same
     way on both. On short spans the rounding of products of poles and weights may hide that of poles, so that the
     largest angles are measured once more on copies of the surfaces that are moved to the origin, where coordinates have
     more digits.
     """
-    reverse: bool | None = None
+    sign = 0.0
 
     def compare_surfaces(
         pair: Sequence[SurfaceEvaluator], ts: Array, *, by_occt: bool = False
     ) -> tuple[Array, Array, Array]:
-        nonlocal reverse
+        nonlocal sign
         uv = locate(ts)
         jets = [(surface.evaluate_by_occt if by_occt else surface)(at, 2) for surface, at in zip(pair, uv, strict=True)]
-        one = EdgeSamples(jets[0], uv[0], reverse=False)
-        if reverse is None:
-            towards = EdgeSamples(jets[1], uv[1], reverse=False).normals
-            reverse = bool(np.nansum(compute_dot_products(one.normals, towards)) < 0)
-        two = EdgeSamples(jets[1], uv[1], reverse=reverse)
+        one = EdgeSamples(jets[0], uv[0], 1.0)
+        sign = sign or (-1.0 if np.nansum(one.normals * EdgeSamples(jets[1], uv[1], 1.0).normals) < 0 else 1.0)
+        two = EdgeSamples(jets[1], uv[1], sign)
         return measure_lengths(one.points - two.points), *_compare_tangent_planes(one, two, jets[0][1])
 
     evaluators = [SurfaceEvaluator(surface) for surface in surfaces]
-    ts, quantities = resample_near_maxima(partial(compare_surfaces, evaluators), ts, compare_surfaces(evaluators, ts))
-    found = [quantities]
-    for i in np.argsort(np.nan_to_num(quantities[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
-        x, y, z = evaluators[0].evaluate_by_occt(locate(ts[[i]])[0], 0)[0, 0].tolist()
+    values = compare_surfaces(evaluators, ts)
+    negligible = MEASURE_TOLERANCES.negligible_continuity
+    ts, rows = resample_near_maxima(partial(compare_surfaces, evaluators), ts, values, negligible)
+    found = [rows]
+    for i in np.argsort(np.nan_to_num(rows[1], nan=-1.0))[-MEASURE_TOLERANCES.worst_count :].tolist():
+        x, y, z = evaluators[0].evaluate_by_occt(locate(ts[[i]])[0], 0)[0, :, 0].tolist()
         moved = [SurfaceEvaluator(_translate_surface(surface, gp_Vec(-x, -y, -z))) for surface in surfaces]
         around = np.concatenate([ts[max(i - len(SPAN_SHARES), 0) : i + len(SPAN_SHARES) + 1], ts[::20]])
-        found.append(list(compare_surfaces(moved, around, by_occt=True)))
-    gap, angle, jump = (max(float(np.nanmax(part[k])) for part in found) for k in range(3))
+        found.append(np.stack(compare_surfaces(moved, around, by_occt=True)))
+    gap, angle, jump = np.max([np.fmax.reduce(part, axis=1) for part in found], axis=0).tolist()
     return gap, angle, jump
 
 
@@ -210,18 +209,18 @@ def _compare_tangent_planes(one: EdgeSamples, two: EdgeSamples, tangents: Array)
     Curvatures are compared in the frames (along the edge, across it) of both tangent planes: the largest |w.h.w| over
     all unit w, for the symmetric 2 x 2 matrix h of the differences, by Mohr's circle.
     """
-    forms = []
-    for side in (one, two):
-        across = normalise_rows(compute_cross_products(side.normals, tangents))
-        forms.append(side.express_curvature(compute_cross_products(across, side.normals), across))
-    along, mixed, crosswise = (a - b for a, b in zip(*forms, strict=True))
-    jumps = np.abs(along + crosswise) / 2 + np.hypot((along - crosswise) / 2, mixed)
-    return measure_angle_between(one.normals, two.normals), np.asarray(jumps)
+    jets = np.stack((one.jets, two.jets), axis=2)  # both sides are worked through at once
+    normals, areas = compute_normals(jets, np.array([[one.sign], [two.sign]]))
+    forms = express_curvature(jets, normals, areas, tangents[:, None])
+    along, mixed, across = (form[0] - form[1] for form in forms)
+    jumps = np.abs(along + across) / 2 + np.hypot((along - across) / 2, mixed)
+    return measure_angle_between(normals[:, 0], normals[:, 1]), np.asarray(jumps)
 
 
-def _classify_edge(edge: TopoDS_Edge, tangent: Array, first: Array, second: Array, angle: float) -> EdgeKind:
-    """Tell which way an edge bends: on a convex one the second normal points away from the first face."""
-    if angle <= MEASURE_TOLERANCES.smooth_edge_angle:
-        return "smooth"
-    into_first = np.cross(first, tangent) * (1.0 if edge.Orientation() == TopAbs_FORWARD else -1.0)
-    return "concave" if into_first @ second > 0.0 else "convex"
+def _classify_sharp_edge(first: SideSampler, second: SideSampler, t: float) -> EdgeKind:
+    """Tell which way an edge bends at t: on a convex one the second normal points away from the first face."""
+    at = np.array([t])
+    normal, other = first.sample(at).normals[:, 0], second.sample(at).normals[:, 0]
+    tangent = read_edge_curve(first.edge)(at, 1)[1, :, 0]
+    into_first = np.cross(normal, tangent) * (1.0 if first.edge.Orientation() == TopAbs_FORWARD else -1.0)
+    return "concave" if into_first @ other > 0.0 else "convex"

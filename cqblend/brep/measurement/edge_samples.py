@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +20,9 @@ from cqblend.brep.measurement.edge_sides import EdgeSide, find_sides_on_face, re
 from cqblend.brep.measurement.knot_lines import find_curve_knots, find_knot_crossings, list_inner_lines
 from cqblend.brep.measurement.surface_evaluation import (
     compute_cross_products,
-    compute_dot_products,
-    measure_lengths,
-    normalise_rows,
+    compute_normals,
+    express_curvature,
+    normalise_vectors,
 )
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.brep.topology import explore_subshapes
@@ -29,59 +30,47 @@ from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
 
 
+@dataclass(frozen=True)
 class EdgeSamples:
-    """Points, normals and curvatures of one face along one of its edges.
+    """Jets of one face along one of its edges, and what follows from them.
 
     Attributes
     ----------
-    points : ndarray, shape (n, 3)
-        Images of the samples under the face's pcurve and surface, mm.
-    normals : ndarray, shape (n, 3)
-        Outward unit normals; nan where the surface is degenerate (the pole of a sphere).
-    parameters : ndarray, shape (n, 2)
+    jets : ndarray, shape (6, 3, n)
+        S, Su, Sv, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and surface, mm.
+    parameters : ndarray, shape (2, n)
         Where the surface was evaluated.
+    sign : float
+        -1 on a REVERSED face, whose outward normals are against ``Su x Sv``, else 1.
     """
 
-    def __init__(self, jets: Array, parameters: Array, *, reverse: bool) -> None:
-        """Take second order jets (6, n, 3); normals are along ``Su x Sv``, or with ``reverse`` against it."""
-        self.points, self._su, self._sv = jets[:3]
-        cross = compute_cross_products(self._su, self._sv)
-        self.normals = normalise_rows(-cross if reverse else cross)
-        self.parameters = parameters
-        self._area = -measure_lengths(cross) if reverse else measure_lengths(cross)
-        self._second = jets[3:]
+    jets: Array
+    parameters: Array
+    sign: float
+
+    @property
+    def points(self) -> Array:
+        """The points (3, n), mm."""
+        return self.jets[0]
+
+    @cached_property
+    def normals(self) -> Array:
+        """Outward unit normals (3, n); nan where the surface is degenerate (the pole of a sphere)."""
+        return compute_normals(self.jets, self.sign)[0]
 
     @cached_property
     def curvature(self) -> Array:
-        """Symmetric tensors h (n, 3, 3): the normal curvature in the unit tangent direction w is ``w.h.w``.
+        """Symmetric tensors h (3, 3, n): the normal curvature in the unit tangent direction w is ``w.h.w``.
 
         In 1/mm, and positive where the face bends towards its outward normal (a sphere of radius R, seen from inside
         its material, has -1/R); nan where there is no normal.
         """
-        along = normalise_rows(self._su)
-        across = compute_cross_products(self.normals, along)
-        frame = np.stack((along, across), axis=1)
-        first, mixed, second = self.express_curvature(along, across)
-        form = np.stack((first, mixed, mixed, second), axis=-1).reshape(-1, 2, 2)
-        return np.asarray(frame.transpose(0, 2, 1) @ form @ frame)
-
-    def express_curvature(self, along: Array, across: Array) -> tuple[Array, Array, Array]:
-        """Return the normal curvature form's entries (along, along), (along, across), (across, across), (n,) each.
-
-        ``along`` and ``across`` (n, 3) are orthonormal in the tangent plane, with ``across = normal x along``.
-        """
-        luu, lvv, luv = (compute_dot_products(second, self.normals) for second in self._second)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # the directions as combinations of Su and Sv
-            along_u = compute_dot_products(self._sv, across) / self._area
-            along_v = -compute_dot_products(self._su, across) / self._area
-            across_u = -compute_dot_products(self._sv, along) / self._area
-            across_v = compute_dot_products(self._su, along) / self._area
-        return (
-            luu * along_u**2 + 2 * luv * along_u * along_v + lvv * along_v**2,
-            luu * along_u * across_u + luv * (along_u * across_v + along_v * across_u) + lvv * along_v * across_v,
-            luu * across_u**2 + 2 * luv * across_u * across_v + lvv * across_v**2,
-        )
+        normals, areas = compute_normals(self.jets, self.sign)
+        along = normalise_vectors(self.jets[1])
+        frame = np.stack((along, compute_cross_products(normals, along)))
+        first, mixed, second = express_curvature(self.jets, normals, areas, along)
+        form = np.array([[first, mixed], [mixed, second]])
+        return np.asarray(np.einsum("kin,kln,ljn->ijn", frame, form, frame))
 
 
 class SideSampler:
@@ -133,7 +122,7 @@ class SideSampler:
         jets = self.surface(uv if moved is None else moved, 2)
         if moved is not None:
             jets[0] = self.surface(uv, 0)[0]
-        return EdgeSamples(jets, uv, reverse=self.face.Orientation() == TopAbs_REVERSED)
+        return EdgeSamples(jets, uv, -1.0 if self.face.Orientation() == TopAbs_REVERSED else 1.0)
 
     def _shift_to_face_side(self, uv: Array, ts: Array) -> Array | None:
         """Move points of a pcurve that runs along a knot line to the side of the line where the face lies.
@@ -145,16 +134,17 @@ class SideSampler:
         for family in self._lines:
             k, reach = family.axis, MEASURE_TOLERANCES.knot_line * family.size
             distances = family.measure_distances(uv)
-            offset = distances[np.arange(len(uv)), np.abs(distances).argmin(axis=1)]
+            offset = distances[np.arange(len(ts)), np.abs(distances).argmin(axis=1)]
             near = np.flatnonzero(np.abs(offset) <= reach)
             velocity = self._pcurve(ts[near], 1)[1] * self._span_to_left
-            near, velocity = (part[np.abs(velocity[:, k]) <= reach] for part in (near, velocity))
+            runs_along = np.abs(velocity[k]) <= reach
+            near, velocity = near[runs_along], velocity[:, runs_along]
             if not near.size:
                 continue
-            inward = -velocity[:, 1] if k == 0 else velocity[:, 0]
-            line = uv[near, k] - offset[near]
+            inward = -velocity[1] if k == 0 else velocity[0]
+            line = uv[k, near] - offset[near]
             moved = uv.copy() if moved is None else moved
-            moved[near, k] = line + np.copysign(compute_side_step(family.size, line), inward)
+            moved[k, near] = line + np.copysign(compute_side_step(family.size, line), inward)
         return moved
 
     @cached_property
@@ -196,7 +186,7 @@ def sample_outline(face: TopoDS_Face, samples: int = 65) -> Array:
     pieces = []
     for use in explore_subshapes(face, TopAbs_EDGE):
         pcurve, low, high = read_pcurve(use, face)
-        points = CurveEvaluator(pcurve)(np.linspace(low, high, samples))[0]
+        points = CurveEvaluator(pcurve)(np.linspace(low, high, samples))[0].T
         pieces.append(np.stack([points[:-1], points[1:]], axis=1))
     return np.concatenate(pieces)
 

@@ -15,7 +15,7 @@ from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.edge_parameters import CLUSTER_OFFSETS
 from cqblend.brep.measurement.edge_samples import compute_side_step
 from cqblend.brep.measurement.edge_sides import require_shape
-from cqblend.brep.measurement.knot_lines import find_knot_lines
+from cqblend.brep.measurement.knot_lines import find_knot_lines, list_inner_lines
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals, measure_angle_between
 
 
@@ -52,10 +52,10 @@ def find_inner_crease(face: TopoDS_Face, samples: int = 101, surface: SurfaceEva
     """
     face = TopoDS.Face_s(require_shape(face, "face", TopAbs_FACE))
     surface = surface or SurfaceEvaluator(BRep_Tool.Surface_s(face))
+    if not list_inner_lines(surface, GeomAbs_C1):
+        return Crease(0.0, None, None)
     bounds = BRepTools.UVBounds_s(face)
     lines = find_knot_lines(surface, GeomAbs_C1, bounds)
-    if all(len(ends) == 2 for ends in lines):
-        return Crease(0.0, None, None)
     knots = find_knot_lines(surface, GeomAbs_C3, bounds)
     pairs = [np.empty((0, 2, 2))]
     for k, other in ((0, 1), (1, 0)):
@@ -76,7 +76,7 @@ def find_inner_crease(face: TopoDS_Face, samples: int = 101, surface: SurfaceEva
     if not len(uv):
         return Crease(0.0, None, None)
     points, normals = (array.reshape(-1, 2, 3) for array in evaluate_face_normals(face, uv.reshape(-1, 2), surface))
-    angles = np.nan_to_num(measure_angle_between(normals[:, 0], normals[:, 1]))
+    angles = np.nan_to_num(measure_angle_between(normals[:, 0].T, normals[:, 1].T))
     worst = int(angles.argmax())
     u, v = uv[worst].mean(axis=0).tolist()
     x, y, z = points[worst, 0].tolist()

@@ -36,10 +36,10 @@ def find_curve_knots(curve: CurveEvaluator, low: float, high: float) -> Array:
     they are all there is.
     """
     ends = np.array([low, high])
+    if curve.is_single_span:
+        return ends
     if curve.knots is not None:
         return _clip_knots(curve.knots, ends)
-    if curve.is_analytic:
-        return ends
     adaptor = curve.curve
     if isinstance(adaptor, Geom2d_Curve):
         adaptor = Geom2dAdaptor_Curve(adaptor, low, high)
@@ -84,8 +84,8 @@ class LineFamily(NamedTuple):
     is_periodic: bool
 
     def measure_distances(self, uv: Array) -> Array:
-        """Return the signed distances (n, m) of points (n, 2) from the lines; on a periodic surface the nearest."""
-        distances = uv[:, self.axis, None] - self.lines
+        """Return the signed distances (n, m) of points (2, n) from the lines; on a periodic surface the nearest."""
+        distances = uv[self.axis, :, None] - self.lines
         if self.is_periodic:
             distances -= self.size * np.round(distances / self.size)
         return np.asarray(distances)
@@ -93,7 +93,7 @@ class LineFamily(NamedTuple):
 
 def list_inner_lines(surface: SurfaceEvaluator, order: GeomAbs_Shape) -> list[LineFamily]:
     """Return the knot lines inside a surface's domain at which it need not be of a class, one family a direction."""
-    if surface.is_analytic:
+    if surface.is_single_patch:
         return []
     periodic = (surface.surface.IsUPeriodic(), surface.surface.IsVPeriodic())
     families = []
@@ -110,7 +110,7 @@ def find_knot_crossings(
 ) -> Array:
     """Return where a curve in the parameter plane crosses knot lines of a surface, found to rounding.
 
-    The curve is one of OCCT's, or a function that returns its values (n, 2) at parameters (n,) between the two ends.
+    The curve is one of OCCT's, or a function that returns its values (2, n) at parameters (n,) between the two ends.
     """
     families = list_inner_lines(surface, GeomAbs_CN)
     if not families:
@@ -118,7 +118,7 @@ def find_knot_crossings(
     if not isinstance(curve, CurveEvaluator):
         return _find_sign_changes(curve, low, high, families)
     if isinstance(curve.curve, Geom2d_Line):
-        start, stop = curve.evaluate_by_occt(np.array([low, high]))[0]
+        start, stop = curve.evaluate_by_occt(np.array([low, high]))[0].T
         return low + (high - low) * np.concatenate([_cross_straight(start, stop, family) for family in families])
     evaluator = curve
     return _find_sign_changes(lambda ts: np.asarray(evaluator(ts)[0]), low, high, families)
@@ -153,10 +153,10 @@ def _find_sign_changes(
         crosses &= steps > MEASURE_TOLERANCES.knot_line * family.size  # else it runs along the line
         i, line = np.nonzero(crosses)
         bracket = before[i, line], after[i, line]
-        knot = uv[i, family.axis] - bracket[0]
+        knot = uv[family.axis, i] - bracket[0]
 
         def measure_past_knot(t: Array, axis: int = family.axis, knot: Array = knot) -> Array:
-            return np.asarray(curve(t)[:, axis] - knot)
+            return np.asarray(curve(t)[axis] - knot)
 
         tolerance, most = np.spacing(np.abs(knot)), MEASURE_TOLERANCES.crossing_iterations
         found.append(solve_in_brackets(measure_past_knot, (ts[i], ts[i + 1]), bracket, tolerance, most))
@@ -166,19 +166,19 @@ def _find_sign_changes(
 def _select_knots(surface: SurfaceEvaluator, axis: int, order: GeomAbs_Shape) -> Array:
     """Return the distinct knots of a spline surface in one direction at which it need not be of a class."""
     assert surface.spline is not None
-    degree, knots = surface.spline.degrees[axis], surface.spline.knots[axis]
-    distinct, multiplicities = np.unique(knots, return_counts=True)
+    breaks = surface.spline.breaks[axis]
     if order == GeomAbs_CN:
-        return distinct
-    return distinct[multiplicities > degree - _CONTINUITY[order]]
+        return breaks
+    return breaks[surface.spline.multiplicities[axis] > surface.spline.degrees[axis] - _CONTINUITY[order]]
 
 
 def _clip_knots(knots: Array, ends: Array) -> Array:
     """Return the knots inside a range, with both its ends; over several periods the knots of each."""
-    inner, period = knots, knots[-1] - knots[0]
-    periods = np.arange(np.floor((ends[0] - knots[0]) / period), np.floor((ends[1] - knots[0]) / period) + 1)
-    inner = (inner + period * periods[:, None]).ravel() if len(periods) > 1 else inner
-    return np.unique(np.concatenate([ends[:1], inner[(inner > ends[0]) & (inner < ends[1])], ends[1:]]))
+    low, high, period = ends[0], ends[1], knots[-1] - knots[0]
+    if high > knots[-1] or low < knots[0]:
+        periods = np.arange(np.floor((low - knots[0]) / period), np.floor((high - knots[0]) / period) + 1)
+        knots = np.unique(knots + period * periods[:, None])
+    return np.concatenate([ends[:1], knots[(knots > low) & (knots < high)], ends[1:]])
 
 
 def _read_intervals(count: int, write_ends: Callable[[TColStd_Array1OfReal], None]) -> Array:

@@ -69,6 +69,12 @@ def evaluate_basis(knots: Array, degree: int, ts: Array, order: int) -> LocalBas
     return LocalBasis(span + np.arange(-degree, 1)[:, None], chosen, rates)
 
 
+def count_knots(knots: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return the distinct knots of a full knot vector, and how often each is repeated."""
+    starts = np.flatnonzero(np.append(True, knots[1:] > knots[:-1]))
+    return knots[starts], np.append(starts[1:], len(knots)) - starts
+
+
 def divide_by_weights(found: list[Array]) -> list[Array]:
     """Return value and derivatives (d, n) of a rational curve from those (d + 1, n) of its homogeneous coordinates."""
     weight = found[0][-1]

@@ -27,6 +27,13 @@ class MeasureTolerances:
     resampling_rounds: int = 2
     """How often it is measured again, more densely, around the largest values."""
 
+    level_value: float = 1e-3
+    """Relative: between values that differ by less from each other, none is larger by more than an eighth of that."""
+
+    negligible_continuity: tuple[float, float, float] = (1e-11, 1e-12, 1e-9)
+    """mm, radians, 1/mm: gaps, angles and curvature jumps below these are not searched more closely. OCCT takes points
+    nearer than 1e-7 mm for one, and directions nearer than 1e-12."""
+
     worst_count: int = 4
     """Around how many of the largest values."""
 
@@ -50,6 +57,9 @@ class MeasureTolerances:
 
     deviation_peaks: int = 8
     """Around how many of them at most."""
+
+    exact_deviation: float = 1e-11
+    """mm: a curve and an image without knots that are this near at a dozen points are the same but for rounding."""
 
     negligible_deviation: float = 1e-9
     """mm: deviations below this are not searched more closely. OCCT takes points nearer than 1e-7 mm for one."""

@@ -36,19 +36,24 @@ class WitnessedRange:
     """The box of parameters, of one or two coordinates, within which OCCT has confirmed a formula."""
 
     def __init__(self) -> None:
-        self._low: Array | float = np.inf
-        self._high: Array | float = -np.inf
+        self._low: Array | None = None
+        self._high: Array | None = None
 
     def covers(self, parameters: Array) -> bool:
-        """Whether all parameters (n, d) are inside."""
-        return bool((parameters.min(axis=0) >= self._low).all() and (parameters.max(axis=0) <= self._high).all())
+        """Whether all parameters (d, n) are inside."""
+        if self._low is None or self._high is None:
+            return False
+        is_inside = (parameters.min(axis=1) >= self._low) & (parameters.max(axis=1) <= self._high)
+        return bool(is_inside.all())
 
     def extend(self, parameters: Array) -> None:
-        """Take in parameters (n, d), some of which OCCT has evaluated."""
-        self._low = np.minimum(self._low, parameters.min(axis=0))
-        self._high = np.maximum(self._high, parameters.max(axis=0))
+        """Take in parameters (d, n), some of which OCCT has evaluated."""
+        low, high = parameters.min(axis=1), parameters.max(axis=1)
+        self._low = low if self._low is None else np.minimum(self._low, low)
+        self._high = high if self._high is None else np.maximum(self._high, high)
 
-    @staticmethod
-    def choose_witnesses(count: int) -> NDArray[np.intp]:
-        """Return which of a number of samples OCCT evaluates too: equally spaced ones, both ends included."""
-        return np.unique(np.linspace(0, count - 1, MEASURE_TOLERANCES.witness_count).astype(np.intp))
+
+def choose_witnesses(count: int) -> NDArray[np.intp]:
+    """Return which of a number of samples OCCT evaluates too: equally spaced ones, both ends included."""
+    wanted = min(count, MEASURE_TOLERANCES.witness_count)
+    return np.arange(wanted) * (count - 1) // (wanted - 1)

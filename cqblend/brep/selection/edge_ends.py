@@ -8,14 +8,14 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Pnt
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.topology import (
     CONFUSION,
-    AncestorMap,
     drop_duplicate_shapes,
     explore_subshapes,
     find_end_vertices,
@@ -32,13 +32,12 @@ SAME_DIRECTION = 0.15
 """Norm of the difference of two unit tangents (about radians): edges that differ by less continue each other."""
 
 
-def find_neighbour_faces(solid: TopoDS_Shape, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
+def find_neighbour_faces(index: SolidIndex, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
     """Return the faces at a vertex of the blended edge that are none of its two sides."""
-    faces = AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE)(vertex)
-    return [face for face in faces if not is_among(face, [side.face for side in sides])]
+    return [face for face in index.faces_at_vertex(vertex) if not is_among(face, [side.face for side in sides])]
 
 
-def find_end_face(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
+def find_end_face(index: SolidIndex, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
     """Return the one face at the start (``end`` 0) or stop (1) of the blended edge on which its blend can end.
 
     Raises
@@ -47,13 +46,13 @@ def find_end_face(solid: TopoDS_Shape, spine: EdgeSpine, end: int, sides: Sequen
         If there is not exactly one further face, or another edge continues the blended one past the vertex.
     """
     vertex, edge = spine.vertices[end], spine.edges[-end]
-    others = find_neighbour_faces(solid, vertex, sides)
+    others = find_neighbour_faces(index, vertex, sides)
     if len(others) != 1:
         raise TopologyError(
             f"the joint goes on there: a natural end takes one further face, across the edge, not {len(others)}"
         )
     arriving = -find_outgoing_tangent(vertex, edge)
-    for other in AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE)(vertex):
+    for other in index.edges_at_vertex(vertex):
         turn = np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving)
         if not other.IsSame(edge) and turn < SAME_DIRECTION:
             raise TopologyError("the joint goes on there: another edge leaves in the same direction")

@@ -11,26 +11,21 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Tool
-from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
-from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_OUT, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
 from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine, chain_edges
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (
     CONFUSION,
-    AncestorMap,
-    ShapeIndex,
-    explore_subshapes,
     find_end_vertices,
     find_outgoing_tangent,
     find_vertex_uv,
@@ -42,7 +37,7 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joint:
     """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
 
@@ -51,13 +46,18 @@ class Joint:
     tells that the picked edge has the sense opposite to the spine's.
     """
 
-    solid: TopoDS_Shape
+    index: SolidIndex
     spine: EdgeSpine
     sides: tuple[SupportFace, SupportFace]
     edge_number: int
     face_numbers: tuple[int, int]
     lookup_number: Callable[[TopoDS_Shape], int] | None = None
     is_backward: bool = False
+
+    @property
+    def solid(self) -> TopoDS_Shape:
+        """The solid that the edge is part of."""
+        return self.index.solid
 
     @property
     def name(self) -> str:
@@ -79,12 +79,10 @@ class Joint:
         """Whether blending removes material."""
         return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
 
-    @cached_property
+    @property
     def extent(self) -> float:
         """The diagonal of the solid's bounding box (mm)."""
-        box = Bnd_Box()
-        BRepBndLib.Add_s(self.solid, box)
-        return float(np.sqrt(box.SquareExtent()))
+        return self.index.extent
 
     def locate_stations(self, t: Array) -> Stations:
         """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
@@ -99,7 +97,7 @@ class Joint:
     def classify_contacts(self, contacts: Contacts, side_index: int) -> Array:
         """Return which contacts (n,) of one side, 0 or 1, are inside its face."""
         side = self.sides[side_index]
-        classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.contact_boundary)
+        classifier = self.index.get_classifier(side.face, SELECT_TOLERANCES.contact_boundary)
         found = []
         for point in side.wrap_to_window(side.to_face_parameters(contacts.uv[side_index])):
             state = classifier.Perform(gp_Pnt2d(*point.tolist()))
@@ -128,7 +126,7 @@ class Joint:
         """Return the name in messages of the vertex at t = ``end``, 0 or 1, with the other faces that meet there."""
         vertex = self.spine.vertices[end]
         x, y, z = locate_vertex(vertex).tolist()
-        others = [self.name_part(face) for face in find_neighbour_faces(self.solid, vertex, self.sides)]
+        others = [self.name_part(face) for face in find_neighbour_faces(self.index, vertex, self.sides)]
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
@@ -140,11 +138,27 @@ class Joint:
         TopologyError
             If there is not exactly one.
         """
-        vertex = self.spine.vertices[end]
-        corner = locate_vertex(vertex)
-        across = find_end_face(self.solid, self.spine, end, self.sides)
-        side = read_support_face(across, corner[None])
-        return corner, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]
+        vertex, side = self.spine.vertices[end], self.read_end_face(end)
+        uv = find_vertex_uv(vertex, side.face)
+        return locate_vertex(vertex), side.face_primary.evaluate_normals(uv[None])[0]
+
+    @cached_property
+    def _end_faces(self) -> dict[int, SupportFace]:
+        """The faces on which a blend can end that have been read, by the end."""
+        return {}
+
+    def read_end_face(self, end: int) -> SupportFace:
+        """Return the one face on which a blend can end at t = ``end``, 0 or 1.
+
+        Raises
+        ------
+        TopologyError
+            If there is not exactly one.
+        """
+        if end not in self._end_faces:
+            across = find_end_face(self.index, self.spine, end, self.sides)
+            self._end_faces[end] = read_support_face(across, locate_vertex(self.spine.vertices[end])[None])
+        return self._end_faces[end]
 
     def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
         """Check that a blend can end in a flat cap at the one t of contacts and stations, towards ``end`` (0 or 1).
@@ -165,7 +179,7 @@ class Joint:
             legs += corner - stations.points[0]
             if at_end and find_edge_in_plane(side.face, vertex, self.spine.edges, direction, corner) is not None:
                 continue
-            classifier = BRepTopAdaptor_FClass2d(side.face, SELECT_TOLERANCES.face_boundary)
+            classifier = self.index.get_classifier(side.face, SELECT_TOLERANCES.face_boundary)
             on_edge = self.spine.evaluate_pcurves(contacts.t, side.face)
             start, stop = (
                 side.unwrap_near(side.to_face_parameters(foot), on_edge),
@@ -188,7 +202,7 @@ class Joint:
 
 
 def find_joint(
-    shape: TopoDS_Shape,
+    solids: Sequence[SolidIndex],
     edges: Sequence[TopoDS_Edge],
     edge_number: int,
     face_numbers: tuple[int, int],
@@ -208,14 +222,12 @@ def find_joint(
         Or, without a kind, if it is for another reason no sharp joint of two faces of a closed solid.
     """
     name, edge = f"edge {edge_number}", edges[0]
-    solids = [
-        solid for solid in explore_subshapes(shape, TopAbs_SOLID) if ShapeIndex(solid, TopAbs_EDGE).find_number(edge)
-    ]
-    if len(solids) != 1:
-        many = f"part of {len(solids)} solids: take them apart first" if solids else "not part of a solid"
+    owners = [index for index in solids if edge in index.edges]
+    if len(owners) != 1:
+        many = f"part of {len(owners)} solids: take them apart first" if owners else "not part of a solid"
         raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
-    solid = solids[0]
-    faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
+    (index,) = owners
+    faces_at = index.faces_at_edge
     pair = faces_at(edge)
     if BRep_Tool.Degenerated_s(edge):
         raise SelectionError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
@@ -223,14 +235,14 @@ def find_joint(
         raise SelectionError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     if len(pair) != 2:
         raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
-    pair.sort(key=ShapeIndex(solid, TopAbs_FACE).find_number, reverse=swap)
+    pair.sort(key=index.faces.find_number, reverse=swap)
     between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
-    ordered, closed = chain_edges(_grow_joint(between, pair, faces_at, solid), pair[0])
+    ordered, closed = chain_edges(_grow_joint(between, pair, index), pair[0])
     spine = EdgeSpine(ordered, closed)
     points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if closed else None])
     edge_is_circular = closed or spine.measure_arc_angle() is not None
     first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
-    joint = Joint(solid, spine, (first, second), edge_number, face_numbers, lookup_number)
+    joint = Joint(index, spine, (first, second), edge_number, face_numbers, lookup_number)
     _check_sharp(joint, name)
     return joint
 
@@ -239,28 +251,23 @@ def _is_same_pair(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:
     return len(faces) == 2 and all(is_among(face, pair) for face in faces)
 
 
-def _grow_joint(
-    edges: list[TopoDS_Edge], pair: list[TopoDS_Face], faces_at: AncestorMap, solid: TopoDS_Shape
-) -> list[TopoDS_Edge]:
+def _grow_joint(edges: list[TopoDS_Edge], pair: list[TopoDS_Face], index: SolidIndex) -> list[TopoDS_Edge]:
     """Return the edges that continue the first one smoothly between the same pair of faces.
 
     A vertex at which no other faces meet does not end the joint. The other given edges were picked as well: at their
     vertices the joint continues along them even if other faces meet there.
     """
-    edges_at, faces_around = (
-        AncestorMap(solid, TopAbs_VERTEX, TopAbs_EDGE),
-        AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE),
-    )
     grown, waiting = edges[:1], edges[:1]
     while waiting:
         for vertex in find_end_vertices(waiting.pop()):
             is_picked = any(is_among(vertex, find_end_vertices(edge)) for edge in edges[1:])
-            if len(faces_around(vertex)) > 2 and not is_picked:
+            face_count = len(index.faces_at_vertex(vertex))
+            if face_count > 2 and not is_picked:
                 continue
-            passable = edges_at(vertex) if len(faces_around(vertex)) == 2 else edges
+            passable = index.edges_at_vertex(vertex) if face_count == 2 else edges
             for edge in passable:
                 touches = is_among(vertex, find_end_vertices(edge)) and _is_tangent_continuation(vertex, edge, grown)
-                if touches and _is_same_pair(faces_at(edge), pair) and not is_among(edge, grown):
+                if touches and _is_same_pair(index.faces_at_edge(edge), pair) and not is_among(edge, grown):
                     grown.append(edge)
                     waiting.append(edge)
     return grown

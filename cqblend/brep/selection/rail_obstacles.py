@@ -6,16 +6,15 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
-from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.gp import gp_Pnt, gp_Pnt2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_IN, TopAbs_ON
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
-from cqblend.brep.topology import AncestorMap, drop_duplicate_shapes, explore_subshapes, is_among
+from cqblend.brep.topology import drop_duplicate_shapes, explore_subshapes, is_among
 from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
 
@@ -58,8 +57,7 @@ def describe_obstacle(joint: Joint, contacts: Contacts, side: int, index: int) -
     if not borders:
         return f"{name} reaches only {width:.3g} there"
     border = min(borders, key=lambda use: BRepExtrema_DistShapeShape(vertex, use).Value())
-    faces_at = AncestorMap(joint.solid, TopAbs_EDGE, TopAbs_FACE)
-    faces_beyond = [face for face in faces_at(border) if not face.IsSame(support.face)]
+    faces_beyond = [face for face in joint.index.faces_at_edge(border) if not face.IsSame(support.face)]
     if not faces_beyond:
         return f"{name} reaches only {width:.3g} there"
     opposite = joint.sides[1 - side]
@@ -79,7 +77,7 @@ def _find_last_point_inside(joint: Joint, contacts: Contacts, side: int, index: 
     foot = joint.locate_stations(t).uv[side]
     start = support.unwrap_near(support.to_face_parameters(foot), on_edge)[0]
     stop = support.unwrap_near(support.to_face_parameters(contacts.uv[side][[index]]), on_edge)[0]
-    classifier = BRepTopAdaptor_FClass2d(support.face, SELECT_TOLERANCES.face_boundary)
+    classifier = joint.index.get_classifier(support.face, SELECT_TOLERANCES.face_boundary)
 
     def is_inside_face(share: float) -> bool:
         (uv,) = support.wrap_to_window((start + share * (stop - start))[None])

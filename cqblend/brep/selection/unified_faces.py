@@ -21,6 +21,7 @@ from OCP.BRepTools import BRepTools_History, BRepTools_ReShape
 from OCP.Geom import Geom_RectangularTrimmedSurface, Geom_Surface
 from OCP.GeomAbs import GeomAbs_Plane
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
+from OCP.GeomLProp import GeomLProp_SLProps
 from OCP.GProp import GProp_GProps
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID, TopAbs_VERTEX
@@ -28,6 +29,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Ve
 
 from cqblend.brep.measurement.edge_continuity import measure_continuity_between
 from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import downcast_shape
 from cqblend.brep.topology import (
@@ -77,10 +79,9 @@ def unify_faces(joint: Joint, reach: Callable[[], float]) -> UnifiedSolid | None
     the joint, the largest distance (mm) of the blend's rails. Returns None if there is nothing to unify, or if the
     result would not be valid.
     """
-    solid, spine_edges, unified = joint.solid, joint.spine.edges, None
-    faces_at = AncestorMap(solid, TopAbs_VERTEX, TopAbs_FACE)
+    index, spine_edges, unified = joint.index, joint.spine.edges, None
     faces = drop_duplicate_shapes(
-        face for edge in spine_edges for vertex in find_end_vertices(edge) for face in faces_at(vertex)
+        face for edge in spine_edges for vertex in find_end_vertices(edge) for face in index.faces_at_vertex(vertex)
     )
     largest_distance: float | None = None
 
@@ -90,14 +91,14 @@ def unify_faces(joint: Joint, reach: Callable[[], float]) -> UnifiedSolid | None
             largest_distance = SELECT_TOLERANCES.reach_margin * reach()
         return any(BRepExtrema_DistShapeShape(shape, edge).Value() <= largest_distance for edge in joint.spine.edges)
 
-    while splits := _find_split_edges(solid, faces, spine_edges, is_near):
-        step = _merge_faces(solid, splits, spine_edges, is_near)
+    while splits := _find_split_edges(index, faces, spine_edges, is_near):
+        step = _merge_faces(index.solid, splits, spine_edges, is_near)
         if step is None:
             break
         new_edges = [TopoDS.Edge_s(_find_descendant(step.edge_replacements, edge)) for edge in spine_edges]
         if _has_end_on_seam(step, new_edges):
             break
-        solid, spine_edges = step.solid, new_edges
+        index, spine_edges = SolidIndex(step.solid), new_edges
         faces = drop_duplicate_shapes(_find_descendant(step.face_replacements, face) for face in faces)
         unified = step.after(unified)
     return unified
@@ -135,7 +136,7 @@ def _compose_replacements(first: list[ShapeReplacement], then: list[ShapeReplace
 
 
 def _find_split_edges(
-    solid: TopoDS_Shape,
+    index: SolidIndex,
     faces: Sequence[TopoDS_Shape],
     spine_edges: Sequence[TopoDS_Edge],
     is_near: Callable[[TopoDS_Shape], bool],
@@ -144,11 +145,10 @@ def _find_split_edges(
 
     Edges count that are near the joint, and all others, however far, between two of the faces that are found so.
     """
-    faces_at = AncestorMap(solid, TopAbs_EDGE, TopAbs_FACE)
     reached, splits, others = list(faces), list[TopoDS_Edge](), list[tuple[TopoDS_Edge, TopoDS_Face]]()
     for face in reached:
         for edge in drop_duplicate_shapes(explore_subshapes(face, TopAbs_EDGE)):
-            beyond = [other for other in faces_at(edge) if not other.IsSame(face)]
+            beyond = [other for other in index.faces_at_edge(edge) if not other.IsSame(face)]
             if (
                 len(beyond) != 1
                 or is_among(edge, spine_edges)
@@ -172,6 +172,8 @@ def _is_same_surface(one: TopoDS_Face, two: TopoDS_Face, shared: TopoDS_Edge) ->
     """
     if BRepAdaptor_Surface(one, False).GetType() != BRepAdaptor_Surface(two, False).GetType():
         return False
+    if _measure_middle_angle(one, two, shared) > SELECT_TOLERANCES.smooth_angle:
+        return False
     surface = _get_basis_surface(one)
     for edge in drop_duplicate_shapes(explore_subshapes(two, TopAbs_EDGE)):
         if edge.IsSame(shared):
@@ -190,6 +192,20 @@ def _is_same_surface(one: TopoDS_Face, two: TopoDS_Face, shared: TopoDS_Edge) ->
         measure_continuity_between(((one, shared), (two, shared)), SELECT_TOLERANCES.merged_samples).angle
         < SELECT_TOLERANCES.smooth_angle
     )
+
+
+def _measure_middle_angle(one: TopoDS_Face, two: TopoDS_Face, shared: TopoDS_Edge) -> float:
+    """Return the angle (rad) between the surfaces of two faces in the middle of an edge; 0 where one has no normal."""
+    normals = []
+    for face in (one, two):
+        pcurve = BRep_Tool.CurveOnSurface_s(shared, face, 0.0, 0.0)
+        uv = pcurve.Value(sum(BRep_Tool.Range_s(shared, face)) / 2)
+        tangents = GeomLProp_SLProps(BRep_Tool.Surface_s(face), uv.X(), uv.Y(), 1, CONFUSION)
+        if not tangents.IsNormalDefined():
+            return 0.0
+        normals.append(tangents.Normal())
+    angle = float(normals[0].Angle(normals[1]))
+    return min(angle, np.pi - angle)
 
 
 def _get_basis_surface(face: TopoDS_Face) -> Geom_Surface:

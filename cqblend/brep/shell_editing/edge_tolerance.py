@@ -7,7 +7,7 @@ needs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -17,8 +17,15 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.measurement.curve_deviation import measure_curve_deviation
+from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
-from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, find_end_vertices, raise_vertex_tolerance
+from cqblend.brep.topology import (
+    BUILDER,
+    ShapeIndex,
+    explore_subshapes,
+    find_end_vertices,
+    raise_vertex_tolerance,
+)
 from cqblend.splines import interpolation
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
@@ -54,17 +61,38 @@ def refit_pcurve(use: TopoDS_Edge, face: TopoDS_Face, deviation: float) -> float
     return deviation
 
 
-def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, vertices: ShapeIndex) -> float:
+class EdgeDeviations:
+    """The largest distance (mm) between the curve of every new edge and the images of its pcurves."""
+
+    def __init__(self, faces: Iterable[TopoDS_Face]) -> None:
+        self._edges = ShapeIndex.from_shapes(faces, TopAbs_EDGE)
+        self._values: dict[int, float] = {}
+
+    def record(self, edge: TopoDS_Edge, deviation: float) -> None:
+        """Record the deviation of an edge on one more face."""
+        number = self._edges.find_number(edge)
+        self._values[number] = max(deviation, self._values.get(number, 0.0))
+
+    def get(self, edge: TopoDS_Edge) -> float:
+        """Return the largest deviation of an edge."""
+        return self._values[self._edges.find_number(edge)]
+
+    @property
+    def largest_tolerance(self) -> float:
+        """The largest tolerance (mm) of these edges."""
+        return max(BRep_Tool.Tolerance_s(self._edges[number]) for number in self._values)
+
+
+def raise_edge_tolerances(faces: Sequence[TopoDS_Face], index: SolidIndex) -> EdgeDeviations:
     """Raise the tolerance of every new edge of some faces to what its curves need, and that of its new vertices.
 
-    New is what the input does not number in ``edges`` and ``vertices``; what it does is shared with it and stays as it
-    is. Pcurves are fitted again first where that brings them much nearer. Returns the largest tolerance of a new edge
-    (mm).
+    New is what the input does not have; what it has is shared with it and stays as it is. Pcurves are fitted again
+    first where that brings them much nearer.
     """
-    largest = 0.0
+    deviations = EdgeDeviations(faces)
     for face in faces:
         for use in explore_subshapes(face, TopAbs_EDGE):
-            if edges.find_number(use):
+            if use in index.edges:
                 continue
             deviation = measure_curve_deviation(use, face)
             if deviation > SHELL_EDIT_TOLERANCES.refit_deviation:
@@ -72,8 +100,8 @@ def raise_edge_tolerances(faces: Iterable[TopoDS_Face], edges: ShapeIndex, verti
             needed = SHELL_EDIT_TOLERANCES.deviation_margin * deviation
             if needed > BRep_Tool.Tolerance_s(use):
                 BUILDER.UpdateEdge(use, needed)
-            largest = max(largest, BRep_Tool.Tolerance_s(use))
+            deviations.record(use, deviation)
             for vertex in find_end_vertices(use):
-                if not vertices.find_number(vertex):
+                if vertex not in index.vertices:
                     raise_vertex_tolerance(vertex, BRep_Tool.Tolerance_s(use))
-    return largest
+    return deviations

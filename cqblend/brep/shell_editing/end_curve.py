@@ -6,17 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
-from cqblend.brep.conversion import spline_arrays
+from cqblend.blends.network.blend_plan import EdgeRole, NewEdge, PlannedPcurve, PlannedSurface, PlannedVertex
+from cqblend.blends.network.strip_surface import StripSurface
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
-from cqblend.brep.topology import attach_pcurves, make_edge, make_vertex
 from cqblend.errors import CqblendError, TopologyError
-from cqblend.splines import Curve, Surface, interpolation
+from cqblend.splines import Curve, interpolation
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
@@ -76,10 +76,13 @@ def _interpolate_cubic(values: Array) -> Curve:
     return Curve(np.array([0.0, 1.0]), np.stack(coefs)[..., None])
 
 
-def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tangent_side: int | None = None) -> Curve:
+def solve_end_curve(
+    blend: StripSurface, target: Primary, start: EndCurveStart, tangent_side: int | None = None
+) -> Curve:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
-    It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]. Where the support face on
+    It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]: in closed form on a plane that
+    cuts a straight blend, or a revolved one along a section; else solved point by point. Where the support face on
     ``tangent_side`` (0 or 1) is tangent to N, the blend touches N where its rail crosses over.
 
     Raises
@@ -87,7 +90,12 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
     TopologyError
         If the blend does not meet N for all v.
     """
-    size = float(np.linalg.norm(blend(start.t, 0.0) - blend(start.t, 1.0)))
+    if isinstance(target, Plane) and tangent_side is None:
+        section = blend.cut_with_plane(target, start.t)
+        if section is not None:
+            return section
+    first, last = blend(np.full(2, start.t), np.array([0.0, 1.0]))
+    size = float(np.linalg.norm(first - last))
     touch, slope = None, 0.0
     if tangent_side is not None:
         touch, slope = _solve_tangent_contact(blend, target, start, tangent_side)
@@ -120,7 +128,9 @@ def solve_end_curve(blend: Surface, target: Primary, start: EndCurveStart, tange
     return fit_solved_curve(solve_curve_points, measure_error)
 
 
-def _solve_tangent_contact(blend: Surface, target: Primary, start: EndCurveStart, side: int) -> tuple[Array, float]:
+def _solve_tangent_contact(
+    blend: StripSurface, target: Primary, start: EndCurveStart, side: int
+) -> tuple[Array, float]:
     """Return (t, a, b) at which rail ``side`` (0 or 1) of a blend H touches N(a, b), and dt/dv of the end curve there.
 
     The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the
@@ -165,24 +175,25 @@ def _solve_tangent_contact(blend: Surface, target: Primary, start: EndCurveStart
     return x[0], min(into_blend, key=abs)
 
 
-def make_end_edge(
-    blend_face: TopoDS_Face, curve: Curve, face: TopoDS_Face
-) -> tuple[TopoDS_Edge, tuple[TopoDS_Vertex, TopoDS_Vertex]]:
-    """Make the edge of an end curve, with its pcurves on the blend and on the face it ends on."""
+def plan_end_edge(
+    surface: PlannedSurface, curve: Curve, face: int | PlannedSurface
+) -> tuple[NewEdge, tuple[PlannedVertex, PlannedVertex]]:
+    """Plan the edge of an end curve, with its pcurves on the blend and on the face it ends on, and its two corners."""
     first, last = curve(np.array([0.0, 1.0]))[:, 4:]
-    corners = (make_vertex(first), make_vertex(last))
-    return make_shared_edge(curve, corners, blend_face, face), corners
+    corners = (PlannedVertex(first), PlannedVertex(last))
+    return plan_shared_edge("end curve", curve, corners, (surface, face)), corners
 
 
-def make_shared_edge(
+def plan_shared_edge(
+    role: EdgeRole,
     curve: Curve,
-    vertices: tuple[TopoDS_Vertex, TopoDS_Vertex],
-    first: TopoDS_Face,
-    second: TopoDS_Face,
-) -> TopoDS_Edge:
-    """Make the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
-    degree, knots, poles, _ = curve.to_bspline()
-    edge = make_edge(spline_arrays.curve_from_arrays(degree, knots, poles[:, 4:]), vertices, (0.0, 1.0))
-    attach_pcurves(edge, first, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, :2]))
-    attach_pcurves(edge, second, spline_arrays.curve2d_from_arrays(degree, knots, poles[:, 2:4]))
-    return edge
+    vertices: tuple[PlannedVertex, PlannedVertex],
+    faces: tuple[int | PlannedSurface, int | PlannedSurface],
+) -> NewEdge:
+    """Plan the edge of a fitted curve (u1, v1, u2, v2, x, y, z) in which two faces meet."""
+    first, second, points = (
+        Curve(curve.breaks, curve.coefs[:, part], continuity=curve.continuity)
+        for part in (slice(0, 2), slice(2, 4), slice(4, 7))
+    )
+    pcurves = (PlannedPcurve(faces[0], first), PlannedPcurve(faces[1], second))
+    return NewEdge(role, points, (0.0, 1.0), vertices, pcurves)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -12,12 +13,12 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, KeptEdge, NewEdge, PlannedEdge, PlannedVertex
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.measurement.curve_deviation import measure_curve_deviation
-from cqblend.brep.shell_editing.blend_placement import BlendPlacement
-from cqblend.brep.shell_editing.end_curve import BlendEndError, fit_solved_curve, make_shared_edge
-from cqblend.brep.shell_editing.face_edits import EdgeTrim, FaceEdit
-from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.end_curve import BlendEndError, fit_solved_curve, plan_shared_edge
+from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.topology import (
     CONFUSION,
     explore_subshapes,
@@ -26,7 +27,6 @@ from cqblend.brep.topology import (
     locate_vertex,
     make_trimmed_copy,
     orient_forward,
-    raise_vertex_tolerance,
 )
 from cqblend.errors import SizeError
 from cqblend.splines.bernstein import Array
@@ -34,62 +34,89 @@ from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
 
-def trim_neighbour_edges(placement: BlendPlacement, trims: Iterable[EdgeTrim]) -> list[FaceEdit]:
-    """Trim the edges at the ends of the blended one where the blend's corners lie on them, or extend them to there.
+@dataclass(frozen=True)
+class EdgeTrim:
+    """An edge of the input next to one ``end`` (0 or 1) of a blend, to be trimmed or extended to the blend's corner.
 
-    Returns the edits of the faces that share these edges.
+    It loses what is between ``spine_vertex``, its end at the blended edge, and ``corner``; or it is lengthened to
+    there. Where a flat cap stands on the edge, ``cap_border`` is the part between vertex and corner: then only the face
+    ``face_without_border``, which ends at the rail, loses that part.
+    """
+
+    placement: StripPlacement
+    end: int
+    edge: TopoDS_Edge
+    spine_vertex: TopoDS_Vertex
+    corner: PlannedVertex
+    faces: tuple[TopoDS_Face, TopoDS_Face]
+    cap_border: EdgePiece | None = None
+    face_without_border: TopoDS_Face | None = None
+
+
+def trim_neighbour_edges(trims: Iterable[EdgeTrim], index: SolidIndex) -> list[FacePlan]:
+    """Trim the edges at the ends of blends where the blends' corners lie on them, or extend them to there.
+
+    Returns what that means for the faces that share these edges.
 
     Raises
     ------
     BlendEndError, SizeError
         If an edge is too short, or its faces do not go on meeting as far as it would be extended.
     """
-    edits: list[FaceEdit] = []
+    plans: list[FacePlan] = []
     trims_by_edge: dict[int, list[EdgeTrim]] = {}
     for trim in trims:
-        trims_by_edge.setdefault(placement.edge_index.find_number(trim.edge), []).append(trim)
+        trims_by_edge.setdefault(index.edges.find_number(trim.edge), []).append(trim)
     for number, edge_trims in trims_by_edge.items():
-        edge = TopoDS.Edge_s(orient_forward(placement.edge_index[number]))
-        pieces = _trim_edge(edge, edge_trims, placement)
-        for face in placement.faces_at_edge(edge):
+        edge = TopoDS.Edge_s(orient_forward(index.edges[number]))
+        pieces = _trim_edge(edge, number, edge_trims)
+        for face in index.faces_at_edge(edge):
             borders = [
                 trim.cap_border
                 for trim in edge_trims
                 if trim.cap_border is not None and not face.IsSame(trim.face_without_border)
             ]
-            edits.append(FaceEdit(face, edge_pieces={number: [*pieces, *borders]}))
-    return edits
+            plans.append(FacePlan(index.faces.find_number(face), {number: (*pieces, *borders)}))
+    return plans
 
 
-def _trim_edge(edge: TopoDS_Edge, trims: Sequence[EdgeTrim], placement: BlendPlacement) -> list[TopoDS_Edge]:
+def _trim_edge(edge: TopoDS_Edge, number: int, trims: Sequence[EdgeTrim]) -> list[PlannedEdge | KeptEdge]:
     """Return what remains of a FORWARD edge after its trims, with the edges that extend it."""
-    whole = BRep_Tool.Range_s(edge)
-    span, vertices, extensions = list(whole), list(find_end_vertices(edge)), []
+    whole, extensions = BRep_Tool.Range_s(edge), list[PlannedEdge | KeptEdge]()
+    span, gaps = list(whole), [0.0, 0.0]
+    own, vertices = (
+        find_end_vertices(edge),
+        [trims[0].placement.keep_vertex(vertex) for vertex in find_end_vertices(edge)],
+    )
     for trim in trims:
-        which = 0 if vertices[0].IsSame(trim.spine_vertex) else 1  # the end of the edge that is trimmed
+        which = 0 if own[0].IsSame(trim.spine_vertex) else 1  # the end of the edge that is trimmed
         try:
-            parameter = _find_trim_parameter(edge, which, trim)
-            if parameter is None:
-                extensions.append(_make_extension_edge(trim))
+            found = _find_trim_parameter(edge, which, trim)
+            if found is None:
+                extensions.append(_plan_extension_edge(trim))
                 continue
         except SizeError as error:
-            cause = error.with_details(before=f"{placement.name_part(edge)} next to the blend: ")
-            raise BlendEndError(trim.end, cause) from error
-        span[which], vertices[which] = parameter, trim.corner
-    distance = np.linalg.norm(locate_vertex(vertices[0]) - locate_vertex(vertices[1]))
+            name = trim.placement.joint.name_part(edge)
+            raise BlendEndError(trim.end, error.with_details(before=f"{name} next to the blend: ")) from error
+        span[which], gaps[which] = found
+        vertices[which] = trim.corner
+    distance = np.linalg.norm(vertices[0].point - vertices[1].point)
     if distance < 100 * CONFUSION or span[0] >= span[1]:
-        name = placement.name_part(edge)
+        name = trims[0].placement.joint.name_part(edge)
         nothing = SizeError(
             f"nothing would remain of {name} next to the blend: the size is too large", kind="too large"
         )
-        raise nothing if len({trim.end for trim in trims}) > 1 else BlendEndError(trims[0].end, nothing)
+        raise nothing if len(trims) > 1 else BlendEndError(trims[0].end, nothing)
     if tuple(span) == whole:
-        return [edge, *extensions]
-    return [make_trimmed_copy(edge, (vertices[0], vertices[1]), (span[0], span[1])), *extensions]
+        return [KeptEdge(number), *extensions]
+    piece = EdgePiece(number, (span[0], span[1]), (vertices[0], vertices[1]), (gaps[0], gaps[1]))
+    return [piece, *extensions]
 
 
-def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float | None:
-    """Return the parameter at which a FORWARD edge is to end; None if its own curves do not reach the corner.
+def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple[float, float] | None:
+    """Return the parameter at which a FORWARD edge is to end, and how far (mm) the corner is from its curve there.
+
+    None if its own curves do not reach the corner.
 
     ``which`` end of the edge is at the trim's vertex: 0 its start, 1 its end.
 
@@ -99,33 +126,34 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float
         If the corner lies beyond the other end.
     """
     parameter, distance = project_to_edge(edge, trim.corner)
-    if distance <= _compute_corner_tolerance(edge, trim.faces):
-        raise_vertex_tolerance(trim.corner, SHELL_EDIT_TOLERANCES.deviation_margin * distance)
-        return parameter
+    if np.isfinite(distance) and _is_within_tolerance(distance, edge, trim.faces):
+        return parameter, distance
     if not _is_corner_behind(edge, trim):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it", kind="too large")
     return _find_extension_parameter(edge, which, trim)
 
 
-def project_to_edge(edge: TopoDS_Edge, corner: TopoDS_Vertex) -> tuple[float, float]:
-    """Return the parameter of a FORWARD edge nearest to a vertex, and the distance (mm), infinite if it is beyond."""
+def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, float]:
+    """Return the parameter of a FORWARD edge nearest to a corner, and the distance (mm), infinite if it is beyond."""
     project = GeomAPI_ProjectPointOnCurve(
-        BRep_Tool.Pnt_s(corner), BRep_Tool.Curve_s(edge, 0.0, 0.0), *BRep_Tool.Range_s(edge)
+        gp_Pnt(*corner.point.tolist()), BRep_Tool.Curve_s(edge, 0.0, 0.0), *BRep_Tool.Range_s(edge)
     )
     if project.NbPoints() == 0:
         return np.nan, np.inf
     return project.LowerDistanceParameter(), project.LowerDistance()
 
 
-def _compute_corner_tolerance(edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> float:
-    """Return how far a point of both faces may be from their edge (mm), given how far the edge itself is from them."""
+def _is_within_tolerance(distance: float, edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> bool:
+    """Whether a point of both faces is as near to their edge (mm) as it may be, given how far the edge is from them."""
+    if distance <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION):
+        return True
     deviations = (
         measure_curve_deviation(use, face)
         for face in faces
         for use in explore_subshapes(face, TopAbs_EDGE)
         if use.IsSame(edge)
     )
-    return max(10 * BRep_Tool.Tolerance_s(edge), 10 * CONFUSION, 2 * max(deviations))
+    return distance <= 2 * max(deviations)
 
 
 def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:
@@ -135,16 +163,18 @@ def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:
     starts = find_end_vertices(edge)[0].IsSame(trim.spine_vertex)
     BRep_Tool.Curve_s(edge, 0.0, 0.0).D1(first if starts else last, point, rate)
     away = np.array(rate.Coord()) * (1.0 if starts else -1.0)
-    return bool((locate_vertex(trim.corner) - locate_vertex(trim.spine_vertex)) @ away < 0)
+    return bool((trim.corner.point - locate_vertex(trim.spine_vertex)) @ away < 0)
 
 
-def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> float | None:
-    """Return the parameter past an end of a FORWARD edge at which its own curves reach a corner; None if they do not.
+def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple[float, float] | None:
+    """Return the parameter past an end of a FORWARD edge at which its own curves reach a corner, and the distance (mm).
+
+    None if they do not.
 
     Lines and circles go on past the ends of their edges. They are used only if their pcurves go on as well.
     """
     curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
-    project = GeomAPI_ProjectPointOnCurve(BRep_Tool.Pnt_s(trim.corner), curve)
+    project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*trim.corner.point.tolist()), curve)
     if project.NbPoints() == 0:
         return None
     at = project.LowerDistanceParameter()
@@ -160,15 +190,16 @@ def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> 
         return None
     longer = make_trimmed_copy(edge, find_end_vertices(edge), span)
     deviation = max(project.LowerDistance(), *(measure_curve_deviation(longer, face) for face in trim.faces))
-    return at if deviation <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION) else None
+    reaches = deviation <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION)
+    return (at, project.LowerDistance()) if reaches else None
 
 
-def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
-    """Make the edge in which two faces go on meeting, past the end of their own edge, to a corner of the blend.
+def _plan_extension_edge(trim: EdgeTrim) -> NewEdge:
+    """Plan the edge in which two faces go on meeting, past the end of their own edge, to a corner of the blend.
 
     FORWARD in the sense of that edge, and it starts or stops exactly at that edge's vertex.
     """
-    start, stop = locate_vertex(trim.spine_vertex), locate_vertex(trim.corner)
+    start, stop = locate_vertex(trim.spine_vertex), trim.corner.point
     first, second = (read_support_face(face, start[None]) for face in trim.faces)
     length = float(np.linalg.norm(stop - start))
     chord = (stop - start) / length
@@ -218,7 +249,9 @@ def _make_extension_edge(trim: EdgeTrim) -> TopoDS_Edge:
         return float(max(np.abs(image - points).max() for image in images))
 
     starts_at_vertex = find_end_vertices(TopoDS.Edge_s(orient_forward(trim.edge)))[0].IsSame(trim.spine_vertex)
-    curve, pair = fit_solved_curve(offset_to_vertex, measure_error), (trim.spine_vertex, trim.corner)
+    curve = fit_solved_curve(offset_to_vertex, measure_error)
+    pair = (trim.placement.keep_vertex(trim.spine_vertex), trim.corner)
     if starts_at_vertex:
         curve, pair = curve.reverse(), pair[::-1]
-    return make_shared_edge(curve, pair, first.face, second.face)
+    numbers = (trim.placement.number_face(trim.faces[0]), trim.placement.number_face(trim.faces[1]))
+    return plan_shared_edge("extension", curve, pair, numbers)

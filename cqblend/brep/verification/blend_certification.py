@@ -5,7 +5,7 @@ The measurements are those of :mod:`cqblend.brep.measurement.edge_continuity`, w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +16,7 @@ from cqblend.blends.quality.fairness import bending_energy
 from cqblend.blends.quality.smoothness_proof import prove_blend
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
+from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.spline_conversion import to_face
 from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
@@ -25,9 +26,10 @@ from cqblend.brep.measurement.edge_samples import sample_outline
 from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.shell_editing.shell_edit import ProposedSolid
+from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.edge_certification import certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.certificate import Certificate, RailRecord
+from cqblend.certificate import Certificate, EdgeRecord, RailRecord
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 
@@ -40,22 +42,29 @@ class _Measurements:
     inner_crease: float  # rad
     method: str
     stations: int  # along each rail, at least
-    valid: bool = True
+    validity: tuple[Callable[[], bool], ...] = ()
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
     pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
-    outline: Array | None = None  # boundary of the blend face in its parameter plane; None: the whole domain
+    edges: tuple[EdgeRecord, ...] = ()
+    outlined: BuiltStrip | None = None  # the blend, if the boundary of its face cuts off some of it
 
 
-def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) -> Certificate:
-    """Measure a solid that has been verified: along the rail edges of its blend face, and inside that face."""
+def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
+    """Measure a blend in a verified solid: along all edges of its face, and inside that face.
+
+    ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
+    """
     records = []
-    for i, (rail, edges) in enumerate(zip(blend.ribbons, proposal.rail_edges, strict=True)):
+    blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(strip.blend_face))
+    for i, (rail, edges) in enumerate(zip(blend.ribbons, strip.rail_edges, strict=True)):
         is_held = partial(_is_not_faded, rail) if rail.fades else None
+        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(strip.trimmed_faces[i])))
         found = [
             measure_continuity_between(
-                ((proposal.blend_face, edge), (proposal.trimmed_faces[i], edge)),
+                ((strip.blend_face, edge), (strip.trimmed_faces[i], edge)),
                 VERIFICATION_TOLERANCES.certificate_samples,
                 is_held,
+                surfaces,
             )
             for edge in edges
         ]
@@ -77,12 +86,13 @@ def certify_blend(joint: Joint, proposal: ProposedSolid, blend: BlendSurface) ->
     pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
     measured = _Measurements(
         records,
-        inner_crease=find_inner_crease(proposal.blend_face).angle,
+        inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
         pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
-        method="wire substitution" + (", flat ends" if proposal.cap_count else ""),
+        method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
-        edge_tolerance=proposal.tolerance,
-        outline=None if joint.spine.closed else sample_outline(proposal.blend_face),
+        edge_tolerance=edge_tolerance,
+        edges=tuple(certify_edge(edge, joint, blend_surface) for edge in strip.other_edges),
+        outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
 
@@ -93,7 +103,7 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
     records = []
     for i, ((surface, curve), ribbon) in enumerate(zip(rails, blend.ribbons, strict=True)):
         other = spline_arrays.surface_from_arrays(*surface.to_bspline())
-        crossings = find_knot_crossings(curve, *curve.domain, SurfaceEvaluator(other))
+        crossings = find_knot_crossings(partial(_evaluate_transposed, curve), *curve.domain, SurfaceEvaluator(other))
         breaks = [blend.surface.breaks[0], curve.breaks, crossings]
         t = spread_samples(np.unique(np.concatenate(breaks)), VERIFICATION_TOLERANCES.surface_certificate_samples)
         t = t[_is_not_faded(ribbon, t)]
@@ -110,14 +120,19 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         inner_crease=find_inner_crease(face).angle,
         method="surfaces",
         stations=VERIFICATION_TOLERANCES.surface_certificate_samples,
-        valid=find_fold(blend.surface) is None,
+        validity=(lambda: find_fold(blend.surface) is None,),
     )
     return _build_certificate(blend, measured)
 
 
 def _evaluate_rail_parameters(curve: Curve, boundary: int, t: Array) -> tuple[Array, Array]:
-    """Return the parameters (n, 2) of a rail on the blend, at v = ``boundary`` (0 or 1), and on its surface."""
-    return np.stack([t, np.full_like(t, boundary)], -1), curve(t)
+    """Return the parameters (2, n) of a rail on the blend, at v = ``boundary`` (0 or 1), and on its surface."""
+    return np.stack([t, np.full_like(t, boundary)]), _evaluate_transposed(curve, t)
+
+
+def _evaluate_transposed(curve: Curve, t: Array) -> Array:
+    """Return the points of a curve with their coordinates along the first axis."""
+    return np.asarray(curve(t).T)
 
 
 def _is_not_faded(ribbon: Ribbon, t: Array) -> Array:
@@ -136,11 +151,22 @@ def _measure_faded_share(ribbon: Ribbon) -> float:
     )
 
 
+def _measure_bending_energy(surface: Surface, strip: BuiltStrip | None) -> float:
+    """Return the bending energy of a blend within the boundary of its face, or over its whole domain."""
+    if strip is None:
+        return bending_energy(surface)
+    outline = sample_outline(strip.blend_face)
+    if isinstance(strip.geometry, RevolvedSection):
+        outline[..., 0] = strip.geometry.map_to_parameters(outline[..., 0].ravel()).reshape(outline.shape[:2])
+    return bending_energy(surface, outline)
+
+
 def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certificate:
     """Return the certificate of a measured blend; its proof and its bending energy are computed when asked for."""
     surface = blend.surface
     t = np.linspace(*surface.domain[0], 65)
-    widths = np.linalg.norm(surface(t, np.ones(65)) - surface(t, np.zeros(65)), axis=1)
+    ends = surface(np.concatenate((t, t)), np.repeat((0.0, 1.0), len(t)))
+    widths = np.linalg.norm(ends[: len(t)] - ends[len(t) :], axis=1)
     _, _, poles, weights = surface.to_bspline()
     return Certificate(
         rails=tuple(measured.rails),
@@ -150,11 +176,12 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         rational=weights is not None,
         inner_crease=measured.inner_crease,
         method=measured.method,
-        valid=measured.valid,
+        validity=measured.validity,
         width=(float(widths.min()), float(widths.max())),
         stations=measured.stations,
         edge_tolerance=measured.edge_tolerance,
+        edges=measured.edges,
         residual=blend.residual,
         proofs=(partial(prove_blend, blend, measured.pcurve_errors),),
-        energies=(partial(bending_energy, surface, measured.outline),),
+        energies=(partial(_measure_bending_energy, surface, measured.outlined),),
     )

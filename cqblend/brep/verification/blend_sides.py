@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepTools import BRepTools
-from OCP.Geom import Geom_Plane
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_IN, TopAbs_OUT, TopAbs_REVERSED
@@ -24,37 +25,47 @@ from cqblend.brep.topology import (
 )
 from cqblend.brep.verification.replaced_faces import Check, ReplacedFaces, ReplacementProblem
 from cqblend.brep.verification.slim_faces import ChangedPart, list_changed_parts
+from cqblend.brep.verification.surface_distance import find_distance
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.brep.verification.volumes import compute_bounds, measure_volume
 
 _SHARES = ((0.15, 0.3), (0.15, 0.7), (0.5, 0.5), (0.85, 0.3), (0.85, 0.7))
 """Shares of the ranges of u and v at which points of a new face are looked at."""
 
+_START_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Shares of the range of an edge at which feet of points are looked for first."""
 
-def find_wrong_sides(replaced: ReplacedFaces, grows: bool) -> list[ReplacementProblem]:
-    """Return a problem if the volume changed in the wrong direction.
+
+def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> list[ReplacementProblem]:
+    """Return a problem for all new faces where the volume changed in the wrong direction.
 
     Where all points of a new face that are looked at lie on the wanted side of the old solid, it is taken to be right;
-    of the others the change of volume is measured. ``grows`` tells whether material is to be added.
+    of the others the change of volume is measured, together with that of new faces that changed the same wires. If
+    these are to change it in different directions, nothing can be said. ``grows`` tells whether material is to be
+    added, by all new faces or by each.
     """
-    doubtful = [i for i, face in enumerate(replaced.new_faces) if not _is_on_wanted_side(replaced, face, grows)]
     everything = tuple(range(len(replaced.new_faces)))
-    if not doubtful and everything:
+    wanted = [grows] * len(everything) if isinstance(grows, bool) else list(grows)
+    faces = zip(replaced.new_faces, wanted, strict=True)
+    doubtful = [i for i, (face, grow) in enumerate(faces) if not _is_on_wanted_side(replaced, face, grow)]
+    if everything and not doubtful:
         return []
     parts = list_changed_parts(replaced, whole_wires=True)
     matched = drop_duplicate_shapes(part.old_face for part in parts if part.old_face is not None)
     if len(everything) < 2 or len(matched) < len(replaced.old):
-        line = _check_volume_change(make_compound([*replaced.new, *_reverse(replaced.old)]), grows)
-        return [ReplacementProblem(line, Check.VOLUME, everything)] if line else []
-    problems, done = [], set[int]()
-    for i in doubtful:
-        if i not in done:
-            between, together = _enclose_change(replaced, i, parts)
-            done.update(together)
-            line = _check_volume_change(between, grows)
-            if line:
-                faces = tuple(replaced.new_faces[k] for k in together)
-                problems.append(ReplacementProblem(line, Check.VOLUME, together, faces))
+        groups = [(make_compound([*replaced.new, *_reverse(replaced.old)]), everything)]
+    else:
+        groups = []
+        for i in doubtful:
+            if not any(i in together for _, together in groups):
+                groups.append(_enclose_change(replaced, i, parts))
+    problems = []
+    for between, together in groups:
+        directions = {wanted[i] for i in together} if together else {grows}
+        line = _check_volume_change(between, directions == {True}) if len(directions) == 1 else None
+        if line:
+            shapes = tuple(replaced.new_faces[i] for i in together)
+            problems.append(ReplacementProblem(line, Check.VOLUME, together, shapes))
     return problems
 
 
@@ -78,17 +89,16 @@ def _is_on_wanted_side(replaced: ReplacedFaces, face: TopoDS_Face, grows: bool) 
     return True
 
 
-def _find_supports(replaced: ReplacedFaces, face: TopoDS_Face) -> list[tuple[TopoDS_Face, tuple[float, float]]]:
-    """Return the faces that a new one is tangent to, with the parameters of a point at which it is."""
+def _find_supports(replaced: ReplacedFaces, face: TopoDS_Face) -> list[tuple[TopoDS_Face, TopoDS_Edge]]:
+    """Return the faces that a new one is tangent to, with the edge at which it is."""
     found = []
     for use in explore_subshapes(face, TopAbs_EDGE):
         for other in replaced.faces_of_edge(use):
             if other.IsSame(face) or BRep_Tool.Degenerated_s(use):
                 continue
-            places = [_find_middle(use, one) for one in (face, other)]
-            normals = [_find_normal(one, uv) for one, uv in zip((face, other), places, strict=True)]
+            normals = [_find_normal(one, _find_middle(use, one)) for one in (face, other)]
             if abs(normals[0].Dot(normals[1])) > VERIFICATION_TOLERANCES.tangent_cosine:
-                found.append((other, places[1]))
+                found.append((other, use))
     return found
 
 
@@ -108,30 +118,43 @@ def _find_normal(face: TopoDS_Face, uv: tuple[float, float]) -> gp_Vec:
     return normal.Multiplied((-1.0 if face.Orientation() == TopAbs_REVERSED else 1.0) / size) if size else gp_Vec()
 
 
-def _lie_beside(points: list[gp_Pnt], face: TopoDS_Face, start: tuple[float, float], grows: bool) -> bool:
-    """Whether points lie outside (or inside) the tangent planes at their feet on a face, which are near ``start``."""
+def _lie_beside(points: list[gp_Pnt], face: TopoDS_Face, edge: TopoDS_Edge, grows: bool) -> bool:
+    """Whether points, near to an edge of a face, lie outside (or inside) of its surface."""
     surface, side = BRep_Tool.Surface_s(face), 1.0 if grows else -1.0
-    for point in points:
-        u, v = start
-        foot, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
-        for _ in range(VERIFICATION_TOLERANCES.foot_iterations):
-            surface.D1(u, v, foot, du, dv)
-            way = gp_Vec(foot, point)
-            a, b, c = du.Dot(du), du.Dot(dv), dv.Dot(dv)
-            determinant = a * c - b * b
-            if not determinant > 0.0:
-                return False
-            x, y = du.Dot(way), dv.Dot(way)
-            step = ((c * x - b * y) / determinant, (a * y - b * x) / determinant)
-            u, v = u + step[0], v + step[1]
-            moved = du.Multiplied(step[0]).Added(dv.Multiplied(step[1])).Magnitude()
-            if moved <= VERIFICATION_TOLERANCES.foot_accuracy * way.Magnitude() or isinstance(surface, Geom_Plane):
-                break
-        else:
-            return False
-        if not side * _find_normal(face, (u, v)).Dot(gp_Vec(surface.Value(u, v), point)) > CONFUSION:
-            return False
-    return True
+    measure = find_distance(surface)
+    if measure is None:
+        return all(side * _measure_height(point, face, edge) > CONFUSION for point in points)
+    middle = _find_middle(edge, face)
+    foot, normal = (np.array(one.Coord()) for one in (surface.Value(*middle), _find_normal(face, middle)))
+    places = np.array([point.Coord() for point in points])
+    outwards = float(measure((foot + CONFUSION * normal)[None])[0] - measure((foot - CONFUSION * normal)[None])[0])
+    return bool((side * np.sign(outwards) * measure(places) > CONFUSION).all())
+
+
+def _measure_height(point: gp_Pnt, face: TopoDS_Face, edge: TopoDS_Edge) -> float:
+    """Return how far (mm) a point is outside of the tangent plane at its foot on a face, which is near an edge.
+
+    0 if there is no foot to be found.
+    """
+    surface = BRep_Tool.Surface_s(face)
+    pcurve, (first, last) = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0), BRep_Tool.Range_s(edge, face)
+    starts = [pcurve.Value(first + share * (last - first)).Coord() for share in _START_SHARES]
+    u, v = min(starts, key=lambda uv: surface.Value(*uv).SquareDistance(point))
+    foot, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
+    for _ in range(VERIFICATION_TOLERANCES.most_foot_steps):
+        surface.D1(u, v, foot, du, dv)
+        way = gp_Vec(foot, point)
+        a, b, c = du.Dot(du), du.Dot(dv), dv.Dot(dv)
+        determinant = a * c - b * b
+        if not determinant > 0.0:
+            return 0.0
+        x, y = du.Dot(way), dv.Dot(way)
+        step = ((c * x - b * y) / determinant, (a * y - b * x) / determinant)
+        u, v = u + step[0], v + step[1]
+        moved = du.Multiplied(step[0]).Added(dv.Multiplied(step[1])).Magnitude()
+        if moved <= VERIFICATION_TOLERANCES.foot_accuracy * way.Magnitude():
+            return float(_find_normal(face, (u, v)).Dot(gp_Vec(surface.Value(u, v), point)))
+    return 0.0
 
 
 def _enclose_change(

@@ -14,17 +14,7 @@ from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepTools import BRepTools
-from OCP.Geom import (
-    Geom_BSplineSurface,
-    Geom_ConicalSurface,
-    Geom_CylindricalSurface,
-    Geom_OffsetSurface,
-    Geom_Plane,
-    Geom_RectangularTrimmedSurface,
-    Geom_SphericalSurface,
-    Geom_Surface,
-    Geom_ToroidalSurface,
-)
+from OCP.Geom import Geom_BSplineSurface, Geom_OffsetSurface, Geom_RectangularTrimmedSurface, Geom_Surface
 from OCP.GeomConvert import GeomConvert
 from OCP.Standard import Standard_Failure
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal
@@ -35,6 +25,7 @@ from cqblend.brep.conversion.spline_arrays import surface_from_arrays, surface_t
 from cqblend.brep.topology import CONFUSION, ShapeIndex
 from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.replaced_faces import Check, ReplacedFaces, ReplacementProblem
+from cqblend.brep.verification.surface_distance import find_distance
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -82,7 +73,7 @@ class _FacePieces:
     def may_touch(self, other: TopoDS_Face) -> bool:
         """Whether a face may touch another: whether no level of pieces keeps them apart."""
         surface = BRep_Tool.Surface_s(other)
-        measure = _find_distance(surface)
+        measure = find_distance(surface)
         cut = None if measure is not None else _FacePieces(other)
         box = FaceBoxes([other])
         for level in range(len(VERIFICATION_TOLERANCES.piece_counts)):
@@ -164,43 +155,3 @@ def _insert_knots(insert: Callable[..., None], count: int, read: Callable[[int],
     for i, knot in enumerate(inner.tolist(), 1):
         values.SetValue(i, knot)
     insert(values, multiplicities, 0.0, True)
-
-
-def _find_distance(surface: Geom_Surface) -> Callable[[Array], Array] | None:
-    """Return the function that measures how far points (n, 3) are from a plane, a quadric of revolution or a torus.
-
-    Negative on one side. None for any other surface.
-    """
-    if not isinstance(
-        surface,
-        Geom_Plane | Geom_CylindricalSurface | Geom_SphericalSurface | Geom_ConicalSurface | Geom_ToroidalSurface,
-    ):
-        return None
-    position = surface.Position()
-    origin, axis = np.array(position.Location().Coord()), np.array(position.Direction().Coord())
-
-    def measure_from_axis(points: Array) -> tuple[Array, Array]:
-        heights = (points - origin) @ axis
-        return np.linalg.norm(points - origin - heights[:, None] * axis, axis=1), heights
-
-    if isinstance(surface, Geom_Plane):
-        return lambda points: np.asarray((points - origin) @ axis)
-    if isinstance(surface, Geom_SphericalSurface):
-        return lambda points: np.linalg.norm(points - origin, axis=1) - surface.Radius()
-    if isinstance(surface, Geom_CylindricalSurface):
-        return lambda points: measure_from_axis(points)[0] - surface.Radius()
-    if isinstance(surface, Geom_ToroidalSurface):
-
-        def measure_from_torus(points: Array) -> Array:
-            distances, heights = measure_from_axis(points)
-            return np.asarray(np.hypot(distances - surface.MajorRadius(), heights) - surface.MinorRadius())
-
-        return measure_from_torus
-    sine, cosine = np.sin(surface.SemiAngle()), np.cos(surface.SemiAngle())
-
-    def measure_from_cone(points: Array) -> Array:
-        distances, heights = measure_from_axis(points)
-        both = [(sign * distances - surface.RefRadius()) * cosine - heights * sine for sign in (1.0, -1.0)]
-        return np.asarray(np.where(np.abs(both[0]) < np.abs(both[1]), both[0], both[1]))
-
-    return measure_from_cone

@@ -60,22 +60,17 @@ def _compare_normals(face: TopoDS_Face, surface: SurfaceEvaluator, u: Array, v: 
     Returns the parameters (k, 2, 2) of neighbours whose normals are more than pi / 2 apart, and sizes of |Su x Sv|
     (n, m), which are nearly 0 somewhere near a fold; nan where there is no normal.
     """
-    uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
     if surface.spline is not None and not any(surface.spline.is_periodic):
         normals = surface.spline.compute_normals_on_grid(u, v)
     else:
-        normals = evaluate_face_normals(face, uv.reshape(-1, 2), surface)[1].reshape(*uv.shape[:2], 3)
-    opposed = [
-        _find_opposed_normals(uv, normals),
-        _find_opposed_normals(uv.swapaxes(0, 1), normals.swapaxes(0, 1)),
-    ]
-    return np.concatenate(opposed), np.linalg.norm(normals, axis=-1)
-
-
-def _find_opposed_normals(uv: Array, normals: Array) -> Array:
-    """Return the parameters (n, 2, 2) of neighbours along the first axis whose normals are more than pi / 2 apart."""
-    apart = np.einsum("ijk,ijk->ij", normals[1:], normals[:-1]) < 0.0
-    return np.stack((uv[:-1][apart], uv[1:][apart]), axis=1)
+        uv = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1).reshape(-1, 2)
+        normals = evaluate_face_normals(face, uv, surface)[1].T.reshape(3, len(u), len(v))
+    along = np.argwhere((normals[:, 1:] * normals[:, :-1]).sum(axis=0) < 0.0)
+    across = np.argwhere((normals[:, :, 1:] * normals[:, :, :-1]).sum(axis=0) < 0.0)
+    first = np.concatenate((along, across))
+    last = np.concatenate((along + np.array([1, 0]), across + np.array([0, 1])))
+    pairs = np.stack([np.stack((u[ends[:, 0]], v[ends[:, 1]]), axis=-1) for ends in (first, last)], axis=1)
+    return pairs, np.sqrt((normals * normals).sum(axis=0))
 
 
 def _sample_intervals(ends: Array, most: int) -> Array:
@@ -84,6 +79,6 @@ def _sample_intervals(ends: Array, most: int) -> Array:
     They stand at odd shares of an interval (0.41 of a step), as folds at its ends or in its middle have no normal.
     """
     count = ends.size - 1
-    each = max(1, min(max(math.ceil(25 / count), VERIFICATION_TOLERANCES.samples_per_span), most // count))
+    each = max(1, min(max(math.ceil(25 / count), VERIFICATION_TOLERANCES.normals_per_span), most // count))
     inner = (ends[:-1, None] + np.diff(ends)[:, None] * ((np.arange(each) + 0.41) / each)).ravel()
     return np.asarray(inner[:: math.ceil(inner.size / most)])

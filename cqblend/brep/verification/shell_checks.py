@@ -13,16 +13,20 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepTools import BRepTools
-from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
+from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
+from OCP.ElSLib import ElSLib
+from OCP.Geom import Geom_Plane
+from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_Intersector
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_IN, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape, TopoDS_Solid
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
 from cqblend.brep.topology import BUILDER, CONFUSION, ShapeIndex, explore_subshapes
 from cqblend.brep.verification.brep_check import find_shell_problems
 from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.replaced_faces import Check, ReplacedFaces, ReplacementProblem
+from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.brep.verification.volumes import find_inverted_solids
 from cqblend.splines.bernstein import Array
 
@@ -115,44 +119,90 @@ def _count_around(point: gp_Pnt, shells: Iterable[TopoDS_Shape]) -> tuple[bool, 
 def find_new_inversions(replaced: ReplacedFaces, boxes: FaceBoxes) -> list[ReplacementProblem]:
     """Return a problem for every solid that is inside out.
 
-    A ray that leaves the solid at a point of a new face, along its normal, meets the boundary an even number of times
-    after that. ``boxes`` are those of the faces of the solid after.
+    A ray that starts just outside of a face that changed meets the boundary an even number of times. ``boxes`` are
+    those of the faces of the solid after.
     """
-    faces = [face for face in replaced.new_faces if face in replaced.index_after]
-    if faces and len(ShapeIndex(replaced.after, TopAbs_SOLID)) == 1:
-        oriented = replaced.index_after[replaced.index_after.find_number(faces[0])]
-        crossings = _count_crossings(oriented, replaced.index_after, boxes)
+    if len(ShapeIndex(replaced.after, TopAbs_SOLID)) == 1:
+        start = _find_ray_start(replaced)
+        crossings = None if start is None else _count_crossings(*start, replaced.index_after, boxes)
         if crossings is not None and crossings % 2 == 0:
             return []
     everything = tuple(range(len(replaced.new_faces)))
     return [ReplacementProblem(line, Check.SIDES, everything) for line in find_inverted_solids(replaced.after)]
 
 
-def _count_crossings(face: TopoDS_Face, faces: ShapeIndex, boxes: FaceBoxes) -> int | None:
-    """Return how often a ray from the middle of a face meets faces on its way out; None where it grazes one."""
+def _find_ray_start(replaced: ReplacedFaces) -> tuple[Array, Array] | None:
+    """Return a point (3,) just outside of a face that changed, and the way (3,) from there; None if none is found.
+
+    Outside of a plane, beside the middle of an edge of a new face, if there is one, and away from that: rays meet
+    planes in no time, and the new face not at all. Else outside of the middle of a new face.
+    """
+    for face in replaced.new_faces[:1]:
+        (middle,), (normal,) = evaluate_face_normals(face, _find_middle(face)[None])
+        for use in explore_subshapes(face, TopAbs_EDGE):
+            for other in replaced.faces_of_edge(use):
+                has_few_wires = other.NbChildren() < VERIFICATION_TOLERANCES.many_wires
+                if has_few_wires and isinstance(BRep_Tool.Surface_s(other), Geom_Plane):
+                    start = _step_into_plane(use, middle, other)
+                    if start is not None:
+                        return start
+        if np.isfinite(normal).all() and _is_inside(face, _find_middle(face)):
+            oriented = replaced.index_after[replaced.index_after.find_number(face)]
+            outwards = normal if oriented.Orientation() == face.Orientation() else -normal
+            return middle + VERIFICATION_TOLERANCES.ray_step * outwards, outwards
+    return None
+
+
+def _find_middle(face: TopoDS_Face) -> Array:
+    """Return parameters (2,) near the middle of a face."""
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
-    (point,), (normal,) = evaluate_face_normals(face, np.array([[0.53 * u0 + 0.47 * u1, 0.47 * v0 + 0.53 * v1]]))
-    if not np.isfinite(normal).all():
+    return np.array([0.53 * u0 + 0.47 * u1, 0.47 * v0 + 0.53 * v1])
+
+
+def _is_inside(face: TopoDS_Face, uv: Array) -> bool:
+    """Whether parameters (2,) lie inside the boundary of a face."""
+    return bool(BRepTopAdaptor_FClass2d(face, CONFUSION).Perform(gp_Pnt2d(*uv.tolist())) == TopAbs_IN)
+
+
+def _step_into_plane(edge: TopoDS_Edge, away_from: Array, plane: TopoDS_Face) -> tuple[Array, Array] | None:
+    """Return a point just outside of a planar face, next to the middle of an edge, and the way on from there.
+
+    Away from a point (3,) beyond the edge. None if that is not inside the boundary of the face.
+    """
+    curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
+    point, tangent = gp_Pnt(), gp_Vec()
+    curve.D1(0.53 * first + 0.47 * last, point, tangent)
+    place, (_, (normal,)) = np.array(point.Coord()), evaluate_face_normals(plane, np.zeros((1, 2)))
+    across = np.cross(normal, tangent.Coord())
+    size = float(np.linalg.norm(across))
+    if not size:
         return None
-    directions = normal + _LEANINGS
+    inwards = across / size * np.sign((place - away_from) @ across)
+    place += VERIFICATION_TOLERANCES.ray_step * inwards
+    u, v = ElSLib.Parameters_s(BRep_Tool.Surface_s(plane).Pln(), gp_Pnt(*place.tolist()))
+    if not _is_inside(plane, np.array([u, v])):
+        return None
+    return place + VERIFICATION_TOLERANCES.ray_step * normal, normal + inwards
+
+
+def _count_crossings(start: Array, way: Array, faces: ShapeIndex, boxes: FaceBoxes) -> int | None:
+    """Return how often a ray from a point meets faces, the one of several rays that meets fewest boxes.
+
+    None where it grazes one.
+    """
+    directions = way + _LEANINGS
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    hits = boxes.find_hits(point, directions)
+    hits = boxes.find_hits(start, directions)
     fewest = int(hits.sum(axis=1).argmin())
-    ray = gp_Lin(gp_Pnt(*point.tolist()), gp_Dir(*directions[fewest].tolist()))
-    count, found_start = 0, False
+    ray = gp_Lin(gp_Pnt(*start.tolist()), gp_Dir(*directions[fewest].tolist()))
+    count = 0
     for i in np.flatnonzero(hits[fewest]).tolist():
         search = IntCurvesFace_Intersector(faces[i + 1], CONFUSION)
-        search.Perform(ray, -1e-3, _FAR)
-        if not search.IsDone():
+        search.Perform(ray, 0.0, _FAR)
+        if not search.IsDone() or any(search.State(k) != TopAbs_IN for k in range(1, search.NbPnt() + 1)):
             return None
-        for k in range(1, search.NbPnt() + 1):
-            if search.State(k) != TopAbs_IN:
-                return None
-            if search.WParameter(k) > 1e-6:
-                count += 1
-            elif abs(search.WParameter(k)) <= 1e-6:
-                found_start = True
-    return count if found_start else None
+        count += search.NbPnt()
+    return count
 
 
 _FAR = 1e10

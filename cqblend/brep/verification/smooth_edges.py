@@ -81,10 +81,10 @@ def analyse_continuity(sides: tuple[EdgeSide, EdgeSide]) -> tuple[float, float, 
     ts = choose_sample_parameters((first, second), curve, VERIFICATION_TOLERANCES.analysis_samples)
     one, two = first.sample(ts), second.sample(ts)
     gap = angle = 0.0
-    for (u1, v1), (u2, v2) in zip(one.parameters.tolist(), two.parameters.tolist(), strict=True):
+    for (u1, v1), (u2, v2) in zip(one.parameters.T.tolist(), two.parameters.T.tolist(), strict=True):
         local = LocalAnalysis_SurfaceContinuity(
             first.surface.surface, u1, v1, second.surface.surface, u2, v2, GeomAbs_G1, *_ANALYSIS_EPSILONS
         )
         if local.IsDone():
             gap, angle = max(gap, local.C0Value()), max(angle, local.G1Angle())
-    return gap, angle, bool((np.einsum("ni,ni->n", one.normals, two.normals) < 0.0).any())
+    return gap, angle, bool((np.einsum("in,in->n", one.normals, two.normals) < 0.0).any())

@@ -39,8 +39,14 @@ class VerificationTolerances:
     undoubted_deviation: float = 0.25
     """Relative to the edge's tolerance: a sampled deviation up to which the largest one is not searched for."""
 
+    resolved_deviation: float = 1.03
+    """Factor: largest deviations that differ by no more, of few samples and of three times as many, are resolved."""
+
     deviation_slack: float = 1e-10
     """mm: by how much a deviation may be above the edge's tolerance; it is rounding, of large coordinates too."""
+
+    ray_step: float = 1e-4
+    """mm: how far from a face a ray starts that is to tell inside from outside."""
 
     vertex_slack: float = 2.0
     """Relative to the largest tolerance of edges that is allowed: the same of their vertices."""
@@ -48,7 +54,7 @@ class VerificationTolerances:
     tangent_cosine: float = 0.995
     """Faces whose normals at the middle of a common edge have at least this cosine are tangent there: 6 degrees."""
 
-    foot_iterations: int = 30
+    most_foot_steps: int = 30
     """Number of Newton steps to the foot of a point on a surface."""
 
     foot_accuracy: float = 1e-4
@@ -64,7 +70,7 @@ class VerificationTolerances:
     few_spans: int = 12
     """How many spans are few in that sense."""
 
-    samples_per_span: int = 5
+    normals_per_span: int = 5
     """How many of these parameters there are in every span, if so many are allowed."""
 
     short_normal: float = 0.3
@@ -75,6 +81,9 @@ class VerificationTolerances:
 
     certificate_samples: int = 400
     """Number of points at which a certificate measures each edge of a rail, beside those at knots."""
+
+    new_edge_samples: int = 200
+    """Number of points at which it measures the angle along each other edge that is promised to be smooth."""
 
     surface_certificate_samples: int = 1000
     """The same of a rail that is no edge."""

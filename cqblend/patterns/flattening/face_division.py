@@ -4,13 +4,18 @@ A strategy may fail late, when its strips are laid flat or their pieces overlap 
 again: finer, cut across, or by the next strategy, and the reasons why others failed are kept for the report.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flattening.flat_face import DividedPatch, UnrollStrategy, bound_strain, narrow_strips
 from cqblend.patterns.strips.ruled_strip import RuledStrip
-from cqblend.patterns.strips.surface_division import SurfaceDivision, divide_surface, fit_single_strip, rank_directions
+from cqblend.patterns.strips.surface_division import (
+    SurfaceDivision,
+    divide_along_rulings,
+    fit_single_strip,
+    rank_directions,
+)
 from cqblend.patterns.strips.tolerances import STRIP_TOLERANCES
 from cqblend.patterns.trimming.trimmed_patch import Patch
 from cqblend.unroll_options import UnrollOptions
@@ -19,33 +24,57 @@ StrategyFailure = tuple[UnrollStrategy, CqblendError]
 """A strategy that has failed, and why."""
 
 
-def divide_patch(patch: Patch, options: UnrollOptions, refinement: float = 1.0) -> DividedPatch:
-    """Divide a patch with the strategy that needs the fewest strips; of equally many, with the least strain.
+def divide_patches(
+    patches: Sequence[Patch], options: UnrollOptions, tell: Callable[[int], object]
+) -> list[DividedPatch | CqblendError]:
+    """Divide patches, each with the strategy that needs the fewest strips; of equally many, with the least strain.
 
     Parameters
     ----------
-    patch
-        The patch; a plane has no strips.
+    patches
+        The patches; a plane has no strips.
     options
         What is asked of the pattern.
-    refinement
-        Factor by which all tolerances are divided.
+    tell
+        Is called with the index of every patch before it is done.
 
-    Raises
-    ------
-    GeometryError
-        If no strategy works; the message says why the first one does not, and what else was tried.
+    Returns
+    -------
+    list
+        For every patch its division, or an error if no strategy works; the message says why the first one does not, and
+        what else was tried.
     """
-    if patch.kind == "plane":
-        return DividedPatch(patch, refinement=refinement)
-    compared, spare = _list_strategies(patch, options)
+    strategies = {i: _list_strategies(one, options) for i, one in enumerate(patches) if one.kind != "plane"}
+    jobs = [(i, strategy) for i, (compared, _) in strategies.items() for strategy in compared]
+    found = _divide_to_width([(patches[i], strategy) for i, strategy in jobs], options, 1.0)
+    results: list[DividedPatch | CqblendError] = []
+    for i, patch in enumerate(patches):
+        tell(i)
+        if patch.kind == "plane":
+            results.append(DividedPatch(patch))
+            continue
+        own = [(strategy, one) for (j, strategy), one in zip(jobs, found, strict=True) if j == i]
+        try:
+            results.append(_choose_division(patch, options, own, strategies[i][1]))
+        except CqblendError as error:
+            results.append(error)
+    return results
+
+
+def _choose_division(
+    patch: Patch,
+    options: UnrollOptions,
+    compared: Sequence[tuple[UnrollStrategy, "_WidthLimitedDivision | GeometryError"]],
+    spare: Sequence[UnrollStrategy],
+) -> DividedPatch:
+    """Return the best division by the compared strategies; by a spare one if none of them works."""
     divisions: list[tuple[UnrollStrategy, _WidthLimitedDivision]] = []
     failures: list[StrategyFailure] = []
-    for strategy in compared:
-        try:
-            divisions.append((strategy, _divide_to_width(patch, options, strategy, refinement)))
-        except GeometryError as error:
-            failures.append((strategy, error))
+    for strategy, division in compared:
+        if isinstance(division, GeometryError):
+            failures.append((strategy, division))
+        else:
+            divisions.append((strategy, division))
     divisions.sort(key=lambda pair: len(pair[1].strips))
     found: list[DividedPatch] = []
     others: list[UnrollStrategy] = []
@@ -54,11 +83,11 @@ def divide_patch(patch: Patch, options: UnrollOptions, refinement: float = 1.0) 
             others.append(strategy)
             continue
         try:
-            found.append(_divide_with_strategy(patch, options, strategy, refinement, division))
+            found.append(_make_divided_patch(patch, options, strategy, 1.0, division))
         except GeometryError as error:
             failures.append((strategy, error))
     if not found:
-        return _divide_first_working(patch, options, refinement, spare, failures)
+        return _divide_first_working(patch, options, spare, failures)
     best = _pick_least_strained(found)
     others = [*(face.strategy for face in found if face is not best and face.strategy is not None), *others]
     return replace(best, untried=(*others, *spare), failures=tuple(failures))
@@ -86,7 +115,7 @@ def divide_other_way(face: DividedPatch, options: UnrollOptions, error: CqblendE
     if face.strategy is None:
         raise error
     failures = [*face.failures, (face.strategy, error)]
-    return _divide_first_working(face.patch, options, 1.0, face.untried, failures)
+    return _divide_first_working(face.patch, options, face.untried, failures)
 
 
 def divide_finer(
@@ -184,7 +213,6 @@ def _list_strategies(patch: Patch, options: UnrollOptions) -> tuple[list[UnrollS
 def _divide_first_working(
     patch: Patch,
     options: UnrollOptions,
-    refinement: float,
     strategies: Sequence[UnrollStrategy],
     failures: Sequence[StrategyFailure],
 ) -> DividedPatch:
@@ -192,7 +220,7 @@ def _divide_first_working(
     failures = list(failures)
     for i, strategy in enumerate(strategies):
         try:
-            found = _divide_with_strategy(patch, options, strategy, refinement)
+            found = _divide_with_strategy(patch, options, strategy, 1.0)
         except GeometryError as error:
             failures.append((strategy, error))
         else:
@@ -205,14 +233,23 @@ def _divide_first_working(
 
 
 def _divide_with_strategy(
+    patch: Patch, options: UnrollOptions, strategy: UnrollStrategy, refinement: float
+) -> DividedPatch:
+    """Divide a patch with a strategy."""
+    (division,) = _divide_to_width([(patch, strategy)], options, refinement)
+    if isinstance(division, GeometryError):
+        raise division
+    return _make_divided_patch(patch, options, strategy, refinement, division)
+
+
+def _make_divided_patch(
     patch: Patch,
     options: UnrollOptions,
     strategy: UnrollStrategy,
     refinement: float,
-    division: "_WidthLimitedDivision | None" = None,
+    division: "_WidthLimitedDivision",
 ) -> DividedPatch:
-    """Divide a patch with a strategy; its division may be known already."""
-    division = division or _divide_to_width(patch, options, strategy, refinement)
+    """Return a patch as it was divided with a strategy, its strips so narrow that they can be laid flat."""
     strips = division.strips
     if options.method != "elber" and strategy.layout == options.layout:
         strips = narrow_strips(strips, options, refinement, split_right_angles=strategy.split_right_angles)
@@ -239,26 +276,39 @@ class _WidthLimitedDivision:
 
 
 def _divide_to_width(
-    patch: Patch, options: UnrollOptions, strategy: UnrollStrategy, refinement: float
-) -> _WidthLimitedDivision:
-    """Divide a patch into strips of the least width; if that cannot be held, into even ones."""
+    jobs: Sequence[tuple[Patch, UnrollStrategy]], options: UnrollOptions, refinement: float
+) -> list[_WidthLimitedDivision | GeometryError]:
+    """Divide patches, with a strategy each, into strips of the least width; if that cannot be held, into even ones."""
+    found = _divide_along_strategies(jobs, options, refinement, options.least_width, even=options.even)
+    width_errors: list[GeometryError | None] = [None] * len(jobs)
+    if options.least_width is not None:
+        failed = [i for i, one in enumerate(found) if isinstance(one, GeometryError)]
+        even = options.method != "elber"
+        again = _divide_along_strategies([jobs[i] for i in failed], options, refinement, None, even=even)
+        for i, one in zip(failed, again, strict=True):
+            error = found[i]
+            width_errors[i] = error if isinstance(error, GeometryError) else None
+            found[i] = one
+    return [
+        one
+        if isinstance(one, GeometryError)
+        else _WidthLimitedDivision(one.strips, one.elber_count, one.ideal_count, width_error)
+        for one, width_error in zip(found, width_errors, strict=True)
+    ]
 
-    def try_division(least_width: float | None, even: bool) -> SurfaceDivision:
-        return divide_surface(
-            patch.surface,
-            options.tolerance / refinement,
-            direction=strategy.direction,
-            method=options.method,
-            even=even,
-            least_width=least_width,
-        )
 
-    width_error: GeometryError | None = None
-    try:
-        found = try_division(options.least_width, options.even)
-    except GeometryError as error:
-        if options.least_width is None:
-            raise
-        width_error = error
-        found = try_division(None, even=options.method != "elber")
-    return _WidthLimitedDivision(found.strips, found.elber_count, found.ideal_count, width_error)
+def _divide_along_strategies(
+    jobs: Sequence[tuple[Patch, UnrollStrategy]],
+    options: UnrollOptions,
+    refinement: float,
+    least_width: float | None,
+    *,
+    even: bool,
+) -> list[SurfaceDivision | GeometryError]:
+    return divide_along_rulings(
+        [(patch.surface, strategy.direction) for patch, strategy in jobs],
+        options.tolerance / refinement,
+        method=options.method,
+        even=even,
+        least_width=least_width,
+    )

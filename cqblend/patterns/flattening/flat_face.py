@@ -17,7 +17,7 @@ from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flattening.development import strain_from_turn
 from cqblend.patterns.flattening.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.flattening.tolerances import FLATTENING_TOLERANCES
-from cqblend.patterns.strips.developability import RailPair, bound_normal_turn
+from cqblend.patterns.strips.developability import RailPair, StripKind, classify_strip
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
 from cqblend.patterns.strips.surface_division import divide_surface
@@ -192,7 +192,7 @@ def _invert_monotone(function: Curve, values: Array) -> Array:
 
 def bound_strain(strips: Iterable[RuledStrip]) -> float:
     """Bound the relative change of lengths inside strips that are laid flat; infinite where that cannot be done."""
-    return max(strain_from_turn(bound_normal_turn(strip.rails)) for strip in strips)
+    return max(strain_from_turn(strip.normal_turn) for strip in strips)
 
 
 def narrow_strips(
@@ -252,14 +252,21 @@ def narrow_strips(
 
 
 def unroll_strips(
-    face: DividedPatch, vertices: Mapping[int, Array], options: UnrollOptions
+    face: DividedPatch,
+    vertices: Mapping[int, Array],
+    options: UnrollOptions,
+    known: Mapping[RuledStrip, UnrolledStrip],
 ) -> dict[int, UnrolledStrip]:
     """Lay strips flat, by their index, with nodes at given vertices (t, across), (n, 2), on each and on its borders.
 
-    Triangles have the nodes of all strips of the face, so that the chords of a rail are the same on both sides.
+    Triangles have the nodes of all strips of the face, so that the chords of a rail are the same on both sides. Smooth
+    strips that are `known`, laid flat before with other vertices, only get other nodes.
     """
     if face.choose_layout(options) != "triangles":
-        return {i: _unroll_strip(face, i, corners, np.empty(0), options) for i, corners in vertices.items()}
+        return {
+            i: _unroll_strip(face, i, corners, np.empty(0), options, known.get(face.strips[i]))
+            for i, corners in vertices.items()
+        }
     nodes = np.concatenate([corners[:, 0] for corners in vertices.values()])
     unrolled = [_unroll_strip(face, i, corners, nodes, options) for i, corners in vertices.items()]
     finest = max((strip.flat.nodes for strip in unrolled), key=len)
@@ -267,7 +274,12 @@ def unroll_strips(
 
 
 def _unroll_strip(
-    face: DividedPatch, strip_index: int, vertices: Array, nodes: Array, options: UnrollOptions
+    face: DividedPatch,
+    strip_index: int,
+    vertices: Array,
+    nodes: Array,
+    options: UnrollOptions,
+    known: UnrolledStrip | None = None,
 ) -> UnrolledStrip:
     """Lay a strip flat, with nodes at the vertices (t, across) of its cells, and at given t."""
     strip = face.strips[strip_index]
@@ -276,7 +288,12 @@ def _unroll_strip(
         paired = _unroll_paired_anew(face, strip, t, options)
         if paired is not None:
             return paired
-    flat = _flatten_outward(face, strip.rails, np.unique(np.append(t, nodes)), options)
+    wanted = np.unique(np.append(t, nodes))
+    if known is not None and known.original_parameters is None:
+        return replace(known, flat=known.flat.move_nodes(wanted, options.flat / face.refinement))
+    kind = classify_strip(strip.rails)
+    turn = strip.normal_turn if kind == "twisted" else 0.0
+    flat = _flatten_outward(face, strip.rails, wanted, options, kind, turn)
     return UnrolledStrip(strip, strip.rails, None, strip.bound, True, flat)
 
 
@@ -291,16 +308,21 @@ def _unroll_paired_anew(
     if bound > options.tolerance:
         return None
     nodes = np.unique([_invert_monotone(one, np.unique(t)) for one in pairing.parameters])
-    flat = _flatten_outward(face, pairing.rails, nodes, options)
-    if flat.kind == "twisted":
+    kind = classify_strip(pairing.rails, pairing.twist)
+    if kind == "twisted":
         return None
+    flat = _flatten_outward(face, pairing.rails, nodes, options, kind, 0.0)
     return UnrolledStrip(strip, pairing.rails, pairing.parameters, bound, False, flat)
 
 
-def _flatten_outward(face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions) -> FlatStrip:
-    """Lay a strip of a face flat so that its outer side is up."""
+def _flatten_outward(
+    face: DividedPatch, rails: RailPair, nodes: Array, options: UnrollOptions, kind: StripKind, normal_turn: float
+) -> FlatStrip:
+    """Lay a strip of a face flat, of known kind and turn of its normals, with its outer side up."""
     tolerance, layout = options.flat / face.refinement, face.choose_layout(options)
-    return flatten_rails(rails, tolerance, nodes=nodes, flip=not face.upward, layout=layout)
+    return flatten_rails(
+        rails, tolerance, nodes=nodes, kind=kind, normal_turn=normal_turn, flip=not face.upward, layout=layout
+    )
 
 
 def _sample_deviation(strip: RuledStrip, rails: RailPair, parameters: tuple[Curve, Curve]) -> float:

@@ -3,7 +3,7 @@
 The loops of a face are cut into the cells of its strips, and each side of a cell is mapped to the plane with the strip
 it is on. What comes out are drafts of pieces, made of runs: rails between the strips, stretches of edges, and cuts
 along rulings. The run on the other side of a seam has the same key. How runs are bent to the lengths of their seams and
-joined to pieces is left to :mod:`cqblend.patterns.unrolling`.
+joined to pieces is left to :mod:`cqblend.patterns.piece_assembly`.
 """
 
 from abc import ABC, abstractmethod
@@ -14,24 +14,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from cqblend.errors import CqblendError, GeometryError
-from cqblend.patterns.flattening.arc_length import ArcLength
+from cqblend.errors import GeometryError
 from cqblend.patterns.flattening.flat_face import DividedPatch, UnrolledStrip, unroll_strips
+from cqblend.patterns.flattening.sampled_edges import SampledEdges
 from cqblend.patterns.outline.pieces import RunKind
+from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.trimming.boundary_run_draft import RunDraft, sample_chord, subdivide_parameters
 from cqblend.patterns.trimming.boundary_run_keys import EdgeRunKey, LineRunKey
-from cqblend.patterns.trimming.domain_cells import (
-    MIN_CORNERS,
-    BoundaryStep,
-    DomainCell,
-    DomainSide,
-    EdgeStep,
-    LineStep,
-    cut_domain,
-)
-from cqblend.patterns.trimming.shared_vertices import CutEdgeUse, EdgeVertices, sample_edge
+from cqblend.patterns.trimming.domain_cells import BoundaryStep, DomainCell, EdgeStep, LineStep, cut_domain
 from cqblend.patterns.trimming.tolerances import TRIM_TOLERANCES
-from cqblend.patterns.trimming.trimmed_patch import EdgeUse, PatchEdge, PatchShell, PlaneFrame, UseKey
+from cqblend.patterns.trimming.trimmed_patch import EdgeUse, PatchEdge, PlaneFrame
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.unroll_options import UnrollOptions
@@ -65,112 +57,16 @@ class PieceDraft:
     loops: tuple[tuple[RunDraft, ...], ...]
 
 
-class SampledEdges:
-    """The vertices along all edges that the loops of given faces use, and the lengths between them.
+def flatten_patch_loops(
+    face: DividedPatch,
+    edges: SampledEdges,
+    options: UnrollOptions,
+    known: Mapping[RuledStrip, UnrolledStrip] | None = None,
+) -> list[PieceDraft]:
+    """Cut a patch's loops into the cells of its strips and map them to the plane: one draft for each cell.
 
-    Both faces at an edge take them from here, so that both sides of a seam have the same vertices and lengths.
-
-    Attributes
-    ----------
-    edges
-        By number: the edges of the shell.
-    tolerance
-        Between shape and strips, mm.
-    samples
-        By number of the edge: its vertices.
-    lengths
-        By number of the edge: lengths (n - 1,) between its vertices, mm.
-    use_points
-        By use: its vertices (n, 2) in the parameter plane, in the order of the edge. Where one side of a loop ends on a
-        cut line, the next one begins exactly there.
-    refused
-        By number: edges that could not be sampled, and why.
+    `known` are strips of the face that have been laid flat before, with the same options.
     """
-
-    def __init__(
-        self,
-        shell: PatchShell,
-        faces: Sequence[DividedPatch],
-        options: UnrollOptions,
-        required_parameters: Mapping[int, Array] | None = None,
-    ) -> None:
-        self.edges, self.tolerance = shell.edges, options.tolerance
-        self._required_parameters = required_parameters or {}
-        uses: dict[int, dict[UseKey, CutEdgeUse]] = defaultdict(dict)
-        sagittas: dict[int, float] = defaultdict(lambda: np.inf)
-        refinements: dict[int, float] = defaultdict(lambda: 1.0)
-        min_segments: dict[int, int] = defaultdict(lambda: 1)
-        for face in faces:
-            lines = face.make_cut_lines()
-            for key, use in face.patch.list_uses():
-                uses[use.edge][key] = CutEdgeUse(use, lines, face.extent)
-                loop_size = len(face.patch.loops[key.loop])
-                min_segments[use.edge] = max(min_segments[use.edge], MIN_CORNERS + 1 - loop_size)
-                refinements[use.edge] = max(refinements[use.edge], face.refinement)
-                if face.strips:
-                    sagittas[use.edge] = min(sagittas[use.edge], options.tolerance / face.refinement / 2)
-        self.samples: dict[int, EdgeVertices] = {}
-        self.use_points: dict[UseKey, Array] = {}
-        self.lengths: dict[int, Array] = {}
-        self.refused: dict[int, CqblendError] = {}
-        for number, uses_of_edge in uses.items():
-            tolerance = options.flat / refinements[number]
-            try:
-                self._add_edge(shell.edges[number], uses_of_edge, tolerance, sagittas[number], min_segments[number])
-            except CqblendError as error:
-                self.refused[number] = error
-        for face in faces:
-            self._join_sides(face)
-
-    def _add_edge(
-        self, edge: PatchEdge, uses: Mapping[UseKey, CutEdgeUse], tolerance: float, sagitta: float, min_segments: int
-    ) -> None:
-        required = self._required_parameters.get(edge.index, ())
-        samples = sample_edge(edge, tuple(uses.values()), tolerance, sagitta, min_segments, required)
-        self.samples[edge.index] = samples
-        self.use_points.update(zip(uses, samples.uv, strict=True))
-        if edge.degenerate:
-            self.lengths[edge.index] = np.zeros(len(samples.t) - 1)
-        elif edge.curve is None:
-            raise GeometryError("it has no curve in space, only curves on its faces; export the shape anew")
-        else:
-            self.lengths[edge.index] = np.diff(ArcLength(edge.curve)(edge.parameter(samples.t)))
-
-    def _join_sides(self, face: DividedPatch) -> None:
-        """Let each side of a face's loops begin where the one before ends on a cut line, or else that end there."""
-        if any(use.edge in self.refused for _, use in face.patch.list_uses()):
-            return
-        lines = face.make_cut_lines()
-        loops: list[list[Array]] = [[] for _ in face.patch.loops]
-        for key, use in face.patch.list_uses():
-            points = self.use_points[key] = self.use_points[key].copy()
-            loops[key.loop].append(points if use.forward else points[::-1])
-        for sides in loops:
-            for side, following in zip(sides, [*sides[1:], sides[0]], strict=True):
-                for axis in (0, 1):
-                    if side[-1, axis] in lines.list_values(axis):
-                        following[0, axis] = side[-1, axis]
-                    side[-1, axis] = following[0, axis]
-
-    def make_sides(self, face: DividedPatch) -> list[list[DomainSide]]:
-        """Return the loops of a patch in its parameter plane.
-
-        Raises
-        ------
-        CqblendError
-            If one of its edges could not be sampled.
-        """
-        loops: list[list[DomainSide]] = [[] for _ in face.patch.loops]
-        for use_index, (key, use) in enumerate(face.patch.list_uses()):
-            if use.edge in self.refused:
-                raise self.refused[use.edge].with_details(shape=f"edge {use.edge}")
-            uv = self.use_points[key]
-            loops[key.loop].append(DomainSide(use_index, uv if use.forward else uv[::-1]))
-        return loops
-
-
-def flatten_patch_loops(face: DividedPatch, edges: SampledEdges, options: UnrollOptions) -> list[PieceDraft]:
-    """Cut a patch's loops into the cells of its strips and map them to the plane: one draft for each cell."""
     cells = cut_domain(edges.make_sides(face), face.make_cut_lines())
     line_vertices = _collect_line_vertices(face, cells)
     cells_by_strip: dict[int, list[DomainCell]] = defaultdict(list)
@@ -178,7 +74,8 @@ def flatten_patch_loops(face: DividedPatch, edges: SampledEdges, options: Unroll
         cells_by_strip[cell.strip_index].append(cell)
     unrolled: Mapping[int, UnrolledStrip] = {}
     if face.strips:
-        unrolled = unroll_strips(face, _collect_strip_vertices(face, cells_by_strip, line_vertices), options)
+        vertices = _collect_strip_vertices(face, cells_by_strip, line_vertices)
+        unrolled = unroll_strips(face, vertices, options, known or {})
     drafts = []
     for strip_index, members in sorted(cells_by_strip.items()):
         strip = unrolled.get(strip_index)
@@ -379,7 +276,7 @@ class _StripLoopFlattener(_LoopFlattener):
     ) -> None:
         super().__init__(face, edges, line_vertices)
         self.strip_index, self.unrolled = strip_index, unrolled
-        self.rail_lengths = [ArcLength(rail) for rail in unrolled.rails]
+        self.rail_lengths = unrolled.flat.rail_lengths
 
     def _flatten_stretch(self, stretch: _EdgeStretch) -> _FlatStretch:
         points, parameters = self._flatten_points(stretch.uv)

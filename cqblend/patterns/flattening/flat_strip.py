@@ -34,6 +34,7 @@ from cqblend.patterns.strips.developability import (
     classify_strip,
     stack_rail_and_ruling,
 )
+from cqblend.splines import Curve
 from cqblend.splines.antiderivative import Antiderivative
 from cqblend.splines.bernstein import Array
 from cqblend.unroll_options import Layout
@@ -50,6 +51,31 @@ class StripChart(Protocol):
 
     def to_parameters(self, points: Array) -> tuple[Array, Array]:
         """Return the (t, w) that are nearest to points (m,) of the plane, complex."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DevelopedStrip:
+    """A strip laid flat by its rulings, before nodes are chosen along its rails.
+
+    Attributes
+    ----------
+    rail_and_ruling
+        C1 and D as one curve of dim 6.
+    kind, normal_turn, area_space, area_flat
+        As of :class:`FlatStrip`.
+    chart
+        The maps between parameters, plane and space.
+    rail_lengths
+        Arc lengths of both rails in space.
+    """
+
+    rail_and_ruling: Curve
+    kind: StripKind
+    normal_turn: float
+    area_space: float
+    area_flat: float
+    chart: RulingChart
+    rail_lengths: tuple[ArcLength, ArcLength]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +111,12 @@ class FlatStrip:
         Mm^2: of the ruled surface, and of the flat strip.
     chart
         The maps between parameters, plane and space.
+    rail_lengths
+        Arc lengths of both rails in space, as functions of the parameter.
+    wanted_nodes
+        Parameters that were asked to be among the nodes, increasing.
+    developed
+        The strip before nodes were chosen; None for ``"triangles"``, which depend on their nodes.
     """
 
     kind: StripKind
@@ -100,6 +132,16 @@ class FlatStrip:
     area_space: float
     area_flat: float
     chart: StripChart
+    rail_lengths: tuple[ArcLength, ArcLength]
+    wanted_nodes: Array
+    developed: DevelopedStrip | None
+
+    def move_nodes(self, wanted: Array, tolerance: float) -> "FlatStrip":
+        """Return a smooth strip with other nodes: wanted ones, increasing, and those that a tolerance (mm) takes."""
+        if np.array_equal(wanted, self.wanted_nodes):
+            return self
+        assert self.developed is not None
+        return _choose_nodes(self.developed, wanted, tolerance)
 
     def __call__(self, t: ArrayLike, w: ArrayLike) -> Array:
         """Return the points in the plane at parameters t along the rails and fractions w of the rulings, (.., 2)."""
@@ -128,6 +170,7 @@ def flatten_rails(
     *,
     nodes: ArrayLike = (),
     kind: StripKind | None = None,
+    normal_turn: float | None = None,
     flip: bool = False,
     layout: Layout = "smooth",
 ) -> FlatStrip:
@@ -143,6 +186,8 @@ def flatten_rails(
         Parameters that are to be among the nodes.
     kind
         Of the strip, where it is known; else see :func:`cqblend.patterns.strips.developability.classify_strip`.
+    normal_turn
+        See :attr:`FlatStrip.normal_turn`, where it is known.
     flip
         The strip shows the side to which R_t x R_w points, with t to the right and w up where it starts. True mirrors
         it, to show the other side.
@@ -174,56 +219,77 @@ def flatten_rails(
         raise InputError(f"tolerance {shown(tolerance)}: it must be a positive number")
     if layout not in ("smooth", "triangles"):
         raise InputError(f"layout {shown(layout)}: choose 'smooth' or 'triangles'")
-    rail_and_ruling = stack_rail_and_ruling(rails)
-    start, end = rail_and_ruling.domain
     wanted = np.asarray(nodes, dtype=np.float64).ravel()
+    if kind is None:
+        kind = classify_strip(rails)
+    if normal_turn is None:
+        normal_turn = bound_normal_turn(rails) if kind == "twisted" else 0.0
+    mirror = -1.0 if flip else 1.0
+    if layout == "triangles":
+        return _flatten_as_triangles(rails, wanted, tolerance, kind, normal_turn, mirror)
+    return _choose_nodes(_develop_strip(rails, kind, normal_turn, mirror), wanted, tolerance)
+
+
+def _merge_wanted_nodes(rail_and_ruling: Curve, wanted: Array) -> Array:
+    """Return the breaks of the rails and wanted nodes, sorted, without those that are next to another one."""
+    start, end = rail_and_ruling.domain
     slack = FLATTENING_TOLERANCES.node_merge * (end - start)
     if not np.isfinite(wanted).all() or (wanted < start - slack).any() or (wanted > end + slack).any():
         raise InputError(f"nodes must lie in the rails' domain [{start:.9g}, {end:.9g}], not {shown(wanted)}")
-    initial = merge_nodes(rail_and_ruling.breaks, wanted, slack)
-    if kind is None:
-        kind = classify_strip(rails)
-    mirror = -1.0 if flip else 1.0
-    if layout == "triangles":
-        return _flatten_as_triangles(rails, initial, tolerance, kind, mirror)
-    return _flatten_by_rulings(rails, initial, tolerance, kind, mirror)
+    return merge_nodes(rail_and_ruling.breaks, wanted, slack)
 
 
-def _flatten_by_rulings(rails: RailPair, nodes: Array, tolerance: float, kind: StripKind, mirror: float) -> FlatStrip:
-    """Lay a strip flat with the lengths of rails and rulings, and refine until arcs follow the flat rails."""
+def _develop_strip(rails: RailPair, kind: StripKind, normal_turn: float, mirror: float) -> DevelopedStrip:
+    """Lay a strip flat with the lengths of rails and rulings."""
     rail_and_ruling = stack_rail_and_ruling(rails)
-    turn = _bound_turn(rails, kind)
     area_flat, area_space = _measure_areas(RulingMotion(rails))
-    chart = RulingChart(rail_and_ruling, develop_rails(rails, kind), mirror)
-    arc_lengths = ArcLength(rails[0]), ArcLength(rails[1])
-    nodes, error = _refine_nodes(chart, arc_lengths, nodes, tolerance)
-    if kind == "twisted":
+    return DevelopedStrip(
+        rail_and_ruling=rail_and_ruling,
+        kind=kind,
+        normal_turn=normal_turn,
+        area_space=area_space,
+        area_flat=area_flat if kind == "twisted" else area_space,
+        chart=RulingChart(rail_and_ruling, develop_rails(rails, kind), mirror),
+        rail_lengths=(ArcLength(rails[0]), ArcLength(rails[1])),
+    )
+
+
+def _choose_nodes(developed: DevelopedStrip, wanted: Array, tolerance: float) -> FlatStrip:
+    """Choose nodes along the rails of a strip: wanted ones, and more until arcs follow the flat rails."""
+    rail_and_ruling, chart, rail_lengths = developed.rail_and_ruling, developed.chart, developed.rail_lengths
+    nodes, error = _refine_nodes(chart, rail_lengths, _merge_wanted_nodes(rail_and_ruling, wanted), tolerance)
+    if developed.kind == "twisted":
         error = max(error, bound_triangle_error(rail_and_ruling, nodes, tolerance))
     first, second = chart.map_rails(nodes)
     rulings = np.linalg.norm(rail_and_ruling(nodes)[:, 3:], axis=1)
     return FlatStrip(
-        kind=kind,
+        kind=developed.kind,
         layout="smooth",
         nodes=nodes,
         first_rail=to_coordinates(first),
         second_rail=to_coordinates(second),
-        lengths=np.stack([_measure_steps(length, nodes) for length in arc_lengths]),
+        lengths=np.stack([_measure_steps(length, nodes) for length in rail_lengths]),
         error=error,
         ruling_error=_max_relative_error(np.abs(second - first), rulings),
-        normal_turn=turn,
-        strain=strain_from_turn(turn),
-        area_space=area_space,
-        area_flat=area_flat if kind == "twisted" else area_space,
+        normal_turn=developed.normal_turn,
+        strain=strain_from_turn(developed.normal_turn),
+        area_space=developed.area_space,
+        area_flat=developed.area_flat,
         chart=chart,
+        rail_lengths=rail_lengths,
+        wanted_nodes=wanted,
+        developed=developed,
     )
 
 
-def _flatten_as_triangles(rails: RailPair, nodes: Array, tolerance: float, kind: StripKind, mirror: float) -> FlatStrip:
+def _flatten_as_triangles(
+    rails: RailPair, wanted: Array, tolerance: float, kind: StripKind, normal_turn: float, mirror: float
+) -> FlatStrip:
     """Lay a strip flat as triangles, as many as it takes for these to be close enough to it."""
     rail_and_ruling = stack_rail_and_ruling(rails)
-    turn = _bound_turn(rails, kind)
+    initial = _merge_wanted_nodes(rail_and_ruling, wanted)
     _, area_space = _measure_areas(RulingMotion(rails, refuse_crossing_rulings=False))
-    nodes, error = refine_for_triangles(rail_and_ruling, nodes, tolerance)
+    nodes, error = refine_for_triangles(rail_and_ruling, initial, tolerance)
     chart = TriangleChart.from_rails(rail_and_ruling, nodes, mirror)
     first, second = chart.corners
     rulings = np.linalg.norm(rail_and_ruling(nodes)[:, 3:], axis=1)
@@ -236,16 +302,15 @@ def _flatten_as_triangles(rails: RailPair, nodes: Array, tolerance: float, kind:
         lengths=chart.chord_lengths,
         error=error,
         ruling_error=_max_relative_error(np.abs(second - first), rulings),
-        normal_turn=turn,
+        normal_turn=normal_turn,
         strain=np.nan,
         area_space=area_space,
         area_flat=chart.area,
         chart=chart,
+        rail_lengths=(ArcLength(rails[0]), ArcLength(rails[1])),
+        wanted_nodes=wanted,
+        developed=None,
     )
-
-
-def _bound_turn(rails: RailPair, kind: StripKind) -> float:
-    return bound_normal_turn(rails) if kind == "twisted" else 0.0
 
 
 def _measure_areas(motion: RulingMotion) -> tuple[float, float]:

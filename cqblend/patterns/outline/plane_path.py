@@ -13,7 +13,7 @@ import numpy as np
 
 from cqblend.errors import InputError
 from cqblend.patterns.outline.tolerances import OUTLINE_TOLERANCES
-from cqblend.splines.bernstein import Array
+from cqblend.splines.bernstein import EPSILON, Array
 
 ARC_SAMPLES = 12
 """Even number of equal parts of its parameter at whose ends a curve is compared with the arc that stands for it."""
@@ -52,6 +52,8 @@ def solve_bulges(chords: Array, lengths: Array) -> Array:
         )
         step = np.divide(value - excess, slope, out=np.zeros(half.shape), where=slope > 0)
         half = np.clip(half - step, 0.0, np.pi)
+        if (np.abs(step) <= EPSILON * half).all():
+            break
     return np.tan(half / 2)
 
 

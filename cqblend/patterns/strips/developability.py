@@ -193,14 +193,18 @@ def _bound_squared_ratio(numerator: Array, denominator: Array, noise: float) -> 
     """
     small = 64 * EPSILON * np.abs(denominator).max(axis=0)
     for _ in range(len(denominator) - 1):
+        has_zero = False
         for end in (0, -1):
             zero = (np.abs(denominator[end]) <= small) & (small > 0)
             if not zero.any():
                 continue
+            has_zero = True
             if (numerator[end, zero] > noise).any():
                 return np.inf
             denominator[:, zero] = _divide_out_zero(denominator[:, zero], end)
             numerator[:, zero] = _divide_out_zero(_divide_out_zero(numerator[:, zero], end), end)
+        if not has_zero:
+            break
     numerator, denominator = numerator[:, small > 0], denominator[:, small > 0]
     bound, attained = 0.0, RULING_TOLERANCES.least_squared_turn
     for _ in range(30):
@@ -227,15 +231,19 @@ def _bound_ratio(numerator: Array, denominator: Array, noise: float) -> float:
     Zeros of g at the ends of pieces are divided out if f has them, too, up to the rounding error `noise` of f.
     """
     for _ in range(len(denominator) - 1):
+        has_zero = False
         for end in (0, -1):
             small = 64 * EPSILON * np.abs(denominator).max(axis=0)
             zero = (np.abs(denominator[end]) <= small) & (denominator.max(axis=0) > 0)
             if not zero.any():
                 continue
+            has_zero = True
             if (numerator[end, zero] > noise).any():
                 return np.inf
             numerator[:, zero] = _divide_out_zero(numerator[:, zero], end)
             denominator[:, zero] = _divide_out_zero(denominator[:, zero], end)
+        if not has_zero:
+            break
     numerator = numerator[:, denominator.max(axis=0) > 0]
     denominator = denominator[:, denominator.max(axis=0) > 0]
     bound, attained = 0.0, RULING_TOLERANCES.least_twist**2
@@ -263,13 +271,15 @@ def _divide_out_zero(f: Array, end: int) -> Array:
     return lower if end == 0 else lower[::-1]
 
 
-def classify_strip(rails: RailPair) -> StripKind:
+def classify_strip(rails: RailPair, twist: float | None = None) -> StripKind:
     """Tell what kind of ruled surface two rails span, to a relative tolerance of 1e-9.
 
     Parameters
     ----------
     rails
         C1 and C2 of dim 3 over one domain, polynomial or rational; one may be a point.
+    twist
+        What :func:`bound_twist` returns for them, where it is known.
 
     Raises
     ------
@@ -292,7 +302,9 @@ def classify_strip(rails: RailPair) -> StripKind:
         return "cylinder"
     if find_apex(rails) is not None:
         return "cone"
-    return "tangent" if bound_twist(rails) <= RULING_TOLERANCES.developable else "twisted"
+    if twist is None:
+        twist = bound_twist(rails)
+    return "tangent" if twist <= RULING_TOLERANCES.developable else "twisted"
 
 
 def _is_clearly_twisted(rails: RailPair) -> bool:

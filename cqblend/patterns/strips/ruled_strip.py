@@ -11,16 +11,18 @@ G. Elber: Model fabrication using surface layout projection (1995), section 2.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.errors import InputError
+from cqblend.patterns.strips.developability import bound_normal_turn
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import EPSILON, Array, multiply_polynomials
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RuledStrip:
     r"""A ruled surface R(u, w) = (1 - w) C1(u) + w C2(u) that stands for S(u, v), v0 <= v <= v1.
 
@@ -79,6 +81,11 @@ class RuledStrip:
         """The parameter of the face, "u" or "v", that the rulings run along."""
         return "u" if self.transposed else "v"
 
+    @cached_property
+    def normal_turn(self) -> float:
+        """Bound of the angle between the normals at the two ends of a ruling, rad."""
+        return bound_normal_turn(self.rails)
+
     def find_fractions(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Return the fractions w of points S(u, v), of the shape that u and v broadcast to.
 
@@ -100,6 +107,12 @@ class RuledStrip:
             found = np.divide(dots, square, out=by_parameter, where=square > shortest**2)
         found = np.where(v_at == start, 0.0, np.where(v_at == end, 1.0, found))
         return np.asarray(np.clip(found, 0.0, 1.0))
+
+    def locate_points(self, u: Array, v: Array) -> Array:
+        """Return the points (n, 3) of the strip that stand for S(u, v); u and v are clamped to its parameters."""
+        u = np.clip(u, *self.rails[0].domain)
+        first, second = (rail(u) for rail in self.rails)
+        return np.asarray(first + self.find_fractions(u, v)[:, None] * (second - first))
 
     def to_ruled_surface(self) -> Surface:
         """Return R as a surface (u, w), of degree (p, 1), over w in [0, 1].

@@ -198,14 +198,17 @@ class _TangentPlaneCondition:
         return np.where(np.abs(nearest - x) < RULING_TOLERANCES.parameter_snap, nearest, x)
 
     def solve_roots(self, r: Array, q: Array) -> Array:
-        """Return the roots q of f at r next to given q, by Newton's method."""
+        """Return the roots q of f at r next to given q, by Newton's method, until steps are rounding."""
+        before = np.inf
         for _ in range(30):
             f, fx, fy = self.jet(r - q / 2, r + q / 2, 2)
             slope = (fy - fx) / 2
             step = np.divide(f, slope, out=np.zeros_like(f), where=slope != 0)
             q = q - step
-            if (np.abs(step) <= 1e-15).all():
+            longest = float(np.abs(step).max(initial=0.0))
+            if longest <= 1e-15 or before / 2 < longest <= RULING_TOLERANCES.settled_step:
                 break
+            before = longest
         return q
 
 

@@ -115,6 +115,9 @@ class RulingTolerances:
         Relative to the parameters of the rails: largest error of the fitted path of the pairing.
     parameter_snap
         Relative to the parameters of the rails: parameters closer to a break or an end are there.
+    settled_step
+        Relative to the parameters of the rails: steps of Newton's method that are shorter, and no longer halve, are
+        rounding.
     corner_sine
         Sine of the angle between tangents at a break, from which on a rail has a corner.
     turning_back
@@ -132,6 +135,7 @@ class RulingTolerances:
     worst_condition: float = 1e12
     path_error: float = 1e-11
     parameter_snap: float = 1e-12
+    settled_step: float = 1e-9
     corner_sine: float = 1e-9
     turning_back: float = 1e-9
 

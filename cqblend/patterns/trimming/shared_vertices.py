@@ -15,7 +15,7 @@ from cqblend.patterns.trimming.domain_cells import CutLines
 from cqblend.patterns.trimming.tolerances import TRIM_TOLERANCES
 from cqblend.patterns.trimming.trimmed_patch import CurveFunction, EdgeUse, PatchEdge
 from cqblend.splines.bernstein import Array
-from cqblend.splines.bracketing import bisect_intervals
+from cqblend.splines.bracketing import solve_in_brackets
 
 _POLE_SAMPLES = 257
 """Samples along an edge that is a point in space, between which it crosses a line once at most."""
@@ -79,13 +79,17 @@ def find_crossings(cut_use: CutEdgeUse, t: Array) -> tuple[Array, Array, Array]:
         sample, line = np.nonzero((signs == 0) & ~(signs == 0).all(axis=0))
         found.append((t[sample], np.full(len(sample), axis), values[line]))
         sample, line = np.nonzero(signs[:-1] * signs[1:] < 0)
-        low, high, sign, value = t[sample], t[sample + 1], signs[sample, line], values[line]
+        if not len(sample):
+            continue
+        value = values[line]
 
-        def is_before_line(t: Array, axis: int = axis, sign: Array = sign, value: Array = value) -> Array:
-            return np.asarray((pcurve(t)[:, axis] - value) * sign > 0)
+        def measure_distances(t: Array, axis: int = axis, value: Array = value) -> Array:
+            return np.asarray(pcurve(t)[:, axis] - value)
 
-        low, high = bisect_intervals(is_before_line, low, high)
-        found.append(((low + high) / 2, np.full(len(sample), axis), value))
+        brackets, distances = (t[sample], t[sample + 1]), (uv[sample, axis] - value, uv[sample + 1, axis] - value)
+        rounding = TRIM_TOLERANCES.crossing_distance * np.maximum(np.abs(value), cut_use.extent[axis])
+        crossings = solve_in_brackets(measure_distances, brackets, distances, rounding)
+        found.append((crossings, np.full(len(sample), axis), value))
     parameters, axes, line_values = zip(*found, strict=True)
     return np.concatenate(parameters), np.concatenate(axes), np.concatenate(line_values)
 

@@ -24,7 +24,9 @@ class TrimTolerances:
     line_snap
         Relative to the extent of a parameter, or of an edge's range: points closer to a cut line are on it, crossings
         closer together are one.
-    crossing_merge
+    crossing_distance
+        Relative to the extent of a parameter, or to its value: distance of a crossing from its line that is rounding.
+    line_crossing_merge
         Relative to the flat tolerance: crossings of an edge with lines that are closer together, mm, are one.
     shortest_segment
         Relative to the range of an edge: shorter segments between vertices are not halved any more.
@@ -43,9 +45,9 @@ class TrimTolerances:
         Relative to a chord: how far to the inner side the middle of a curve has to be before its arc bows inwards.
     joint_gap
         Mm: largest gap between an exact curve and the vertices of its run; a tenth of the tolerance of OCCT's vertices.
-    stationary_step
+    stationary_rail_step
         Relative to the length of a rail: it does not move where it moves by less.
-    node_merge
+    edge_vertex_merge
         Relative to the parameter range of a run along a rail: nodes closer to its ends are left out.
     """
 
@@ -55,6 +57,7 @@ class TrimTolerances:
     tangent_step: float = 1e-4
     closed_side_gap: float = 1e-9
     line_snap: float = 1e-9
+    crossing_distance: float = 1e-15
     line_crossing_merge: float = 1e-3
     shortest_segment: float = 1e-9
     max_edge_vertices: int = 20_000

@@ -133,7 +133,7 @@ def test_crossings_are_found_to_rounding_however_close():
 
     surface = surface_from_arrays(*sheet((0.5, 0.5 + 1e-9), [0, 0, 0], degree=5).to_bspline())
     rail = Curve.bezier([(0.1, 0.2), (0.2, 0.4), (0.9, 0.9)])
-    t = np.sort(find_knot_crossings(rail, 0.0, 1.0, SurfaceEvaluator(surface)))
+    t = np.sort(find_knot_crossings(lambda t: rail(t).T, 0.0, 1.0, SurfaceEvaluator(surface)))
     off = np.abs(np.subtract.outer(rail(t), [0.5, 0.5 + 1e-9])).min(axis=(1, 2))
     assert len(t) == 4  # once through both lines of u, and once through both of v
     assert off.max() < 1e-15

@@ -87,7 +87,7 @@ def test_points_and_derivatives_are_those_of_occt(name, order):
     curve = (IN_BULK | ONE_BY_ONE)[name]()
     evaluate = CurveEvaluator(curve)
     found, expected = evaluate(parameters(curve), order), evaluate.evaluate_by_occt(parameters(curve), order)
-    assert found.shape == (order + 1, 300, evaluate.dimension)
+    assert found.shape == (order + 1, evaluate.dimension, 300)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-14 * (1 + np.abs(other).max()))
     assert evaluate.is_in_bulk == (name in IN_BULK)

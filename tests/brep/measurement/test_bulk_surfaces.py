@@ -84,10 +84,10 @@ SURFACES = IN_BULK | {"offset": lambda: Geom_OffsetSurface(spline(3, 3, 10, 9), 
 
 
 def parameters(along):
-    """Return parameters (300, 2) inside the unit square: anywhere, or along an isoparameter, an end of the domain."""
-    uv = np.random.default_rng(1).uniform(0, 1, (300, 2))
+    """Return parameters (2, 300) inside the unit square: anywhere, or along an isoparameter, an end of the domain."""
+    uv = np.random.default_rng(1).uniform(0, 1, (2, 300))
     if along != "anywhere":
-        uv[:, "vu".index(along)] = 1.0
+        uv["vu".index(along)] = 1.0
     return uv
 
 
@@ -97,7 +97,7 @@ def parameters(along):
 def test_jets_are_those_of_occt(name, along, order):
     evaluate, uv = SurfaceEvaluator(SURFACES[name]()), parameters(along)
     found, expected = evaluate(uv, order), evaluate.evaluate_by_occt(uv, order)
-    assert found.shape == ((1, 3, 6)[order], 300, 3)
+    assert found.shape == ((1, 3, 6)[order], 3, 300)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=2e-14 * (1 + np.abs(other).max()))
     assert evaluate.is_in_bulk == (name in IN_BULK)
@@ -107,14 +107,14 @@ def test_jets_are_those_of_occt(name, along, order):
 def test_closed_surfaces_go_on_past_their_period(name):
     evaluate = SurfaceEvaluator(SURFACES[name]())
     uv = parameters("anywhere")
-    uv[:, 0] = 40 * uv[:, 0] - 20
+    uv[0] = 40 * uv[0] - 20
     np.testing.assert_allclose(evaluate(uv, 1), evaluate.evaluate_by_occt(uv, 1), atol=1e-13)
 
 
 def test_a_pole_has_no_longitude():
     """All of a sphere's pole is one point; jets there are nothing along u, in bulk as in OCCT."""
     evaluate = SurfaceEvaluator(Geom_SphericalSurface(FRAME, 3))
-    uv = np.column_stack((np.linspace(0, 6, 50), np.full(50, np.pi / 2)))
+    uv = np.stack((np.linspace(0, 6, 50), np.full(50, np.pi / 2)))
     jets = evaluate(uv, 1)
     assert np.abs(jets[1]).max() < 1e-15
     np.testing.assert_allclose(jets, evaluate.evaluate_by_occt(uv, 1), atol=1e-15)
@@ -138,7 +138,7 @@ class Liar:
 
 
 def test_a_formula_that_occt_contradicts_is_given_up():
-    evaluate, uv = SurfaceEvaluator(spline(3, 3, 10, 9)), np.sort(parameters("anywhere"), axis=0)
+    evaluate, uv = SurfaceEvaluator(spline(3, 3, 10, 9)), np.sort(parameters("anywhere"), axis=1)
     truth = evaluate.surface
     evaluate.surface = Liar(truth, 0.9)
     inside = uv * 0.9
@@ -149,7 +149,7 @@ def test_a_formula_that_occt_contradicts_is_given_up():
 
 
 def test_few_points_are_left_to_occt():
-    evaluate, uv = SurfaceEvaluator(spline(3, 3, 10, 9)), parameters("anywhere")[:5]
+    evaluate, uv = SurfaceEvaluator(spline(3, 3, 10, 9)), parameters("anywhere")[:, :5]
     assert np.array_equal(evaluate(uv, 2), evaluate.evaluate_by_occt(uv, 2))
 
 

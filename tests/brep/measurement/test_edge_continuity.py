@@ -28,8 +28,13 @@ def sample_parameters(sides, count):
     return choose_sample_parameters([SideSampler(side) for side in sides], read_edge_curve(sides[0][1]), count)
 
 
-def sampled(edge, face, ts):
-    return SideSampler((face, edge)).sample(np.asarray(ts))
+class Sampled:
+    """Samples of a face along an edge, as rows: points, normals (n, 3), curvature (n, 3, 3), parameters (n, 2)."""
+
+    def __init__(self, edge, face, ts):
+        samples = SideSampler((face, edge)).sample(np.asarray(ts))
+        self.points, self.normals, self.parameters = samples.points.T, samples.normals.T, samples.parameters.T
+        self.curvature = samples.curvature.transpose(2, 0, 1)
 
 
 def capsule():
@@ -88,7 +93,7 @@ class TestSharpEdges:
         edge = next(edge for edge in edges(shape) if measure_continuity(shape, edge, 50).kind == "concave")
         sides = find_edge_sides(shape, edge)
         ts = sample_parameters(sides, samples)
-        one, two = (sampled(use, face, ts) for face, use in sides)
+        one, two = (Sampled(use, face, ts) for face, use in sides)
         cosine = np.einsum("ni,ni->n", one.normals, two.normals)
         np.testing.assert_allclose(cosine, one.points[:, 1] ** 2 / 100, atol=2e-8)  # gap of OCCT's boolean: 4e-8
 
@@ -119,7 +124,7 @@ class TestSmoothEdges:
         assert measured.curvature_jump == pytest.approx(1 / 5, abs=1e-14)
         sides = find_edge_sides(shape, rim)
         ts = sample_parameters(sides, 20)
-        one, two = (sampled(use, face, ts) for face, use in sides)
+        one, two = (Sampled(use, face, ts) for face, use in sides)
         tangents = np.cross(one.normals, [0.0, 0.0, 1.0])
         for phi in np.linspace(0, math.pi, 7):
             w = math.cos(phi) * tangents + math.sin(phi) * np.array([0.0, 0.0, 1.0])
@@ -151,7 +156,7 @@ class TestSmoothEdges:
         (seam,) = real_edges(ball)
         sides = find_edge_sides(ball, seam)
         ts = sample_parameters(sides, 100)
-        samples = sampled(sides[0][1], sides[0][0], ts)
+        samples = Sampled(sides[0][1], sides[0][0], ts)
         lost = np.isnan(samples.normals).any(axis=1)
         assert lost.sum() == 2
         assert lost[0]
@@ -166,7 +171,7 @@ class TestOrientationAndLocation:
         for shape, sign in ((wrapped(ball), -1), (wrapped(cq.Workplane().box(20, 20, 20).cut(ball)), 1)):
             seam = next(e for e in real_edges(shape) if cq.Edge(e).geomType() == "CIRCLE")
             (face, use), _ = find_edge_sides(shape, seam)
-            samples = sampled(use, face, sample_parameters(find_edge_sides(shape, seam), 50)[1:-1])
+            samples = Sampled(use, face, sample_parameters(find_edge_sides(shape, seam), 50)[1:-1])
             w = np.cross(samples.normals, [0.3, -0.5, 0.9])
             w /= np.linalg.norm(w, axis=1, keepdims=True)
             np.testing.assert_allclose(np.einsum("ni,nij,nj->n", w, samples.curvature, w), sign / 4, rtol=1e-7)
@@ -197,9 +202,9 @@ class TestFreeform:
         face = wave()
         for edge in edges(face):
             ts = np.linspace(0.1, 0.9, 9)
-            samples = sampled(edge, face, ts)
+            samples = Sampled(edge, face, ts)
             step = 1e-3
-            before, at, after = (sampled(edge, face, ts + d).points for d in (-step, 0.0, step))
+            before, at, after = (Sampled(edge, face, ts + d).points for d in (-step, 0.0, step))
             velocity, acceleration = (after - before) / (2 * step), (after - 2 * at + before) / step**2
             speed = np.linalg.norm(velocity, axis=1)
             w = velocity / speed[:, None]
@@ -208,7 +213,7 @@ class TestFreeform:
 
     def test_the_tensor_is_symmetric_and_kills_the_normal(self):
         face = wave()
-        samples = sampled(edges(face)[0], face, np.linspace(0, 1, 11))
+        samples = Sampled(edges(face)[0], face, np.linspace(0, 1, 11))
         np.testing.assert_allclose(samples.curvature, samples.curvature.transpose(0, 2, 1), atol=1e-15)
         np.testing.assert_allclose(np.einsum("nij,nj->ni", samples.curvature, samples.normals), 0, atol=1e-15)
 
@@ -263,7 +268,7 @@ class TestKnotLines:
 
     @staticmethod
     def uv(edge, face, ts=(0.1, 0.9)):
-        return sampled(edge, face, ts).parameters
+        return Sampled(edge, face, ts).parameters
 
 
 class TestRefusals:

@@ -128,8 +128,8 @@ def test_a_curved_pcurve_is_at_a_knot_line_where_it_is_said_to_cross():
     found = find_knot_crossings(curve, 0.0, 1.0, surface)
     uv = curve.evaluate_by_occt(found)[0]
     lines = find_knot_lines(surface, GeomAbs_CN)
-    nearest = np.minimum(*(np.abs(uv[:, [k]] - lines[k][1:-1]).min(axis=1) for k in (0, 1)))
+    nearest = np.minimum(*(np.abs(uv[k, :, None] - lines[k][1:-1]).min(axis=1) for k in (0, 1)))
     dense = curve.evaluate_by_occt(np.linspace(0, 1, 2001))[0]
-    signs = [np.sign(dense[:, k] - line) for k in (0, 1) for line in lines[k][1:-1]]
+    signs = [np.sign(dense[k] - line) for k in (0, 1) for line in lines[k][1:-1]]
     assert len(found) == sum(int((np.diff(sign) != 0).sum()) for sign in signs)
     assert nearest.max() < 1e-15

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
 from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideClosedEdges
-from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_SOLID
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
@@ -15,6 +15,8 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.brep.selection.joint import find_joint
 from cqblend.brep.selection.rail_obstacles import find_leaving_contact
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import SelectionError
 
 V = cq.Vector
@@ -27,7 +29,8 @@ def all_edges(body: cq.Shape) -> list:
 
 
 def joint(body: cq.Shape, edge, *, swap: bool = False):
-    return find_joint(body.wrapped, [edge], 7, (1, 2), swap=swap)
+    solids = [SolidIndex(solid) for solid in explore_subshapes(body.wrapped, TopAbs_SOLID)]
+    return find_joint(solids, [edge], 7, (1, 2), swap=swap)
 
 
 def bracket() -> cq.Solid:

@@ -1,6 +1,7 @@
 """Division into strips: few enough, and as close as is claimed, by a witness that knows no fractions and no bounds."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from spline_witness import surface_jet
 import cqblend
 from benchmarks.strips import diagonal, models, patches, pawn, revolved, sphere, torus
 from cqblend.errors import GeometryError, InputError
-from cqblend.patterns.strips.surface_division import divide_surface
+from cqblend.patterns.strips.surface_division import divide_surface, divide_surfaces
 from cqblend.splines import Curve, Surface
 
 BEZIER = {degree: np.repeat([0.0, 1.0], degree + 1) for degree in (1, 2, 3)}
@@ -115,6 +116,49 @@ def test_faces_of_cadquery():
     division = divide_surface(surface, 0.01 * diagonal(surface))
     assert (division.direction, len(division.strips)) == ("v", 6)
     assert_kept(division, 0.01 * diagonal(surface))
+
+
+# -- side by side
+
+
+@pytest.mark.parametrize("options", [{}, {"even": True}, {"method": "elber"}, {"method": "curvature"}], ids=str)
+def test_surfaces_side_by_side_are_divided_as_one_by_one(options):
+    """Of several degrees and numbers of pieces, with kinks, weights that separate and others, and one without area."""
+    line = Surface.from_bspline((1, 1), (BEZIER[1], BEZIER[1]), [[(0, 0, 0), (1, 0, 0)], [(0, 0, 0), (1, 0, 0)]])
+    odd = [bumpy(3), bumpy(4, rational=True), bumpy(5, rational=True), line, sphere(), torus(3.0, 1.0), pawn()]
+    surfaces = [*patches()[::4], *odd, *patches()[1::4]]
+    for surface, found in zip(surfaces, divide_surfaces(surfaces, 0.1, **options), strict=True):
+        if surface is line:
+            assert isinstance(found, GeometryError)
+            continue
+        alone = divide_surface(surface, 0.1, **options)
+        assert (found.direction, found.elber_count) == (alone.direction, alone.elber_count)
+        assert found.ideal_count == pytest.approx(alone.ideal_count, rel=1e-12)
+        assert len(found.strips) == len(alone.strips)
+        for one, other in zip(found.strips, alone.strips, strict=True):
+            assert one.span == pytest.approx(other.span, abs=1e-9)
+            assert one.bound == pytest.approx(other.bound, rel=1e-6, abs=1e-12)
+            assert one.bound <= 0.1
+
+
+def test_surfaces_that_cannot_be_divided_are_errors_beside_the_others():
+    surfaces = [torus(), sphere(1e9), extruded([(0, 0), (5, 0), (10, 0)])]
+    first, second, third = divide_surfaces(surfaces, 0.01, direction="v", least_width=5.0)
+    assert isinstance(first, GeometryError)
+    assert "least_width" in str(first)
+    assert isinstance(second, GeometryError)
+    assert "more than 10000 strips" in str(second)
+    assert len(third.strips) == 1
+    assert divide_surfaces([], 0.1) == []
+    with pytest.raises(InputError, match="only a Surface"):
+        divide_surfaces([sphere(), None], 0.1)
+
+
+def test_neighbours_share_the_curve_between_them():
+    strips = divide_surface(sphere(), 0.05, direction="v").strips
+    assert len(strips) > 2
+    for one, other in pairwise(strips):
+        assert one.rails[1] is other.rails[0]
 
 
 # -- how close

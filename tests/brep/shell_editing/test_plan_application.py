@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from OCP.TopAbs import TopAbs_EDGE
 
-from cqblend.brep.shell_editing.face_edits import trace_loops
+from cqblend.brep.shell_editing.plan_application import trace_loops
 from cqblend.brep.topology import explore_subshapes, find_end_vertices, reverse_edge
 from cqblend.errors import TopologyError
 

@@ -1,0 +1,88 @@
+"""A table of swept sections: exact ones at few stations, others interpolated from these within a tolerance.
+
+The interior of a blend is fitted to thousands of sections. Most of a swept surface is so smooth that a few dozen exact
+ones tell all others; around kinks, where they do not, stations are halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cqblend.blends.potential.local_interpolation import interpolate_locally
+from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS
+from cqblend.splines.bernstein import Array
+
+
+@dataclass(frozen=True)
+class SectionTable:
+    """Sections of a swept surface at any t of a domain, as exact as ``tolerance`` (mm).
+
+    Attributes
+    ----------
+    evaluate : callable
+        The exact sections (n, m, 3) at t (n,).
+    domain : pair of float
+        The range of t; ``closed`` sections are periodic in it.
+    closed : bool
+    tolerance : float
+        Largest error of a coordinate (mm).
+    """
+
+    evaluate: Callable[[Array], Array]
+    domain: tuple[float, float]
+    closed: bool
+    tolerance: float
+
+    def __call__(self, t: Array) -> Array:
+        """Return the sections (n, m, 3) at t (n,): exact ones if these are fewer than the table would take."""
+        if len(t) <= 2 * POTENTIAL_LIMITS.table_cells:
+            return self.evaluate(t)
+        nodes, values, rough = self._tabulated
+        sections = interpolate_locally(nodes, values, t, POTENTIAL_LIMITS.table_stencil)
+        if len(rough):
+            inside = np.searchsorted(rough.ravel(), t) % 2 == 1
+            if inside.any():
+                sections[inside] = self.evaluate(t[inside])
+        return sections
+
+    @cached_property
+    def _tabulated(self) -> tuple[Array, Array, Array]:
+        """Nodes (k,), sections there, and the intervals (r, 2) in which these do not tell the others.
+
+        Every cell between two nodes is checked at its middle, which becomes a node, too.
+        """
+        low, high = self.domain
+        nodes = np.linspace(low, high, POTENTIAL_LIMITS.table_cells + 1)
+        values = self.evaluate(nodes)
+        cells = np.stack([nodes[:-1], nodes[1:]], axis=-1)
+        shortest = (high - low) / POTENTIAL_LIMITS.table_shortest_cell
+        rough = np.empty((0, 2))
+        while len(cells):
+            middles = cells.mean(axis=1)
+            exact = self.evaluate(middles)
+            error = np.abs(self._interpolate(nodes, values, middles) - exact).max(axis=(1, 2))
+            order = np.argsort(np.concatenate([nodes, middles]))
+            nodes, values = np.concatenate([nodes, middles])[order], np.concatenate([values, exact])[order]
+            bad = error > self.tolerance
+            halves = np.stack([cells[bad, 0], middles[bad], middles[bad], cells[bad, 1]], axis=-1).reshape(-1, 2)
+            is_short = halves[:, 1] - halves[:, 0] < shortest
+            rough = np.concatenate([rough, halves[is_short]])
+            cells = halves[~is_short]
+        return *self._extend_period(nodes, values), rough[np.argsort(rough[:, 0])]
+
+    def _interpolate(self, nodes: Array, values: Array, t: Array) -> Array:
+        return interpolate_locally(*self._extend_period(nodes, values), t, POTENTIAL_LIMITS.table_stencil)
+
+    def _extend_period(self, nodes: Array, values: Array) -> tuple[Array, Array]:
+        """Return nodes and values of closed sections, repeated past both ends so that the seam is no end."""
+        if not self.closed:
+            return nodes, values
+        count, period = POTENTIAL_LIMITS.table_stencil, self.domain[1] - self.domain[0]
+        return (
+            np.concatenate([nodes[-1 - count : -1] - period, nodes, nodes[1 : count + 1] + period]),
+            np.concatenate([values[-1 - count : -1], values, values[1 : count + 1]]),
+        )

@@ -1,0 +1,62 @@
+"""Circular rails on support faces, by the angle about their axis: circles on planes, or lines around an axis."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
+from cqblend.splines import Curve
+from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.quadrics import Plane
+
+
+def find_circular_pcurve(side: SupportFace, ribbon: Ribbon, circle: Circle, turn: float) -> Curve | PlanarCircle | None:
+    """Return the parameters of a circular rail on its face as a function of the angle, from 0 to ``turn`` (rad).
+
+    That is a circle on a plane, and a line along a parameter that is an angle about the same axis. None if it is
+    neither, or not to rounding.
+    """
+    primary = side.face_primary
+    if circle.radius <= 0:
+        return None
+    if isinstance(primary, Plane):
+        found: Curve | PlanarCircle | None = _project_to_plane(primary, circle)
+    else:
+        found = _follow_angle(side, ribbon, circle, turn)
+    if found is None:
+        return None
+    angles = np.linspace(0.0, turn, CONVERSION_TOLERANCES.rail_angles)
+    distance = np.linalg.norm(primary.jet(found(angles))[0] - circle(angles), axis=1).max()
+    size = circle.radius + float(np.abs(circle.frame.origin).max())
+    return found if distance <= CONVERSION_TOLERANCES.circular_rail * size else None
+
+
+def _project_to_plane(plane: Plane, circle: Circle) -> PlanarCircle:
+    """Return a circle in the parameters of a plane that it lies in."""
+    axes = plane.frame.axes[:2]
+    return PlanarCircle(
+        (circle.frame.origin - plane.frame.origin) @ axes.T, circle.frame.axes[:2] @ axes.T, circle.radius
+    )
+
+
+def _follow_angle(side: SupportFace, ribbon: Ribbon, circle: Circle, turn: float) -> Curve | None:
+    """Return the line in the face's parameters that starts where a rail does, and along which one of them is the angle.
+
+    None if neither parameter goes around.
+    """
+    primary: Primary = side.face_primary
+    start = side.to_face_parameters(ribbon.find_native_parameters(ribbon.c.breaks[:1]))
+    jet = primary.jet(start)
+    tangent = circle.frame.axes[1]
+    for axis, period in enumerate(primary.periods):
+        rate = jet[1 + axis, 0]
+        along = float(rate @ tangent)
+        if period is None or not np.isclose(abs(along), circle.radius, rtol=CONVERSION_TOLERANCES.circular_speed):
+            continue
+        step = np.zeros(2)
+        step[axis] = np.sign(along) * turn
+        return Curve.bezier([start[0], start[0] + step], domain=(0.0, turn))
+    return None

@@ -1,0 +1,360 @@
+"""Build the solid that a plan describes: each vertex and edge once, each touched face once, one shell.
+
+The result is a proposal: :mod:`cqblend.solid_blends.blend_pipeline` verifies it before anybody sees it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.Geom import (
+    Geom_Circle,
+    Geom_Curve,
+    Geom_Plane,
+    Geom_SphericalSurface,
+    Geom_Surface,
+    Geom_SurfaceOfRevolution,
+)
+from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Line
+from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
+from OCP.GeomAPI import GeomAPI
+from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Solid, TopoDS_Vertex
+
+from cqblend.blends.network.blend_plan import (
+    EdgePiece,
+    EdgeUse,
+    FacePlan,
+    KeptEdge,
+    NewEdge,
+    PlannedEdge,
+    PlannedPcurve,
+    PlannedSurface,
+    PlannedVertex,
+    SolidPlan,
+    StripPlan,
+)
+from cqblend.blends.sections.revolved_section import RevolvedSection
+from cqblend.brep.conversion import spline_arrays
+from cqblend.brep.measurement.edge_sides import EdgeSide
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
+from cqblend.brep.topology import (
+    BUILDER,
+    ShapeIndex,
+    attach_pcurves,
+    chain_segments,
+    explore_subshapes,
+    find_end_uv,
+    find_end_vertices,
+    is_among,
+    make_bare_face,
+    make_closed_wire,
+    make_degenerate_edge,
+    make_edge,
+    make_trimmed_copy,
+    make_vertex,
+    orient_forward,
+    raise_vertex_tolerance,
+    replace_solid_faces,
+    reverse_edge,
+)
+from cqblend.certificate import NewEdgeKind
+from cqblend.errors import TopologyError
+from cqblend.splines import Curve, Surface
+from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.quadrics import Plane, Sphere
+from cqblend.surfaces.vectors import LocalFrame
+
+CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
+"""OCCT's flags of an edge, by the order of the continuity across it."""
+
+
+@dataclass(frozen=True)
+class BuiltEdge:
+    """An edge of a blend face that is no rail, with its two sides.
+
+    ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
+    edge it is at, 0 or 1, if it is at one.
+    """
+
+    kind: NewEdgeKind
+    sides: tuple[EdgeSide, EdgeSide]
+    deviation: float
+    end: int | None = None
+
+
+@dataclass(frozen=True)
+class BuiltStrip:
+    """A blend face in a rewritten solid, the support faces, trimmed at its rails, and its edges: rails and others."""
+
+    blend_face: TopoDS_Face
+    geometry: Surface | RevolvedSection | Plane | Sphere  # of the blend face
+    trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
+    rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
+    other_edges: tuple[BuiltEdge, ...]
+    cap_count: int
+
+
+@dataclass(frozen=True)
+class ProposedSolid:
+    """A rewritten solid, not yet verified, and its strips in the order of the plan."""
+
+    solid: TopoDS_Solid
+    strips: tuple[BuiltStrip, ...]
+    tolerance: float  # the largest of an edge that was made or cut (mm)
+
+
+def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
+    """Build the solid that a plan describes. The input's own faces, edges and vertices stay as they were.
+
+    Raises
+    ------
+    TopologyError
+        If the new boundary of a face does not close.
+    """
+    parts = _PartBuilder(index)
+    for edge in plan.edges:
+        parts.build_edge(edge)
+    rebuilt: dict[int, TopoDS_Face] = {}
+    for face_plan in plan.faces:
+        rebuilt[face_plan.number] = _rebuild_face(face_plan, parts)
+    blend_faces, caps = [], []
+    for strip in plan.strips:
+        forward = parts.bound_face(strip.surface, strip.boundary)
+        blend_faces.append(TopoDS.Face_s(forward.Reversed()))
+        caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
+    new_faces = [*blend_faces, *chain.from_iterable(caps)]
+    deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
+    owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
+    strips = []
+    for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
+        first, second = (rebuilt[number] for number in strip.support_faces)
+        rails = ([parts.build_edge(edge) for edge in strip.rails[0]], [parts.build_edge(e) for e in strip.rails[1]])
+        for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
+            for one, edge in zip(planned, edges, strict=True):
+                BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
+        others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
+        geometry = strip.surface.geometry
+        strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
+    solid = replace_solid_faces(index.solid, rebuilt, index.faces, new_faces)
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
+
+
+def _list_edge_owners(
+    plan: SolidPlan,
+    rebuilt: Mapping[int, TopoDS_Face],
+    blend_faces: Sequence[TopoDS_Face],
+    caps: Sequence[Sequence[TopoDS_Face]],
+) -> dict[PlannedEdge, list[TopoDS_Face]]:
+    """Return the faces that use each planned edge, one for each use."""
+    owners: dict[PlannedEdge, list[TopoDS_Face]] = {}
+    boundaries = [(strip.boundary, face) for strip, face in zip(plan.strips, blend_faces, strict=True)]
+    for strip, faces in zip(plan.strips, caps, strict=True):
+        boundaries += [(cap.boundary, face) for cap, face in zip(strip.caps, faces, strict=True)]
+    boundaries += [(face_plan.added, rebuilt[face_plan.number]) for face_plan in plan.faces]
+    for boundary, face in boundaries:
+        for use in boundary:
+            owners.setdefault(use.edge, []).append(face)
+    return owners
+
+
+def _list_other_edges(
+    strip: StripPlan,
+    blend_faces: Sequence[TopoDS_Face],
+    owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
+    deviations: EdgeDeviations,
+    parts: _PartBuilder,
+) -> tuple[BuiltEdge, ...]:
+    """Return the edges of a blend face that are no rails, with their two sides."""
+    rails = {edge for side in strip.rails for edge in side}
+    found = []
+    for planned in dict.fromkeys(use.edge for use in strip.boundary):
+        if planned in rails:
+            continue
+        edge, (first, second) = parts.build_edge(planned), owners[planned]
+        deviation = deviations.get(edge)
+        if first.IsSame(second):
+            found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
+            continue
+        kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
+        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
+    return tuple(found)
+
+
+class _PartBuilder:
+    """Builds the vertices, edges and surfaces of a plan, each of them once."""
+
+    def __init__(self, index: SolidIndex) -> None:
+        self.index = index
+        self._vertices: dict[PlannedVertex, TopoDS_Vertex] = {}
+        self._edges: dict[PlannedEdge, TopoDS_Edge] = {}
+        self._faces: dict[PlannedSurface, TopoDS_Face] = {}
+
+    def build_vertex(self, planned: PlannedVertex) -> TopoDS_Vertex:
+        """Return a vertex: the input's own, or a new one."""
+        if planned.number:
+            return TopoDS.Vertex_s(self.index.vertices[planned.number])
+        if planned not in self._vertices:
+            self._vertices[planned] = make_vertex(planned.point, SHELL_EDIT_TOLERANCES.deviation_margin * planned.gap)
+        return self._vertices[planned]
+
+    def get_face(self, face: int | PlannedSurface) -> TopoDS_Face:
+        """Return a face of the input, FORWARD, or one without a boundary on a planned surface."""
+        if isinstance(face, int):
+            return TopoDS.Face_s(orient_forward(self.index.faces[face]))
+        if face not in self._faces:
+            self._faces[face] = make_bare_face(_make_surface(face))
+        return self._faces[face]
+
+    def build_edge(self, planned: PlannedEdge) -> TopoDS_Edge:
+        """Return a FORWARD edge."""
+        if planned not in self._edges:
+            self._edges[planned] = (
+                self._make_new_edge(planned) if isinstance(planned, NewEdge) else self._cut_edge(planned)
+            )
+        return self._edges[planned]
+
+    def orient_edge(self, use: EdgeUse) -> TopoDS_Edge:
+        """Return an edge as it is used."""
+        edge = self.build_edge(use.edge)
+        return edge if use.forward else reverse_edge(edge)
+
+    def bound_face(self, surface: PlannedSurface, boundary: tuple[EdgeUse, ...]) -> TopoDS_Face:
+        """Return the FORWARD face on a planned surface that a boundary encloses."""
+        face = TopoDS.Face_s(self.get_face(surface).EmptyCopied())
+        BUILDER.Add(face, make_closed_wire(map(self.orient_edge, boundary)))
+        return face
+
+    def _make_new_edge(self, planned: NewEdge) -> TopoDS_Edge:
+        first, last = map(self.build_vertex, planned.vertices)
+        if planned.curve is None:
+            (pcurve,) = planned.pcurves
+            return make_degenerate_edge(self.get_face(pcurve.face), first, _make_pcurve(pcurve.curve), planned.span)
+        edge = make_edge(_make_curve(planned.curve), (first, last), planned.span)
+        for pcurve in planned.pcurves:
+            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
+        return edge
+
+    def _cut_edge(self, planned: EdgePiece) -> TopoDS_Edge:
+        vertices = (self.build_vertex(planned.vertices[0]), self.build_vertex(planned.vertices[1]))
+        edge = make_trimmed_copy(self.index.edges[planned.number], vertices, planned.span)
+        for vertex, gap in zip(vertices, planned.gaps, strict=True):
+            raise_vertex_tolerance(vertex, SHELL_EDIT_TOLERANCES.deviation_margin * gap)
+        if planned.cap is not None:
+            face = self.get_face(planned.cap)
+            plane = BRep_Tool.Surface_s(face)
+            attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
+        return edge
+
+
+def _make_curve(curve: Curve | Circle) -> Geom_Curve:
+    """Return a curve as one of OCCT's."""
+    if isinstance(curve, Circle):
+        origin, x, _, z = _to_points(curve.frame)
+        return Geom_Circle(gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x)), curve.radius)
+    return spline_arrays.curve_from_arrays(*curve.to_bspline())
+
+
+def _make_surface(surface: PlannedSurface) -> Geom_Surface:
+    """Return a planned surface as one of OCCT's."""
+    geometry = surface.geometry
+    if isinstance(geometry, Surface):
+        return spline_arrays.surface_from_arrays(*geometry.to_bspline())
+    origin, x, y, z = _to_points(geometry.frame)
+    if isinstance(geometry, RevolvedSection):
+        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile()), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
+    position = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
+    if np.cross(x, y) @ z < 0:
+        position.YReverse()
+    return Geom_Plane(position) if isinstance(geometry, Plane) else Geom_SphericalSurface(position, geometry.radius)
+
+
+def _to_points(frame: LocalFrame) -> tuple[list[float], ...]:
+    """Return origin and axes of a frame as lists."""
+    return frame.origin.tolist(), *frame.axes.tolist()
+
+
+def _make_pcurves(pcurve: PlannedPcurve) -> list[Geom2d_Curve]:
+    """Return the pcurves of the FORWARD and, at a seam, of the REVERSED use of an edge."""
+    return [_make_pcurve(curve) for curve in (pcurve.curve, pcurve.reversed_curve) if curve is not None]
+
+
+def _make_pcurve(curve: Curve | PlanarCircle) -> Geom2d_Curve:
+    """Return a curve in a parameter plane as one of OCCT's: a line where it is one that runs at unit speed."""
+    if isinstance(curve, PlanarCircle):
+        centre, (x, y) = curve.centre.tolist(), curve.axes.tolist()
+        return Geom2d_Circle(gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y)), curve.radius)
+    degree, knots, poles, weights = curve.to_bspline()
+    if degree == 1 and len(poles) == 2 and weights is None:
+        (low, high), step = curve.domain, poles[1] - poles[0]
+        if abs(step).max() == np.abs(step).sum() == high - low:  # along an axis, at unit speed
+            x, y = (poles[0] - low * step / (high - low)).tolist()
+            return Geom2d_Line(gp_Pnt2d(x, y), gp_Dir2d(*step.tolist()))
+    return spline_arrays.curve2d_from_arrays(degree, knots, poles, weights)
+
+
+def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> TopoDS_Face:
+    """Return a face with its new boundary, oriented as before; wires of which no edge is changed are shared with it.
+
+    Raises
+    ------
+    TopologyError
+        If the new boundary does not close.
+    """
+    edges, before = parts.index.edges, parts.index.faces[plan.number]
+    if plan.surface is not None:
+        face = parts.bound_face(plan.surface, plan.added)
+    else:
+        old = TopoDS.Face_s(orient_forward(before))
+        face = TopoDS.Face_s(old.EmptyCopied())
+        loose = list(map(parts.orient_edge, plan.added))
+        for wire in explore_subshapes(old, TopAbs_WIRE):
+            uses = list(explore_subshapes(wire, TopAbs_EDGE))
+            numbers = [edges.find_number(use) for use in uses]
+            if plan.pieces.keys().isdisjoint(numbers):
+                BUILDER.Add(face, wire)
+                continue
+            for use, number in zip(uses, numbers, strict=True):
+                if number not in plan.pieces:
+                    loose.append(use)
+                    continue
+                for piece in plan.pieces[number]:
+                    edge = edges[number] if isinstance(piece, KeptEdge) else parts.build_edge(piece)
+                    loose.append(TopoDS.Edge_s(edge.Oriented(use.Orientation())))
+        for loop in trace_loops(loose, old):
+            BUILDER.Add(face, make_closed_wire(loop))
+    face.Orientation(before.Orientation())
+    return face
+
+
+def trace_loops(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_Edge]]:
+    """Sort edge uses of a FORWARD face into closed loops.
+
+    Each use is followed by one that starts at its last vertex; by the one whose pcurve starts nearest, if several do.
+
+    Raises
+    ------
+    TopologyError
+        If a loop does not close: the new boundary crosses itself or leaves out an edge.
+    """
+    ends = [find_end_uv(use, face) for use in uses]
+    vertices = ShapeIndex.from_shapes(uses, TopAbs_VERTEX)
+    starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
+
+    def measure_gap(one: int, following: int) -> float:
+        return float(np.abs(ends[following][0] - ends[one][1]).max())
+
+    loops = chain_segments(starts, stops, measure_gap, until_closed=True)
+    if any(stops[loop[-1]] != starts[loop[0]] for loop in loops):
+        raise TopologyError(
+            "the face's boundary cannot be closed along the rail: the size is too large for the face", kind="too large"
+        )
+    return [[uses[k] for k in loop] for loop in loops]

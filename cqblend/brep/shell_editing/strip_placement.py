@@ -1,0 +1,128 @@
+"""Read-only context of one strip: a blend surface and the joint of a solid that it is put at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
+
+from cqblend.blends.network.blend_plan import PlannedSurface, PlannedVertex
+from cqblend.blends.network.strip_surface import RevolvedStrip, SplineStrip, StripSurface
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.blends.sections.revolved_section import find_revolved_section
+from cqblend.brep.conversion.circular_pcurve import find_circular_pcurve
+from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
+from cqblend.brep.topology import locate_vertex
+from cqblend.splines import Curve
+from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.quadrics import Sphere
+
+CapStations = tuple[float | None, float | None]
+"""The t of the flat caps at both ends of an open blend, None for an end on the face across the edge."""
+
+
+@dataclass(frozen=True)
+class StripPlacement:
+    """One blend surface and the joint of a solid where it goes. Made by :func:`place_strip`."""
+
+    joint: Joint
+    blend: BlendSurface
+    sides: tuple[SupportFace, SupportFace]  # the support faces in whose parameters the rails are given
+    spheres: tuple[PlannedSurface | None, PlannedSurface | None]  # which of these are spheres that get a new axis
+    strip: StripSurface  # the blend surface, in the parameters in which it goes into the solid
+    surface: PlannedSurface  # the same, to be built
+    rail_curves: tuple[Curve | Circle, Curve | Circle]  # its rows v = 0 and v = 1
+    rail_pcurves: tuple[Curve | PlanarCircle, Curve | PlanarCircle]  # s -> parameters on the support faces
+
+    @property
+    def index(self) -> SolidIndex:
+        """Facts of the solid."""
+        return self.joint.index
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The parameter range of the strip."""
+        return self.strip.domain
+
+    def locate_edge_parameter(self, t: float) -> float:
+        """Return the parameter of the strip about where the edge is at t; at the ends of an arc, where it is."""
+        if isinstance(self.strip, SplineStrip):
+            return t
+        first, last = self.blend.ribbons[0].c.domain
+        return (t - first) / (last - first) * self.domain[1]
+
+    @cached_property
+    def spine_numbers(self) -> tuple[int, ...]:
+        """The numbers of the blended edges in the solid."""
+        return tuple(map(self.index.edges.find_number, self.joint.spine.edges))
+
+    @cached_property
+    def face_numbers(self) -> tuple[int, int]:
+        """The numbers of the support faces in the solid."""
+        first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
+        return first, second
+
+    def get_support(self, i: int) -> int | PlannedSurface:
+        """Return what pcurves on support face ``i`` refer to: its number, or the sphere that it gets."""
+        sphere = self.spheres[i]
+        return self.face_numbers[i] if sphere is None else sphere
+
+    def number_face(self, face: TopoDS_Face) -> int:
+        """Return the number of a face in the solid."""
+        return self.index.faces.find_number(face)
+
+    def keep_vertex(self, vertex: TopoDS_Vertex) -> PlannedVertex:
+        """Return a vertex of the solid as one that stays."""
+        return PlannedVertex(locate_vertex(vertex), self.index.vertices.find_number(vertex))
+
+
+def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
+    """Prepare to put a blend at a joint.
+
+    Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.realigned_spheres`).
+    """
+    (side1, sphere1), (side2, sphere2) = (
+        _realign_side(joint, side, ribbon) for side, ribbon in zip(joint.sides, blend.ribbons, strict=True)
+    )
+    sides = (side1, side2)
+    strip, pcurves = _describe_strip(blend, sides)
+    return StripPlacement(
+        joint=joint,
+        blend=blend,
+        sides=sides,
+        spheres=(sphere1, sphere2),
+        strip=strip,
+        surface=PlannedSurface(strip.surface if isinstance(strip, SplineStrip) else strip.section),
+        rail_curves=strip.rail_curves,
+        rail_pcurves=pcurves,
+    )
+
+
+def _describe_strip(
+    blend: BlendSurface, sides: tuple[SupportFace, SupportFace]
+) -> tuple[SplineStrip | RevolvedStrip, tuple[Curve | PlanarCircle, Curve | PlanarCircle]]:
+    """Return the surface of a strip and its rails on the support faces, around an axis if all of it is so."""
+    section = None if any(ribbon.fades for ribbon in blend.ribbons) else find_revolved_section(blend)
+    if section is not None:
+        revolved = RevolvedStrip(section)
+        first, second = (
+            find_circular_pcurve(side, ribbon, circle, section.turn)
+            for side, ribbon, circle in zip(sides, blend.ribbons, revolved.rail_curves, strict=True)
+        )
+        if first is not None and second is not None:
+            return revolved, (first, second)
+    one, other = (build_rail_pcurve(side, ribbon) for side, ribbon in zip(sides, blend.ribbons, strict=True))
+    return SplineStrip(blend.surface), (one, other)
+
+
+def _realign_side(joint: Joint, side: SupportFace, ribbon: Ribbon) -> tuple[SupportFace, PlannedSurface | None]:
+    """Return a support face with the rail's axis and the sphere that it gets; or as it is, and None."""
+    realigned = realign_sphere(side, ribbon, joint.spine.edges) if joint.spine.closed else None
+    if realigned is None or not isinstance(realigned.face_primary, Sphere):
+        return side, None
+    return realigned, PlannedSurface(realigned.face_primary)

@@ -1,0 +1,90 @@
+"""Put a blend that was made between surfaces into a shape, in the place of an edge between faces on these surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.plan_application import apply_plan
+from cqblend.brep.shell_editing.strip_placement import place_strip
+from cqblend.brep.shell_editing.strip_planning import RailsTooShortError, merge_strips, plan_strip
+from cqblend.brep.topology import replace_solid
+from cqblend.brep.verification.blend_certification import certify_blend
+from cqblend.brep.verification.brep_check import is_valid
+from cqblend.brep.verification.solid_verification import check_solid
+from cqblend.certificate import Certificate
+from cqblend.errors import CqblendError, GeometryError, SelectionError, VerificationError
+from cqblend.solid_blends.blend_alignment import align_to_joint
+from cqblend.solid_blends.blend_pipeline import BlendedShape
+from cqblend.solid_blends.end_plan import EndPlan, record_ends
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+
+
+def insert_into_shape(
+    shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], blend: BlendSurface, first: TopoDS_Face | None
+) -> BlendedShape:
+    """Put a blend into a shape; ``first`` is the face that counts as side 1.
+
+    Raises
+    ------
+    SelectionError
+        As :func:`cqblend.solid_blends.blend_pipeline.blend_shape`, or the edges are several joints.
+    InputError
+        The blend's rails do not lie on the two faces.
+    CqblendError
+        The blend does not fit into the shape.
+    """
+    chains = [chain for network in select_joints(shape, edges, first, None).networks for chain in network]
+    for chain in chains:
+        if chain.error is not None:
+            raise chain.error
+    joints = [chain.joint for chain in chains if chain.joint is not None]
+    if len(joints) != 1:
+        raise SelectionError("the edges belong to several joints: a blend takes the place of one")
+    (joint,) = joints
+    try:
+        return _insert_at_joint(shape, joint, blend)
+    except RailsTooShortError as error:
+        (low, high), (first_t, last_t) = error.needed_domain, blend.ribbons[0].c.domain
+        raise GeometryError(
+            "the blend ends before it meets the faces at the ends of the edge: it runs over t = "
+            f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
+            "it is made between",
+            shape=joint.name,
+        ) from error
+    except BlendEndError as error:
+        before = f"the blend cannot end at {joint.name_end(error.end)}: "
+        raise error.cause.with_details(before=before).with_details(shape=joint.name) from error
+    except CqblendError as error:
+        raise error.with_details(shape=joint.name) from error
+
+
+def _insert_at_joint(shape: TopoDS_Shape, joint: Joint, blend: BlendSurface) -> BlendedShape:
+    """Put a blend in the place of a joint, and verify and certify the result."""
+    aligned = align_to_joint(joint, blend)
+    natural = EndPlan.natural_at_both_ends(aligned.surface.domain[0])
+    planned = plan_strip(place_strip(joint, aligned), natural.cap_stations)
+    proposal = apply_plan(joint.index, merge_strips(joint.index, [planned]))
+    (built,) = proposal.strips
+    tolerance = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance)
+    check = check_solid(
+        joint.solid, proposal.solid, [built.blend_face], grows=[not joint.is_convex], tolerance=tolerance
+    )
+    if check.problems:
+        raise VerificationError("the solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
+    result = replace_solid(shape, joint.solid, proposal.solid)
+    certificate: Certificate = replace(
+        certify_blend(joint, built, aligned, proposal.tolerance),
+        validity=(partial(is_valid, result),),
+        ends=() if joint.spine.closed else record_ends(joint, natural),
+    )
+    return BlendedShape(result, (built.blend_face,), certificate)

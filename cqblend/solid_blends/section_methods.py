@@ -1,0 +1,351 @@
+"""The kinds of sections that a blend can have, each as one strategy.
+
+A section method tells where the rails run (its contacts), how the blend is to leave the faces there (its targets), what
+is between the rails (its filling), when the result is sound (its check), and what the same blend is in another size.
+Nothing else asks which kind of section was wanted.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from cqblend.blend_options import BlendRequest
+from cqblend.blends.contacts.contact_solver import (
+    Contacts,
+    ContactSolver,
+    Stations,
+    solve_ball_contacts,
+    solve_setback_contacts,
+)
+from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
+from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
+from cqblend.blends.potential.relations import Conic
+from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
+from cqblend.blends.rails import cross_directions
+from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
+from cqblend.brep.selection.joint import Joint
+from cqblend.errors import GeometryError
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import normalise_vectors
+
+CROSS_FIELDS = {
+    "parametric": cross_directions.parametric_field,
+    "perpendicular": cross_directions.perpendicular_field,
+    "chord": cross_directions.chord_field,
+}
+
+
+@dataclass(frozen=True)
+class SectionMethod(ABC):
+    """One kind of section, with the options that were asked for."""
+
+    request: BlendRequest
+
+    @property
+    @abstractmethod
+    def lengths(self) -> tuple[float, ...]:
+        """The lengths (mm) that set how large the blend is."""
+
+    @abstractmethod
+    def scale(self, factor: float) -> SectionMethod:
+        """Return the same method with all these lengths times a factor."""
+
+    @abstractmethod
+    def bind(self, joint: Joint) -> SectionAtJoint:
+        """Return what the method does at one joint."""
+
+    @property
+    @abstractmethod
+    def targets(self) -> RibbonTargets:
+        """The tolerances, cross fields and orders that the ribbons are fitted to."""
+
+    @property
+    def size(self) -> float:
+        """The largest of the lengths (mm)."""
+        return max(self.lengths)
+
+    @property
+    def steers(self) -> bool:
+        """Whether cross directions are turned at knot lines, so that the blend has no crease there."""
+        return True
+
+    @property
+    def size_advice(self) -> str:
+        """What to do to find a size that fits."""
+        return "cqblend.max_size finds what does"
+
+    def check(self, blend: BlendSurface) -> None:
+        """Check that no section of a blend loops, and that the blend does not fold.
+
+        Raises
+        ------
+        GeometryError
+            If a section loops, because its cross derivatives are too long, or the blend folds.
+        """
+        t, v = _make_grid(blend)
+        self._check_turns(t, v, blend)
+        fold = find_fold(blend.surface)
+        if fold is not None:
+            raise GeometryError(
+                f"the blend folds at t = {fold:.4g}: its sections cross; take another size{self._fold_advice}"
+            )
+
+    @property
+    def _fold_advice(self) -> str:
+        return ", smaller bulge or other tangents"
+
+    @property
+    def _loop_advice(self) -> str:
+        return "it leaves its rails too fast; take a smaller bulge"
+
+    def _check_turns(self, t: Array, v: Array, blend: BlendSurface) -> None:
+        """Raise GeometryError where a section turns back on itself."""
+        surface = blend.surface
+        tangents = surface(t, v, 0, 1)
+        chords = surface(t[:, -1], v[:, -1]) - surface(t[:, 0], v[:, 0])
+        progress = (tangents * chords[:, None]).sum(axis=-1)
+        if not np.all(progress > 0):
+            raise GeometryError(
+                f"the section at t = {t.flat[progress.argmin()]:.3g} turns back on itself: {self._loop_advice}"
+            )
+
+
+def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
+    """Return parameters (t, v), (33, 33) each, all over a blend."""
+    t, v = np.meshgrid(np.linspace(*blend.surface.domain[0], 33), np.linspace(0, 1, 33), indexing="ij")
+    return t, v
+
+
+class SectionAtJoint(ABC):
+    """What a section method does at one joint."""
+
+    @abstractmethod
+    def make_solver(self) -> ContactSolver:
+        """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
+
+    @abstractmethod
+    def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        """Return the blend surface between two ribbons."""
+
+
+@dataclass(frozen=True)
+class HermiteMethod(SectionMethod):
+    """Polynomial sections that leave the rails of a rolling ball, or rails at given widths, in wanted directions."""
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """The radius or the widths (mm)."""
+        request = self.request
+        return (request.radius,) if request.radius is not None else request.width or (0.0,)
+
+    def scale(self, factor: float) -> HermiteMethod:
+        """Return the same method with radius or widths times a factor."""
+        radius, width = self.request.radius, self.request.width
+        scaled = replace(
+            self.request,
+            radius=None if radius is None else radius * factor,
+            width=None if width is None else (width[0] * factor, width[1] * factor),
+        )
+        return type(self)(scaled)
+
+    def bind(self, joint: Joint) -> SectionAtJoint:
+        """Return what the method does at one joint."""
+        return _HermiteAtJoint(self, joint)
+
+    @property
+    def orders(self) -> tuple[int, int]:
+        """How many cross derivatives each ribbon has."""
+        first, second = self.request.continuity
+        return int(first[1]), int(second[1])
+
+    @property
+    def targets(self) -> RibbonTargets:
+        """The tolerances, cross fields and orders that the ribbons are fitted to."""
+        first, second = (partial(np.full_like, fill_value=factor) for factor in self.request.bulge)
+        tangents = self.request.tangents
+        return RibbonTargets(
+            position=max(SOLID_BLEND_TOLERANCES.rail * self.size, SOLID_BLEND_TOLERANCES.min_rail),
+            fields=(CROSS_FIELDS[tangents[0]], CROSS_FIELDS[tangents[1]]),
+            bulges=(first, second),
+            orders=self.orders,
+            steer=self.request.steer,
+        )
+
+
+@dataclass(frozen=True)
+class _HermiteAtJoint(SectionAtJoint):
+    method: HermiteMethod
+    joint: Joint
+
+    def make_solver(self) -> ContactSolver:
+        joint = self.joint
+        return trace_contacts(joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations)
+
+    def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
+        """Return the contacts of stations, which are near the ``expected`` ones, if these are given."""
+        sides, radius = self.joint.sides, self.method.request.radius
+        if radius is not None:
+            return solve_ball_contacts(sides, stations, radius, expected)
+        first, second = self.method.lengths
+        return solve_setback_contacts(sides, stations, (first, second), expected)
+
+    def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        request = self.method.request
+        return blend_ribbons(ribbons, request.form, request.tolerance, request.angular_tolerance)
+
+
+@dataclass(frozen=True)
+class PdeMethod(HermiteMethod):
+    """Sections that solve partial differential equations between such rails."""
+
+    @property
+    def equation_orders(self) -> tuple[int, int, int]:
+        """The orders of the equations for x, y and z."""
+        if self.request.order is None:
+            raise TypeError("equations have orders")
+        return self.request.order
+
+    @property
+    def orders(self) -> tuple[int, int]:
+        """How many cross derivatives each ribbon has: as many as the highest order takes."""
+        return (max(self.equation_orders) // 2 - 1,) * 2
+
+    @property
+    def _loop_advice(self) -> str:
+        return "take smaller parameters, which let more of the rails' shape reach the middle, or a smaller bulge"
+
+    def bind(self, joint: Joint) -> SectionAtJoint:
+        """Return what the method does at one joint."""
+        return _PdeAtJoint(self, joint)
+
+
+@dataclass(frozen=True)
+class _PdeAtJoint(_HermiteAtJoint):
+    method: PdeMethod
+
+    def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        method, request = self.method, self.method.request
+        options = request.form, request.tolerance, request.angular_tolerance
+        settings = PdeSettings(method.equation_orders, request.parameters, request.terms)
+        return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed))[0]
+
+
+@dataclass(frozen=True)
+class PotentialMethod(SectionMethod):
+    """Sections through the curves in which the two faces, moved together by related amounts, meet."""
+
+    @property
+    def relation(self) -> Conic:
+        """How far both sides are moved."""
+        if self.request.relation is None:
+            raise TypeError("a potential section has a relation")
+        return self.request.relation
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """How far both sides are moved (mm)."""
+        return self.relation.a, self.relation.b
+
+    def scale(self, factor: float) -> PotentialMethod:
+        """Return the same method with both amounts times a factor."""
+        conic = self.relation
+        scaled = Conic(conic.a * factor, conic.b * factor, conic.lam * factor**2)
+        return PotentialMethod(replace(self.request, relation=scaled))
+
+    def bind(self, joint: Joint) -> SectionAtJoint:
+        """Return what the method does at one joint."""
+        return _PotentialAtJoint(self, joint)
+
+    @property
+    def tolerance(self) -> float:
+        """The largest distance (mm) of the blend from its exact sections."""
+        return max(self.request.tolerance, SOLID_BLEND_TOLERANCES.rail * self.size)
+
+    @property
+    def targets(self) -> RibbonTargets:
+        """The tolerances, cross fields and orders that the ribbons are fitted to."""
+        return make_ribbon_targets(self.tolerance, self.size)
+
+    @property
+    def steers(self) -> bool:
+        """Never: the directions are those of the exact sections."""
+        return False
+
+    @property
+    def size_advice(self) -> str:
+        """What to do to find a size that fits."""
+        return "try less"
+
+    @property
+    def _fold_advice(self) -> str:
+        return ""
+
+    def _check_turns(self, t: Array, v: Array, blend: BlendSurface) -> None:
+        """Raise GeometryError where a section turns by half a turn or more.
+
+        At acute edges these sections leave their rails backwards, so that their progress along the chord tells nothing.
+        """
+        tangents = blend.surface(t, v, 0, 1)
+        directions = normalise_vectors(tangents.reshape(-1, 3)).reshape(tangents.shape)
+        cosines = (directions[:, 1:] * directions[:, :-1]).sum(axis=-1)
+        turns = np.arccos(np.clip(cosines, -1, 1)).sum(axis=1)
+        if turns.max() >= np.pi:
+            raise GeometryError(
+                f"the section at t = {t[turns.argmax(), 0]:.3g} turns by {turns.max():.3g} rad: choose smaller a and b"
+            )
+
+
+@dataclass(frozen=True)
+class _PotentialAtJoint(SectionAtJoint):
+    method: PotentialMethod
+    joint: Joint
+
+    @cached_property
+    def _sweep(self) -> EdgeSweep:
+        """The curves in which the moved support surfaces meet."""
+        joint, spine = self.joint, self.joint.spine
+        return sweep_from_edge(
+            joint.sides, joint.locate_stations, spine.length, self.method.relation, closed=spine.closed
+        )
+
+    def make_solver(self) -> ContactSolver:
+        return cache_contacts(lambda t, _: self._sweep.solve_contacts(t))
+
+    def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        domain, turn = ribbons[0].c.domain, self.joint.spine.measure_arc_angle()
+        sweep = replace(self._sweep, domain=domain)
+        if ribbons[0].light and turn is not None:
+            layout = ArcLayout(domain, turn, get_largest_arc(self.joint))
+            sweep = replace(sweep, edge_parameter_at=lambda t: layout.map_parameters(t)[0])
+        return loosen_until_feasible(partial(self._fill_within, sweep, ribbons), self.method.tolerance)
+
+    def _fill_within(self, sweep: EdgeSweep, ribbons: tuple[Ribbon, Ribbon], tolerance: float) -> BlendSurface:
+        """Return the blend surface that is within a tolerance (mm) of its exact sections."""
+        request = self.method.request
+        section = SweptSection.from_sweep(sweep, self.joint.spine.closed, tolerance)
+        return section.blend_ribbons(ribbons, request.form, request.tolerance, request.angular_tolerance)
+
+
+def choose_section_method(request: BlendRequest) -> SectionMethod:
+    """Return the section method that a request asks for."""
+    methods: dict[str, type[SectionMethod]] = {
+        "hermite": HermiteMethod,
+        "pde": PdeMethod,
+        "potential": PotentialMethod,
+    }
+    return methods[request.section](request)
+
+
+def get_largest_arc(joint: Joint) -> float:
+    """Return the largest angle (rad) of one rational arc of a circular rail."""
+    return RAIL_TOLERANCES.largest_closed_arc if joint.spine.closed else RAIL_TOLERANCES.largest_open_arc

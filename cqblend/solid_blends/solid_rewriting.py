@@ -1,0 +1,172 @@
+"""Rewrite one solid with all its blends at once, verify the result once, and find the blend at fault if that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
+from cqblend.brep.shell_editing.strip_planning import StripConflictError, merge_strips
+from cqblend.brep.verification.blend_certification import certify_blend
+from cqblend.brep.verification.solid_verification import check_solid
+from cqblend.certificate import Certificate
+from cqblend.errors import CqblendError, SizeError, VerificationError
+from cqblend.solid_blends.blend_acceptance import check_promises
+from cqblend.solid_blends.strip_context import StripContext
+from cqblend.solid_blends.strip_draft import StripDraft, StripDrafts
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+
+
+class DraftedNetwork:
+    """A network of edges that touch, with the present draft of each of its strips.
+
+    ``edges`` are the numbers of the picked edges in the input shape.
+
+    Raises
+    ------
+    CqblendError
+        If a strip has no draft.
+    """
+
+    def __init__(self, edges: Sequence[int], contexts: Sequence[StripContext]) -> None:
+        self.edges = tuple(edges)
+        self.contexts = tuple(contexts)
+        self.sources = tuple(map(StripDrafts, contexts))
+        self.drafts = tuple(source.make_first() for source in self.sources)
+
+    @property
+    def index(self) -> SolidIndex:
+        """Facts of the solid that the network is part of."""
+        return self.contexts[0].joint.index
+
+    @property
+    def name(self) -> str:
+        """What messages call it: its first edge."""
+        return self.contexts[0].joint.name
+
+    def make_next(self, failure: CqblendError) -> None:
+        """Replace the drafts by the next ones, because the present ones turned out to fail.
+
+        Raises
+        ------
+        CqblendError
+            If there are none.
+        """
+        self.drafts = tuple(source.make_next(failure) for source in self.sources)
+
+
+class FaultyNetworkError(CqblendError):
+    """One network cannot be blended in its solid: ``cause`` is why."""
+
+    def __init__(self, network: DraftedNetwork, cause: CqblendError) -> None:
+        super().__init__(str(cause), kind=cause.kind)
+        self.network = network
+        self.cause = cause
+
+
+class CertifiedStrip(NamedTuple):
+    """A blend face of a verified solid, and its certificate."""
+
+    face: TopoDS_Face
+    certificate: Certificate
+
+
+@dataclass(frozen=True)
+class RewrittenSolid:
+    """A solid with blends, verified, and the strips of each network in it."""
+
+    solid: TopoDS_Shape
+    strips: Mapping[DraftedNetwork, Sequence[CertifiedStrip]]
+
+
+def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> RewrittenSolid:
+    """Rewrite a solid with all blends of some networks, verify it, and certify the blends.
+
+    Raises
+    ------
+    FaultyNetworkError
+        If that fails because of one of them.
+    """
+    while True:
+        try:
+            proposal = _propose_solid(index, networks)
+            break
+        except CqblendError as error:
+            fault = _find_fault(index, networks, error)
+        try:
+            fault.network.make_next(fault.cause)
+        except CqblendError as last:
+            raise FaultyNetworkError(fault.network, last) from last
+    strips: dict[DraftedNetwork, list[CertifiedStrip]] = {}
+    pairs = ((network, draft) for network in networks for draft in network.drafts)
+    for (network, draft), built in zip(pairs, proposal.strips, strict=True):
+        try:
+            certificate = _certify_strip(draft, built, proposal.tolerance)
+        except CqblendError as error:
+            raise FaultyNetworkError(network, error) from error
+        strips.setdefault(network, []).append(CertifiedStrip(built.blend_face, certificate))
+    return RewrittenSolid(proposal.solid, strips)
+
+
+def _certify_strip(draft: StripDraft, strip: BuiltStrip, tolerance: float) -> Certificate:
+    """Measure one blend, and check that it measures up to what it promises."""
+    certificate = certify_blend(draft.context.joint, strip, draft.blend, tolerance)
+    check_promises(certificate, draft.context, draft.blend)
+    return certificate if draft.ends is None else replace(certificate, coverage=draft.ends.coverage)
+
+
+def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> ProposedSolid:
+    """Rewrite a solid by the present drafts of networks, and verify it.
+
+    Raises
+    ------
+    CqblendError
+        If the blends do not fit together, or the result does not verify.
+    """
+    drafts = [draft for network in networks for draft in network.drafts]
+    proposal = apply_plan(index, merge_strips(index, [draft.planned for draft in drafts]))
+    check = check_solid(
+        index.solid,
+        proposal.solid,
+        [strip.blend_face for strip in proposal.strips],
+        grows=[not draft.context.joint.is_convex for draft in drafts],
+        tolerance=max(_get_edge_tolerance(draft) for draft in drafts),
+    )
+    if check.crosses:
+        raise SizeError("the blend runs into another boundary or face: the size is too large for it", kind="too large")
+    if check.problems:
+        raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
+    return proposal
+
+
+def _get_edge_tolerance(draft: StripDraft) -> float:
+    """Return the largest tolerance (mm) that a new edge of a strip may have."""
+    context = draft.context
+    return max(SOLID_BLEND_TOLERANCES.edge, 2 * context.joint.tolerance, 2 * context.method.request.tolerance)
+
+
+def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: CqblendError) -> FaultyNetworkError:
+    """Return which of some networks is to blame for an error: one that fails alone, or with those before it."""
+    if isinstance(error, StripConflictError):
+        owners = [network for network in networks for _ in network.drafts]
+        first, last = owners[error.strips[0]], owners[error.strips[-1]]
+        return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
+    if len(networks) == 1:
+        return FaultyNetworkError(networks[0], error)
+    groups = [[network] for network in networks] + [list(networks[:count]) for count in range(2, len(networks) + 1)]
+    for group in groups:
+        try:
+            _propose_solid(index, group)
+        except CqblendError as failure:
+            return FaultyNetworkError(group[-1], _name_partner(failure, group[0]) if len(group) > 1 else failure)
+    return FaultyNetworkError(networks[-1], error)
+
+
+def _name_partner(error: CqblendError, network: DraftedNetwork) -> CqblendError:
+    """Return an error that says together with which other blend it came about."""
+    return error.with_details(after=f", together with the blend of {network.name}")

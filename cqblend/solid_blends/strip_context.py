@@ -1,0 +1,96 @@
+"""What one strip needs at its joint: contacts, which are remembered, rails with their ribbons, and the section between.
+
+There is one context for each joint of a call. Size checks, the reach of a blend, the plan of its ends and its rails all
+take their contacts from there, so that none is solved twice.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
+from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
+from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
+from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.selection.joint import Joint
+from cqblend.errors import CqblendError
+from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+from cqblend.splines.bernstein import Array
+
+
+@dataclass(frozen=True)
+class StripContext:
+    """One joint, the section method that it is blended with, and the contacts that have been solved there."""
+
+    joint: Joint
+    method: SectionMethod
+
+    @cached_property
+    def section(self) -> SectionAtJoint:
+        """What the section method does at the joint."""
+        return self.method.bind(self.joint)
+
+    @cached_property
+    def solve(self) -> ContactSolver:
+        """The function from t (n,) to contacts on both support faces."""
+        unwrap = unwrap_closed_solver if self.joint.spine.closed else unwrap_open_solver
+        return unwrap(self.section.make_solver(), self.joint.primaries)
+
+    def scale(self, factor: float) -> StripContext:
+        """Return the context of the same joint with a blend of another size: all its lengths times a factor."""
+        return StripContext(self.joint, self.method.scale(factor))
+
+    @cached_property
+    def checked_contacts(self) -> Contacts:
+        """Contacts all around a closed joint, inside an open one."""
+        count = SOLID_BLEND_TOLERANCES.check_stations
+        numbers = np.arange(count)
+        if self.joint.spine.closed:
+            return self.solve(numbers / (count - 1))
+        inside = (numbers + 0.5) / count
+        with suppress(CqblendError):  # what is asked for later, solved at once; at an end, the joint may fade out
+            self.solve(np.concatenate([inside, (0.0, 1.0)]))
+        return self.solve(inside)
+
+    @cached_property
+    def rail_distances(self) -> Array:
+        """How far (mm) these contacts on both sides are from the edge, (2, n)."""
+        contacts = self.checked_contacts
+        points = [primary.jet(uv)[0] for primary, uv in zip(self.joint.primaries, contacts.uv, strict=True)]
+        return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
+
+    def measure_reach(self) -> float:
+        """Return the largest distance (mm) of the rails from the edge."""
+        return float(self.rail_distances.max())
+
+    def fit_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
+        """Fit rails of the lightest form: straight or circular where that is exact, else cubic splines.
+
+        Those of an open edge run over the given range of t, those of a closed one once around.
+        """
+        joint, closed, targets = self.joint, self.joint.spine.closed, self.method.targets
+        if not closed:
+            rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
+            if rails is not None:
+                return rails
+        turn = joint.spine.measure_arc_angle()
+        if turn is not None:
+            layout = ArcLayout(domain, turn, get_largest_arc(joint))
+            rails = fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
+            if rails is not None:
+                return rails
+        if closed:
+            start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
+            domain = (start, start + 1)
+        return fit_cubic_ribbons(joint.primaries, self.solve, domain, targets, closed=closed)
+
+    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge."""
+        return self.section.fill(self.fit_rails(domain))

@@ -1,0 +1,37 @@
+"""Interpolation between the nearest nodes: polynomials come out as they are, and errors fall as they must."""
+
+import numpy as np
+import pytest
+
+from cqblend.blends.potential.local_interpolation import interpolate_locally
+
+RNG = np.random.default_rng(11)
+NODES = np.sort(RNG.random(23))
+T = np.concatenate([RNG.uniform(-0.02, 1.02, 60), NODES[[0, 5, -1]]])
+
+
+@pytest.mark.parametrize("count", [2, 4, 6])
+def test_polynomials_are_reproduced(count):
+    coefs = RNG.normal(size=(count, 3, 2))
+
+    def evaluate(t):
+        return np.einsum("kij,kn->nij", coefs, t ** np.arange(count)[:, None])
+
+    found = interpolate_locally(NODES, evaluate(NODES), T, count)
+    assert found.shape == (len(T), 3, 2)
+    assert np.abs(found - evaluate(T)).max() < 1e-9
+
+
+def test_values_at_nodes_are_exact():
+    values = RNG.normal(size=(len(NODES), 4))
+    assert np.array_equal(interpolate_locally(NODES, values, NODES, 6), values)
+
+
+@pytest.mark.parametrize("count", [4, 6])
+def test_errors_fall_with_the_order(count):
+    t = RNG.random(200)
+    errors = []
+    for n in (33, 65):
+        nodes = np.linspace(0, 1, n)
+        errors.append(np.abs(interpolate_locally(nodes, np.sin(9 * nodes), t, count) - np.sin(9 * t)).max())
+    assert errors[0] / errors[1] > 0.7 * 2**count
