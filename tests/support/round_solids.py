@@ -15,6 +15,7 @@ from OCP.Geom import (
     Geom_ConicalSurface,
     Geom_Curve,
     Geom_CylindricalSurface,
+    Geom_Line,
     Geom_Plane,
     Geom_RectangularTrimmedSurface,
     Geom_SphericalSurface,
@@ -174,9 +175,12 @@ def evaluate_long(surface: Geom_Surface, uv: np.ndarray) -> np.ndarray:
 
 
 def evaluate_long_curve(curve: Geom_Curve, v: np.ndarray) -> np.ndarray:
-    """Return points and two derivatives (3, n, 3) of a circle or a B-spline at long doubles (n,)."""
+    """Return points and two derivatives (3, n, 3) of a line, a circle or a B-spline at long doubles (n,)."""
     while isinstance(curve, Geom_TrimmedCurve):
         curve = curve.BasisCurve()
+    if isinstance(curve, Geom_Line):
+        start, along = (np.array(part.Coord(), LONG) for part in (curve.Lin().Location(), curve.Lin().Direction()))
+        return np.stack([start + v[:, None] * along, along + 0 * v[:, None], np.zeros((len(v), 3), LONG)])
     if isinstance(curve, Geom_Circle):
         position = curve.Position()
         parts = (position.Location(), position.XDirection(), position.YDirection())
