@@ -123,16 +123,37 @@ def reshape_inner_poles(draft: SolidDraft, rng: Rng, reshape: Callable[[np.ndarr
 
 
 def folds(blend: FaceDraft) -> bool:
-    """Whether the normal of a surface turns by more than a right angle between neighbours of a grid on its face."""
+    """Whether the normal of a surface flips between points of its face that are very near to each other.
+
+    A normal that merely turns fast is not a fold.
+    """
     u0, u1, v0, v1 = BRepTools.UVBounds_s(blend.build())
-    surface, normals = BRep_Tool.Surface_s(blend.bare), np.empty((120, 30, 3))
-    point, du, dv = gp_Pnt(), gp_Vec(), gp_Vec()
-    for i, u in enumerate(np.linspace(u0, u1, 122)[1:-1].tolist()):
-        for j, v in enumerate(np.linspace(v0, v1, 32)[1:-1].tolist()):
+    surface, point, du, dv = BRep_Tool.Surface_s(blend.bare), gp_Pnt(), gp_Vec(), gp_Vec()
+
+    def evaluate_normals(us: np.ndarray, vs: np.ndarray) -> np.ndarray:
+        normals = []
+        for u, v in zip(us.tolist(), vs.tolist(), strict=True):
             surface.D1(u, v, point, du, dv)
-            normals[i, j] = du.Crossed(dv).Coord()
-    along, across = np.sum(normals[1:] * normals[:-1], axis=-1), np.sum(normals[:, 1:] * normals[:, :-1], axis=-1)
-    return bool(min(along.min(), across.min()) < 0.0)
+            normals.append(du.Crossed(dv).Coord())
+        return np.array(normals)
+
+    u, v = np.linspace(u0, u1, 122)[1:-1], np.linspace(v0, v1, 32)[1:-1]
+    normals = evaluate_normals(np.repeat(u, 30), np.tile(v, 120)).reshape(120, 30, 3)
+    for axis in (0, 1):
+        first, second = (normals[1:], normals[:-1]) if axis == 0 else (normals[:, 1:], normals[:, :-1])
+        for i, j in np.argwhere(np.sum(first * second, axis=-1) < 0.0)[:20].tolist():
+            ends = np.array([[u[i], v[j]], [u[i + (axis == 0)], v[j + (axis == 1)]]])
+            for _ in range(2):
+                steps = ends[0] + np.linspace(0.0, 1.0, 17)[:, None] * (ends[1] - ends[0])
+                between = evaluate_normals(*steps.T)
+                turns = np.sum(between[1:] * between[:-1], axis=-1)
+                if not (turns < 0.0).any():
+                    break
+                worst = int(turns.argmin())
+                ends = steps[worst : worst + 2]
+            else:
+                return True
+    return False
 
 
 @fault("blend folds over")

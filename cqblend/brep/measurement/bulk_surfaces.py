@@ -199,6 +199,21 @@ class SplineSurface:
         mixed = [along_u.combine(row) for row in along_v.combine(picked)]
         return self._order_jets(lambda i, j: mixed[j][i], order)
 
+    def compute_normals_on_grid(self, u: Array, v: Array) -> Array:
+        """Return vectors (3, n, m) along the normals Su x Sv at all pairs of parameters u (n,) and v (m,)."""
+        along_u, along_v = (
+            evaluate_basis(knots, degree, t, 1)
+            for knots, degree, t in zip(self.knots, self.degrees, (u, v), strict=True)
+        )
+        table = self._columns.reshape(-1, *self._shape)
+        rows = [row.transpose(0, 2, 1) for row in along_v.combine(table[:, :, along_v.poles])]  # (d, m, nu)
+        points, su = along_u.combine(rows[0].take(along_u.poles, axis=2))
+        sv = along_u.combine(rows[1].take(along_u.poles, axis=2))[0]
+        if self._is_rational:
+            su, sv = (part[:-1] * points[-1] - part[-1] * points[:-1] for part in (su, sv))
+        (a, b, c), (x, y, z) = su, sv
+        return np.stack((b * z - c * y, c * x - a * z, a * y - b * x)).transpose(0, 2, 1)
+
     def _evaluate_basis(self, axis: int, t: Array, order: Order) -> LocalBasis:
         """Return the basis in one direction at parameters (n,), at one of them if they are all the same."""
         knots = self.knots[axis]

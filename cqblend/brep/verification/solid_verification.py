@@ -13,21 +13,16 @@ from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measurement.edge_sides import require_shape
 from cqblend.brep.topology import ShapeIndex, make_compound
+from cqblend.brep.verification.blend_sides import find_wrong_sides
 from cqblend.brep.verification.boolean_trial import BoxCheck, check_box
-from cqblend.brep.verification.brep_check import (
-    CROSSING_STATUSES,
-    describe_flaws,
-    drop_inherited_flaws,
-    find_flaws,
-    find_shell_problems,
-)
+from cqblend.brep.verification.brep_check import describe_flaws, find_flaws, find_shell_problems
+from cqblend.brep.verification.changed_faces import find_invalid_parts
+from cqblend.brep.verification.collisions import find_collisions
+from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.face_folds import find_folds
-from cqblend.brep.verification.replacement_checks import (
-    check_volume_change,
-    find_collisions,
-    find_loose_edges,
-    is_on_wanted_side,
-)
+from cqblend.brep.verification.new_edges import find_deviations, find_loose_edges, find_missing_curves
+from cqblend.brep.verification.replaced_faces import Check, ReplacedFaces, ReplacementProblem
+from cqblend.brep.verification.shell_checks import find_new_inversions, find_new_shell_problems
 from cqblend.brep.verification.smooth_edges import EdgeCheck, check_edges
 from cqblend.brep.verification.step_round_trip import StepCheck, check_step
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
@@ -175,14 +170,22 @@ class ReplacementCheck:
 
     Attributes
     ----------
-    problems
-        One line for every problem.
-    crosses
-        Whether the boundary of a new face crosses itself, or a new face another one: the blend is too large.
+    records
+        What was found, with the new faces that it concerns.
     """
 
-    problems: tuple[str, ...]
-    crosses: bool
+    records: tuple[ReplacementProblem, ...]
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """One line for every problem, of one check at most six."""
+        lines = [[record.line for record in self.records if record.check == check] for check in Check]
+        return tuple(line for group in lines for line in _abbreviate_lines(group))
+
+    @property
+    def crosses(self) -> bool:
+        """Whether the boundary of a face crosses itself, or a new face another one: the blend is too large."""
+        return any(record.crosses for record in self.records)
 
 
 def check_solid(
@@ -192,55 +195,57 @@ def check_solid(
     *,
     grows: bool | Sequence[bool] | None = None,
     tolerance: float = 1e-5,
+    index_before: ShapeIndex | None = None,
 ) -> ReplacementCheck:
-    """Look for anything wrong with a solid that was made from another by replacing a few faces.
+    """Look for anything wrong with a solid that was made from another by replacing some faces.
 
-    Fast, because faces that both have in common are not looked at again: a flaw that the input brought along and that
-    nobody touched is not the result's fault. All that is new must be valid in both modes of ``BRepCheck``: the
-    ordinary one, which is what a user's ``isValid()`` asks, and the exact one. A face in place of one that failed a
-    mode may fail that mode for the same reason, but not the other.
+    Only what changed is looked at: a flaw that the input brought along and that nobody touched is not the result's
+    fault, nor is one of an old face that its successor has again. A solid without problems passes ordinary
+    ``BRepCheck`` as a whole, which a user's ``isValid()`` asks, if the solid before did.
 
     Parameters
     ----------
     before, after : TopoDS_Shape
         The solids. What ``after`` took over from ``before`` must be the same topological objects.
     new_faces : sequence of TopoDS_Face
-        The faces that were added, the blends; they must not fold over.
-    grows : bool, optional
-        Whether material was added (concave edges) or removed; None if that is not known.
+        The faces that were added, the blends: of all blended edges at once.
+    grows : bool or sequence of bool, optional
+        Whether material was added (concave edges) or removed, by all new faces or by each; None if that is not known.
     tolerance : float
         Largest tolerance in mm that a new edge or vertex may have.
+    index_before : ShapeIndex, optional
+        The faces of ``before``, if they are numbered already.
 
     Returns
     -------
     ReplacementCheck
-        With one line for every problem.
+        Every problem, with the new faces that it concerns.
     """
-    index_before, index_after = (ShapeIndex(solid, TopAbs_FACE) for solid in (before, after))
-    old = [face for face in index_before if face not in index_after]
-    new = [face for face in index_after if face not in index_before]
-    missing = [i for i, face in enumerate(new_faces, 1) if face not in index_after]
-    problems = [f"new face {i} is not in the result" for i in missing]
-    crosses = False
-    for exact in (False, True):
-        found = find_flaws(make_compound(new), exact=exact)
-        if found:
-            found = drop_inherited_flaws(found, find_flaws(make_compound(old), exact=exact))
-            crosses |= any(flaw.status in CROSSING_STATUSES for flaw in found)
-            problems += _abbreviate_lines(describe_flaws(after, found, exact=exact))
-    known = set(find_shell_problems(before))
-    problems += [line for line in find_shell_problems(after) if line not in known]
-    if not problems:
-        problems += find_inverted_solids(after)
-    problems += find_loose_edges(old, new, after, tolerance)
-    problems += [line for face in new_faces for line in find_folds(face)]
-    collisions = [line for face in new_faces if face in index_after for line in find_collisions(face, after)]
-    problems += collisions
-    wanted = [grows] * len(new_faces) if isinstance(grows, bool) else list(grows or ())
-    sides = [is_on_wanted_side(before, [face], one) for face, one in zip(new_faces, wanted, strict=bool(wanted))]
-    if not all(sides) and len(set(wanted)) == 1:
-        problems += check_volume_change(old, new, wanted[0])
-    return ReplacementCheck(tuple(problems), crosses or bool(collisions))
+    replaced = ReplacedFaces(before, after, new_faces, index_before)
+    records = [
+        ReplacementProblem(f"new face {i + 1} is not in the result", Check.PRESENCE, (i,), (face,))
+        for i, face in enumerate(replaced.new_faces)
+        if face not in replaced.index_after
+    ]
+    records += find_missing_curves(replaced)
+    if records:
+        return ReplacementCheck(tuple(records))
+    records += find_invalid_parts(replaced)
+    records += find_new_shell_problems(replaced)
+    records += find_loose_edges(replaced, tolerance)
+    records += find_deviations(replaced)
+    boxes = FaceBoxes(replaced.index_after)
+    if not records:
+        records += find_new_inversions(replaced, boxes)
+    records += [
+        ReplacementProblem(line, Check.FOLDS, (i,), (face,))
+        for i, face in enumerate(replaced.new_faces)
+        for line in find_folds(face)
+    ]
+    records += find_collisions(replaced, boxes)
+    if grows is not None:
+        records += find_wrong_sides(replaced, grows)
+    return ReplacementCheck(tuple(records))
 
 
 def _locate_faces(shape: TopoDS_Shape, faces: Iterable[TopoDS_Face]) -> list[TopoDS_Face]:

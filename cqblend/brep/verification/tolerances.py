@@ -27,6 +27,58 @@ class VerificationTolerances:
     step_deviation: float = 1e-7
     """mm, radians: by how much the gap and the angle of a smooth edge may grow in a STEP file, beside a tenth."""
 
+    many_wires: int = 4
+    """Faces with at least so many wires are checked without those that a change did not come near to."""
+
+    wire_box_margin: float = 1e-6
+    """mm or radians, in parameters: by how much the boxes of wires and edges in a face are enlarged."""
+
+    deviation_samples: tuple[int, int] = (211, 8)
+    """Number of parameters at which a new edge and its pcurve are compared, and how many more for each knot."""
+
+    undoubted_deviation: float = 0.25
+    """Relative to the edge's tolerance: a sampled deviation up to which the largest one is not searched for."""
+
+    resolved_deviation: float = 1.03
+    """Factor: largest deviations that differ by no more, of few samples and of three times as many, are resolved."""
+
+    deviation_slack: float = 1e-10
+    """mm: by how much a deviation may be above the edge's tolerance; it is rounding, of large coordinates too."""
+
+    ray_step: float = 1e-4
+    """mm: how far from a face a ray starts that is to tell inside from outside."""
+
+    vertex_slack: float = 2.0
+    """Relative to the largest tolerance of edges that is allowed: the same of their vertices."""
+
+    tangent_cosine: float = 0.995
+    """Faces whose normals at the middle of a common edge have at least this cosine are tangent there: 6 degrees."""
+
+    most_foot_steps: int = 30
+    """Number of Newton steps to the foot of a point on a surface."""
+
+    foot_accuracy: float = 1e-4
+    """Relative to the distance from it: the last step to a foot."""
+
+    piece_counts: tuple[tuple[int, int], ...] = ((8, 4), (48, 16), (192, 48))
+    """Into how many pieces in u and in v surfaces are cut, until their boxes are apart."""
+
+    fold_samples: tuple[int, int] = (1025, 129)
+    """Largest number of parameters in one direction at which the normals of a face are compared: of a face with few
+    spans in the other direction, and of one with many."""
+
+    few_spans: int = 12
+    """How many spans are few in that sense."""
+
+    normals_per_span: int = 5
+    """How many of these parameters there are in every span, if so many are allowed."""
+
+    short_normal: float = 0.3
+    """Relative to the median of |Su x Sv| on a face: where it is shorter, a fold may be near."""
+
+    samples_near_short_normal: tuple[int, int] = (65, 33)
+    """Number of parameters in u and v around the shortest one at which normals are compared again."""
+
     certificate_samples: int = 400
     """Number of points at which a certificate measures each edge of a rail, beside those at knots."""
 
