@@ -90,12 +90,13 @@ def blend_shape(
 
     for chains in selection.networks:
         picked = [number for chain in chains for number in chain.edges]
+        joint: Joint | None = None
         try:
-            networks.append(
-                DraftedNetwork(picked, [contexts.get(joint) for joint in _require_joints(chains, contexts)])
-            )
+            joints = _require_joints(chains, contexts, hints=hints)
+            joint = joints[0]
+            networks.append(DraftedNetwork(picked, list(map(contexts.get, joints))))
         except CqblendError as error:
-            leave_out(picked, error, chains[0].joint)
+            leave_out(picked, error, joint)
     result, strips = selection.shape, dict[DraftedNetwork, Sequence[CertifiedStrip]]()
     for index in dict.fromkeys(network.index for network in networks):
         own = [network for network in networks if network.index is index]
@@ -134,7 +135,7 @@ def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]
     ]
 
 
-def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts) -> list[Joint]:
+def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> list[Joint]:
     """Return the joints of a network, of which there must be one.
 
     Raises
@@ -157,7 +158,7 @@ def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts) -> list[J
             try:
                 check_size(contexts.get(joint))
             except SizeError as error:
-                raise error.with_details(shape=joint.name) from error
+                raise _annotate_error(error, contexts.get(joint), hints=hints) from error
         first, second = chains[0].edges[0], chains[1].edges[0]
         raise UnsupportedError(
             f"edge {first} shares a vertex with edge {second}, and corners and chains over several faces are not built "
@@ -186,7 +187,7 @@ def make_cheap_trial(
     """
     contexts = _Contexts(choose_section_method(request))
     selection = select_joints(shape, edges, request.first, lambda _: np.inf)
-    joints = [joint for chains in selection.networks for joint in _require_joints(chains, contexts)]
+    joints = [joint for chains in selection.networks for joint in _require_joints(chains, contexts, hints=True)]
     return lambda factor: all(is_possible_size(contexts.get(joint).scale(factor)) for joint in joints), min(
         joint.extent for joint in joints
     )

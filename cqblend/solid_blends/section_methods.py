@@ -121,8 +121,9 @@ class SectionMethod(ABC):
 
 
 def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
-    """Return parameters (t, v), (33, 33) each, all over a blend."""
-    t, v = np.meshgrid(np.linspace(*blend.surface.domain[0], 33), np.linspace(0, 1, 33), indexing="ij")
+    """Return parameters (t, v), (n, 33) each, all over a blend; its sections are alike if both ribbons are light."""
+    count = 3 if all(ribbon.light for ribbon in blend.ribbons) else 33
+    t, v = np.meshgrid(np.linspace(*blend.surface.domain[0], count), np.linspace(0, 1, 33), indexing="ij")
     return t, v
 
 

@@ -90,12 +90,13 @@ def draft_strip(
     for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
         blend = context.make_blend(domain)
         context.method.check(blend)
-        check_creases(
-            blend,
-            get_crease_limits(context.method.request),
-            (f"face {first}", f"face {second}"),
-            steers=context.method.steers,
-        )
+        if not all(ribbon.light for ribbon in blend.ribbons):  # light ones run along lines and arcs without knot lines
+            check_creases(
+                blend,
+                get_crease_limits(context.method.request),
+                (f"face {first}", f"face {second}"),
+                steers=context.method.steers,
+            )
         try:
             return blend, plan_strip(place_strip(context.joint, blend), caps)
         except RailsTooShortError as short:

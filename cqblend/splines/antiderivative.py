@@ -25,7 +25,9 @@ def evaluate_legendre(degree: int, x: Array) -> Array:
     if degree:
         out[1] = x
     for k in range(1, degree):
-        out[k + 1] = ((2 * k + 1) * x * out[k] - k * out[k - 1]) / (k + 1)
+        np.multiply(x, out[k], out=out[k + 1])
+        out[k + 1] *= (2 * k + 1) / (k + 1)
+        out[k + 1] -= k / (k + 1) * out[k - 1]
     return out
 
 

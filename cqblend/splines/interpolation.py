@@ -6,7 +6,6 @@ Depends on curves only.
 
 from functools import lru_cache
 from math import comb, factorial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -195,52 +194,6 @@ def interpolate(
     return Curve._from_pieces((breaks,), coefs, False, (np.full(n - 1, 2 * k),))
 
 
-class OneSidedData(NamedTuple):
-    """Values and slopes (n + 1, dim) of a function at its breaks: limits from the left, and from the right."""
-
-    values_before: Array
-    values_after: Array
-    slopes_before: Array
-    slopes_after: Array
-
-
-def interpolate_between_corners(t: Array, data: OneSidedData, is_corner: Array, continuity: Array) -> Curve:
-    """Cubic spline through values at its breaks, C2 but at corners, where slopes are given on both sides.
-
-    All stretches between corners are solved for at once.
-
-    Parameters
-    ----------
-    t
-        (n + 1,) strictly increasing.
-    data
-        Slopes count at corners only; elsewhere both values must be the same.
-    is_corner
-        (n + 1,), True at both ends.
-    continuity
-        (n - 1,) known at the inner breaks.
-    """
-    lengths = t[1:] - t[:-1]
-    chord = (data.values_before[1:] - data.values_after[:-1]) / lengths[:, None]
-    both = lengths[:-1] + lengths[1:]
-    low, up = lengths[1:] / both, lengths[:-1] / both
-    right = np.zeros_like(data.values_after)
-    right[1:-1] = 3 * (low[:, None] * chord[:-1] + up[:, None] * chord[1:])
-    right[1:-1] -= np.where(is_corner[:-2, None], low[:, None] * data.slopes_after[:-2], 0.0)
-    right[1:-1] -= np.where(is_corner[2:, None], up[:, None] * data.slopes_before[2:], 0.0)
-    right[is_corner] = 0.0
-    diagonals = np.zeros((3, len(t)))
-    diagonals[0, 1:-1] = np.where(is_corner[:-2] | is_corner[1:-1], 0.0, low)
-    diagonals[1] = 2.0
-    diagonals[2, 1:-1] = np.where(is_corner[2:] | is_corner[1:-1], 0.0, up)
-    slopes = _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
-    jets = np.empty((2, len(lengths), 2, right.shape[1]))
-    jets[0, :, 0], jets[0, :, 1] = data.values_after[:-1], data.values_before[1:]
-    jets[1, :, 0] = np.where(is_corner[:-1, None], data.slopes_after[:-1], slopes[:-1])
-    jets[1, :, 1] = np.where(is_corner[1:, None], data.slopes_before[1:], slopes[1:])
-    return Curve._from_pieces((t,), _form_hermite_coefs(t, jets), False, (continuity,))
-
-
 def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: Array | None) -> Array:
     """Solve for the slopes at all breaks, (n+1, dim), that make a cubic Hermite form C2.
 
@@ -268,7 +221,7 @@ def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: A
     if sign is not None:
         low[0] *= sign
         up[-1] *= sign
-        found = _solve_cyclic_tridiagonal(low, np.full(n, 2.0), up, inner)
+        found = solve_cyclic_tridiagonal(low, np.full(n, 2.0), up, inner)
         return np.concatenate([found, sign * found[:1]])
     diagonals = np.zeros((3, n + 1))
     diagonals[0, 1:-1], diagonals[1, 1:-1], diagonals[2, 1:-1] = low, 2.0, up
@@ -281,10 +234,10 @@ def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: A
         diagonals[1, 0], diagonals[2, 0], diagonals[1, -1], diagonals[0, -1] = low[0], 1.0, up[-1], 1.0
         right[0] = ((2 + up[0]) * low[0]) * chord[0] + up[0] ** 2 * chord[1]
         right[-1] = low[-1] ** 2 * chord[-2] + ((2 + low[-1]) * up[-1]) * chord[-1]
-    return _solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
+    return solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
 
 
-def _solve_cyclic_tridiagonal(low: Array, middle: Array, up: Array, right: Array) -> Array:
+def solve_cyclic_tridiagonal(low: Array, middle: Array, up: Array, right: Array) -> Array:
     """Solve n equations low x[i-1] + middle x[i] + up x[i+1] = right, indices modulo n, by parallel cyclic reduction.
 
     Sweeps over whole columns, each of which doubles the distance between coupled rows and squares their coupling. A

@@ -50,8 +50,9 @@ class PatchTable:
         row, along_u = _tabulate_basis(self.breaks[0], p, uv[:, 0])
         column, along_v = _tabulate_basis(self.breaks[1], q, uv[:, 1])
         patches = self.coefs[row * (len(self.breaks[1]) - 1) + column]
-        by_u = (patches @ along_u.transpose(2, 1, 0)).reshape(count, q + 1, -1)
-        both = (along_v.transpose(2, 0, 1) @ by_u).reshape(count, 3, -1, 3)  # (n, order by v, d, order by u)
+        dim = self.coefs.shape[1] // (q + 1)
+        by_u = (patches @ along_u.transpose(2, 1, 0)).reshape(count, q + 1, 3 * dim)
+        both = (along_v.transpose(2, 0, 1) @ by_u).reshape(count, 3, dim, 3)  # (n, order by v, d, order by u)
         return both[:, ORDERS_BY_V, :, ORDERS_BY_U]
 
     def evaluate_jet(self, uv: Array) -> Array:

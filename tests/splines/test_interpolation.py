@@ -1,7 +1,5 @@
 """Interpolants meet their conditions, whatever the spacing."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +7,6 @@ from hypothesis import strategies as st
 
 from cqblend.errors import InputError
 from cqblend.splines import hermite, interpolate
-from cqblend.splines.interpolation import OneSidedData, interpolate_between_corners
 
 steps = st.lists(st.floats(0.05, 2), min_size=7, max_size=20)
 
@@ -125,23 +122,3 @@ def test_one_sided_hermite_knows_its_continuity():
 def test_bad_data_is_named(t, values, keywords, message):
     with pytest.raises(InputError, match=message):
         interpolate(t, values, **keywords)
-
-
-@given(steps, st.sets(st.integers(1, 5), max_size=5), st.booleans())
-def test_cubics_between_corners_are_those_of_each_stretch_alone(h, inner, jumping):
-    t = np.cumsum([0, *h])
-    n, rng = len(t), np.random.default_rng(len(h))
-    before, slopes, slopes_after = rng.uniform(-1, 1, (3, n, 2))
-    corners = [0, *sorted(inner), n - 1]
-    after = before.copy()
-    if jumping:
-        after[corners] += rng.uniform(-1, 1, (len(corners), 2))
-    is_corner = np.isin(np.arange(n), corners)
-    data = OneSidedData(before, after, slopes, slopes_after)
-    whole = interpolate_between_corners(t, data, is_corner, np.where(is_corner, -1, 2)[1:-1])
-    for i, j in pairwise(corners):
-        values = np.concatenate([after[i:j], before[j : j + 1]])
-        alone = interpolate(t[i : j + 1], values, derivatives=np.stack([slopes_after[i], slopes[j]]))
-        at = np.linspace(t[i], t[j], 50)[1:-1]
-        np.testing.assert_allclose(whole(at), alone(at), rtol=0, atol=1e-13)
-        np.testing.assert_allclose(whole(at, 1), alone(at, 1), rtol=0, atol=1e-11)

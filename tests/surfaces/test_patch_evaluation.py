@@ -60,3 +60,8 @@ def test_homogeneous_weights_come_with_their_derivatives():
     wanted = Surface(surface.breaks, surface.coefs[:, :, 3:]).jet(*uv.T, 2)[..., 0]
     for k, (i, j) in enumerate(JET_ORDERS):
         assert np.abs(found[k] - wanted[i, j]).max() < 1e-12 * np.abs(wanted[i, j]).max()
+
+
+def test_no_points_have_no_jets():
+    table = arrange(make_surface((3, 2), (4, 3), rational=True, away=0.0))
+    assert table.evaluate_jet(np.empty((0, 2))).shape == (6, 0, 3)

@@ -23,6 +23,7 @@ from cqblend.blends.contacts.contact_solver import (
 from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.errors import CqblendError
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import interpolate_locally
 from cqblend.surfaces.angles import unwrap_parameters
 
 TracingSolver = Callable[[Array, Contacts | None], Contacts]
@@ -116,11 +117,11 @@ def _expect_parameters(
         ],
         axis=1,
     )
-    found = interpolate_locally(known.t, values, t)
+    found = interpolate_known(known.t, values, t)
     return (found[:, :2], found[:, 2:4]), (found[:, 4:6], found[:, 6:])
 
 
-def interpolate_locally(nodes: Array, values: Array, t: Array) -> Array:
+def interpolate_known(nodes: Array, values: Array, t: Array) -> Array:
     """Return at t (m,) the polynomials through the values (n, k) at the nearest of ascending nodes (n,), (m, k).
 
     Each runs through ``ContactTolerances.tracing_stations`` nodes, and those that nearly repeat another are left out.
@@ -128,13 +129,4 @@ def interpolate_locally(nodes: Array, values: Array, t: Array) -> Array:
     kept = np.append(True, np.diff(nodes) > CONTACT_TOLERANCES.least_tracing_gap * (nodes[-1] - nodes[0]))
     if not kept.all():
         nodes, values = nodes[kept], values[kept]
-    count = min(CONTACT_TOLERANCES.tracing_stations, len(nodes))
-    first = np.clip(np.searchsorted(nodes, t) - count // 2, 0, len(nodes) - count)
-    index = first[:, None] + np.arange(count)
-    near = nodes[index]  # (m, count)
-    steps = near[:, :, None] - near[:, None, :]
-    steps[:, np.arange(count), np.arange(count)] = 1.0
-    ahead = t[:, None, None] - near[:, None, :].repeat(count, axis=1)
-    ahead[:, np.arange(count), np.arange(count)] = 1.0
-    weights = ahead.prod(axis=2) / steps.prod(axis=2)  # of the Lagrange form
-    return np.asarray(np.einsum("mc,mck->mk", weights, values[index]))
+    return interpolate_locally(nodes, values, t, min(CONTACT_TOLERANCES.tracing_stations, len(nodes)))

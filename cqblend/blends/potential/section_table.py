@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.potential.local_interpolation import interpolate_locally
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import interpolate_locally
 
 
 @dataclass(frozen=True)

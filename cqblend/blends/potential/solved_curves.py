@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cqblend.blends.potential.local_interpolation import interpolate_locally
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import interpolate_locally
 
 
 @dataclass
@@ -23,11 +23,12 @@ class SolvedCurves:
     displacements: Array = field(default_factory=lambda: np.empty((0, 0, 4)))
 
     def add_displacements(self, t: Array, displacements: Array) -> None:
-        """Remember displacements (n, m, 4) at t (n,)."""
+        """Remember displacements (n, m, 4) at t (n,), but for those that nearly repeat others."""
         if len(self.t):
             t, displacements = np.concatenate([self.t, t]), np.concatenate([self.displacements, displacements])
-        self.t, index = np.unique(t, return_index=True)
-        self.displacements = displacements[index]
+        order = np.argsort(t, kind="stable")
+        kept = order[np.append(True, np.diff(t[order]) > POTENTIAL_TOLERANCES.least_prediction_gap)]
+        self.t, self.displacements = t[kept], displacements[kept]
 
     def predict_displacements(self, t: Array) -> tuple[Array, Array]:
         """Return displacements (n, m, 4) at t (n,), and which of them (n,) are near enough to known ones to be used."""

@@ -70,6 +70,10 @@ class PotentialTolerances:
     prediction_gap: float = 0.1
     """Largest gap between known stations in which others are predicted, over the edge."""
 
+    least_prediction_gap: float = 1e-5
+    """Gap of two known stations, over the edge, below which one of them is forgotten: as nodes of an interpolation they
+    would amplify rounding."""
+
     extrapolation: float = 2.0
     """How far past the known stations others are predicted, as a share of the last gap between these."""
 

@@ -107,6 +107,35 @@ def bound_rounding(
     return _apply_quotient_rule(error, size, 1 / float(weights.min()), largest_coordinate)
 
 
+def bound_curve_rounding(spline: tuple[int, Array, Array, Array | None], at: float) -> Array:
+    """Bound the rounding of OCCT's evaluation of a curve and its first two derivatives, (3,), in the span of ``at``.
+
+    At the first knot of a curve, at that very point. ``spline`` has degree, full clamped knot vector, poles (n, 3), and
+    weights (n,) or None.
+    """
+    degree, knots, poles, weights = spline
+    largest_coordinate = float(np.abs(poles).max())
+    net = poles if weights is None else np.column_stack([poles, np.full(len(poles), largest_coordinate)])
+    net = net if weights is None else net * weights[:, None]
+    breaks, coefs, _ = extract_pieces(degree, knots, net)
+    piece = int(np.clip(np.searchsorted(breaks, at, "right") - 1, 0, len(breaks) - 2))
+    span = np.array([np.searchsorted(knots, breaks[piece], "right") - 1])
+    local = net[span - degree + np.arange(degree + 1)[:, None]][:, :, None]  # (degree + 1, 1, 1, dim)
+    terms = _bound_direction_errors(degree, knots, span, local, start=at == breaks[0])
+    length, table = float(breaks[piece + 1] - breaks[piece]), coefs[..., piece]
+    product_rounding = 0.0 if weights is None else EPSILON / 2 * float(np.abs(net).max())
+    zero = np.zeros(())
+    error, size = dict.fromkeys(DERIVATIVE_ORDERS, zero), dict.fromkeys(DERIVATIVE_ORDERS, zero)
+    for k in range(3):
+        error[0, k] = terms[k][0, 0] + product_rounding * (2 * degree / length) ** k
+        size[0, k] = np.abs(table).max() / length**k
+        table = bernstein.differentiate_coefs(table)
+    if weights is None:
+        return np.array([2 * error[0, k] for k in range(3)])
+    found = _apply_quotient_rule(error, size, 1 / float(weights.min()), largest_coordinate).error
+    return np.array([found[0, k] for k in range(3)])
+
+
 def _bound_direction_errors(
     degree: int, knots: Array, spans: Array, local: Array, *, start: bool = False
 ) -> list[Array]:

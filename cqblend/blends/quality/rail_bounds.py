@@ -82,16 +82,16 @@ def bound_curvature_jump(low: NormBounds, high: NormBounds, sine: float) -> Arra
         jumps[name] = high["form_change_" + name] / unit + tangent_part / (low["area"] * unit) + shifted
     blend_lengths = low["along"] / high["weight"], low["across"] / high["weight"]
     blend_slant = _bound_slant(low, high, "area", "along", "across")
-    jump = _bound_largest_curvature((jumps["tt"], jumps["tv"], jumps["vv"]), blend_lengths, blend_slant)
+    jump = bound_largest_curvature((jumps["tt"], jumps["tv"], jumps["vv"]), blend_lengths, blend_slant)
     ribbon_lengths = low["ribbon_t"] / high["weight"], low["ribbon_v"] / high["weight"]
     ribbon_slant = _bound_slant(low, high, "ribbon_area", "ribbon_t", "ribbon_v")
-    primary_curvature = _bound_largest_curvature((form["tt"], form["tv"], form["vv"]), ribbon_lengths, ribbon_slant)
+    primary_curvature = bound_largest_curvature((form["tt"], form["tv"], form["vv"]), ribbon_lengths, ribbon_slant)
 
     def bound_evaluation_jump(
         name: str, turn: Array, lengths: tuple[Array, Array], slant: Slant, curvature: Array
     ) -> Array:
         errors = [high[f"{name}_error_{order}"] + turn * high[f"{name}_size_{order}"] for order in ("20", "11", "02")]
-        changed = _bound_largest_curvature((errors[0], errors[1], errors[2]), lengths, slant)
+        changed = bound_largest_curvature((errors[0], errors[1], errors[2]), lengths, slant)
         return (1 + turn) ** 2 * changed + turn * (2 + turn) * curvature
 
     blend_turn, primary_turn = _bound_evaluation_turns(low, high)
@@ -109,7 +109,7 @@ def bound_curvature_jump(low: NormBounds, high: NormBounds, sine: float) -> Arra
     return (1 + sine**2) * jump + 2 * sine**2 * primary_curvature + evaluated
 
 
-def _bound_largest_curvature(forms: tuple[Array, Array, Array], lengths: tuple[Array, Array], slant: Slant) -> Array:
+def bound_largest_curvature(forms: tuple[Array, Array, Array], lengths: tuple[Array, Array], slant: Slant) -> Array:
     """Bound the absolute value of II(x, x) for all unit x of a plane.
 
     From bounds of that of II for (a, a), (a, b) and (b, b), of the lengths of a and b from below, and of their angle.

@@ -42,7 +42,23 @@ class ProofTolerances:
     """Error of the angle between two unit normals that are compared, rad."""
 
     closed_form: float = 64 * EPSILON
-    """Relative error of the derivatives of surfaces that OCCT evaluates by formulas."""
+    """Relative error of the first derivatives, both together, of surfaces that OCCT evaluates by formulas; of each
+    second derivative, half as much."""
+
+    torus_zero: float = 10 * EPSILON
+    """Share of the sum of a torus' radii up to which OCCT sets coordinates, and derivatives, to zero."""
+
+    rotation: float = 16 * EPSILON
+    """Relative error of vectors that OCCT turns about the axis of a surface of revolution, and of its cross products
+    with that axis."""
+
+    point: float = 16 * EPSILON
+    """Error of points of turned profiles, planes and quadrics, as a share of the largest coordinates of the point and
+    of the origin."""
+
+    section: float = 8.0
+    """Errors of a section and of its derivatives where it is taken from a profile, in units of the rounding of
+    coefficients, for each degree and one more."""
 
     rail_parameter: float = 4 * EPSILON
     """Relative error of a rail's parameters where they are evaluated, for each degree and one more."""

@@ -24,12 +24,14 @@ def predict_growth(errors: Array, order: float) -> Array:
     return np.asarray(np.clip(growth, tolerances.least_span_growth, tolerances.most_span_growth))
 
 
-def space_breaks(breaks: Array, growth: Array, fixed: Array) -> Array:
+def space_breaks(breaks: Array, growth: Array, fixed: Array, shortest: float = 0.0) -> Array:
     """Return breaks anew, of which there are as many times more in each span (n,) as ``growth`` (n,) says.
 
-    Both ends, and those at ``fixed``, stay where they are.
+    Both ends, and those at ``fixed``, stay where they are. For the sake of its neighbours alone, no span gets shorter
+    than ``shortest``.
     """
-    share = np.append(0.0, np.cumsum(_grade_growth(growth)))  # the number of new spans up to each break
+    growth = _grade_growth(growth, np.diff(breaks) / shortest if shortest else np.full(len(growth), np.inf))
+    share = np.append(0.0, np.cumsum(growth))  # the number of new spans up to each break
     stays = np.isin(breaks, fixed)
     stays[[0, -1]] = True
     parts = [breaks[:1]]
@@ -40,10 +42,10 @@ def space_breaks(breaks: Array, growth: Array, fixed: Array) -> Array:
     return np.concatenate(parts)
 
 
-def _grade_growth(growth: Array) -> Array:
+def _grade_growth(growth: Array, most: Array) -> Array:
     """Let no span grow by much less than its neighbours: a spline is only as good as the spans around."""
     beside = np.maximum(np.append(growth[1:], 0.0), np.append(0.0, growth[:-1]))
-    return np.asarray(np.maximum(growth, beside * RAIL_TOLERANCES.neighbour_growth))
+    return np.asarray(np.maximum(growth, np.minimum(beside * RAIL_TOLERANCES.neighbour_growth, most)))
 
 
 def halve_spans(breaks: Array, errors: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.splines.interpolation import OneSidedData, interpolate_between_corners
+from cqblend.splines.interpolation import solve_cyclic_tridiagonal
 
 
 @dataclass(frozen=True)
@@ -85,12 +85,36 @@ def interpolate_with_corners(
     before[even] = after[even] = (before[even] + after[even]) / 2
     if closed and even[0] and even[-1]:
         before[-1] = after[0] = (right[0] + left[-1]) / 2
-    at_nodes = values[::3]
-    ends = at_nodes.copy()
-    ends[1:] = spans[3]
-    is_corner = np.zeros(len(nodes), dtype=bool)
+    order = np.full(len(nodes), 2)
+    order[corners] = np.where(even[corners], 1, 0)
+    gaps = np.abs(spans[3] - values[3::3]).max(axis=1) > RAIL_TOLERANCES.same_value_share * np.abs(values).max()
+    order[corners[1:]] = np.where(gaps[np.asarray(corners[1:]) - 1], -1, order[corners[1:]])
+    first, last = _solve_inner_slopes(steps, (spans[3] - spans[0]) / steps[:, None], corners, (before, after))
+    coefs = np.stack([spans[0], spans[0] + first * steps[:, None] / 3, spans[3] - last * steps[:, None] / 3, spans[3]])
+    return Curve(nodes, coefs.swapaxes(1, 2), continuity=order[1:-1]).reduce(tolerance=1e-13)
+
+
+def _solve_inner_slopes(
+    steps: Array, chords: Array, corners: Array, corner_slopes: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Return the slopes (n, k) at the start and at the end of every span, with which a spline is C2 between corners.
+
+    ``chords`` (n, k) are the mean slopes of the spans, ``corner_slopes`` those before and after all nodes (n + 1, k),
+    of which those at the corners are used.
+    """
+    before, after = corner_slopes
+    is_corner = np.zeros(len(before), dtype=bool)
     is_corner[corners] = True
-    jumps = np.abs(ends - at_nodes).max(axis=1) > RAIL_TOLERANCES.same_value_share * np.abs(values).max()
-    order = np.where(is_corner, np.where(jumps, -1, np.where(even, 1, 0)), 2)
-    data = OneSidedData(ends, at_nodes, before, after)
-    return interpolate_between_corners(nodes, data, is_corner, order[1:-1]).reduce(tolerance=1e-13)
+    low, middle, up, right = np.zeros(len(before)), np.ones(len(before)), np.zeros(len(before)), np.zeros_like(before)
+    ahead = steps[:-1] / (steps[:-1] + steps[1:])
+    low[1:-1], middle[1:-1], up[1:-1] = 1 - ahead, 2.0, ahead
+    right[1:-1] = 3 * ((1 - ahead)[:, None] * chords[:-1] + ahead[:, None] * chords[1:])
+    # slopes at corners are known, and may be two: they go to the right-hand sides of their neighbours
+    right[1:] -= np.where(is_corner[:-1, None], low[1:, None] * after[:-1], 0.0)
+    right[:-1] -= np.where(is_corner[1:, None], up[:-1, None] * before[1:], 0.0)
+    low[1:][is_corner[:-1]] = up[:-1][is_corner[1:]] = 0.0
+    low[is_corner], middle[is_corner], up[is_corner] = 0.0, 1.0, 0.0
+    slopes = solve_cyclic_tridiagonal(low, middle, up, right)
+    return np.where(is_corner[:-1, None], after[:-1], slopes[:-1]), np.where(
+        is_corner[1:, None], before[1:], slopes[1:]
+    )

@@ -90,7 +90,7 @@ def fit_cubic_ribbons(
     task = _CubicFit(primaries, solve, domain, wanted, closed, corners, tuple(crossings))
     moves: list[ContactMove] = []
     unsteered = (task.no_steering, task.no_steering)
-    breaks, ribbons = task.refine_breaks(task.choose_initial_breaks(), moves, unsteered)
+    breaks, ribbons = task.refine_breaks(task.choose_initial_breaks(), moves, unsteered, RAIL_TOLERANCES.spacing_rounds)
     breaks, moves = _merge_knot_crossings(ribbons, breaks, corners)
     if moves:
         ribbons = task.interpolate_contacts(breaks, moves, unsteered).ribbons
@@ -101,7 +101,7 @@ def fit_cubic_ribbons(
             replace(task.no_steering, pins=tuple(first_pins)),
             replace(task.no_steering, pins=tuple(second_pins)),
         )
-        breaks, ribbons = task.refine_breaks(breaks, moves, steering)
+        breaks, ribbons = task.refine_breaks(breaks, moves, steering, 0)  # breaks stay where crossings brought them
     return ribbons
 
 
@@ -145,17 +145,20 @@ class _CubicFit:
         return np.sort(np.concatenate([even[clear], self.corners[inside]]))
 
     def refine_breaks(
-        self, breaks: Array, moves: Sequence[ContactMove], steering: tuple[Steering, Steering]
+        self, breaks: Array, moves: Sequence[ContactMove], steering: tuple[Steering, Steering], spacing_rounds: int
     ) -> tuple[Array, tuple[Ribbon, Ribbon]]:
-        """Shorten spans until the ribbons are as wanted; return the breaks, and the ribbons."""
-        fixed = np.append(self.corners, [move.t for move in moves])
+        """Shorten spans until the ribbons are as wanted; return the breaks, and the ribbons.
+
+        In so many rounds all breaks but those at corners are spaced anew; after these, spans are halved.
+        """
         for count in itertools.count():
             fitted = self.interpolate_contacts(breaks, moves, steering)
             missed, growth = self._find_missed_spans(breaks, fitted.errors)
             if not missed.any():
                 break
-            if count < RAIL_TOLERANCES.spacing_rounds:
-                breaks = space_breaks(breaks, growth, fixed)
+            if count < spacing_rounds:
+                shortest = RAIL_TOLERANCES.shortest_span_for_direction * self.length
+                breaks = space_breaks(breaks, growth, self.corners, shortest)
             else:
                 breaks = halve_spans(breaks, np.where(missed, 2.0, 0.0)[:, None].repeat(2, axis=1))
         gap = max(float(errors.across.max()) for errors in fitted.errors)

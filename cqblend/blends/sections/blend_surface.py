@@ -30,7 +30,7 @@ from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.splines.breaks import align_breaks
-from cqblend.surfaces.vectors import cross_product, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
 
 Form = Literal["exact", "compact"]
 SectionBuilder = Callable[[tuple[Jets, Jets]], Surface]
@@ -181,15 +181,39 @@ def blend_ribbons(
 def find_fold(surface: Surface) -> float | None:
     """Return a t at which the normal of a blend turns over between neighbours of a grid; None if it does not.
 
-    The grid has six points for each piece, some next to its ends, and 97 across.
+    The grid has six points for each piece, some next to its ends, and 97 across. It is looked at only if the normal
+    turns, or gets shorter, so much between neighbours of a coarser one that it may turn over in between.
     """
-    breaks = surface.breaks[0]
+    breaks, finest = surface.breaks[0], SECTION_TOLERANCES.fold_sections
     t = (breaks[:-1] + np.multiply.outer(FOLD_SAMPLES, np.diff(breaks))).T.ravel()
-    v = (np.arange(SECTION_TOLERANCES.fold_sections) + 0.5) / SECTION_TOLERANCES.fold_sections
-    normals = cross_product(surface.grid(t, v, 1, 0), surface.grid(t, v, 0, 1))
+    pieces = len(surface.breaks[1]) - 1
+    coarse = min(finest, (SECTION_TOLERANCES.fold_sections_per_degree * surface.degree[1] + 1) * pieces)
+    if not _may_turn_over(_evaluate_grid_normals(surface, t, coarse)):
+        return None
+    normals = _evaluate_grid_normals(surface, t, finest)
     along, across = (normals[1:] * normals[:-1]).sum(axis=-1), (normals[:, 1:] * normals[:, :-1]).sum(axis=-1)
     for cosine in (along, across):
         over = np.argwhere(cosine <= 0)
         if len(over):
             return float(t[over[0][0]])
     return None
+
+
+def _evaluate_grid_normals(surface: Surface, t: Array, sections: int) -> Array:
+    """Return normals of any length at t (n,) and in the middles of so many equal parts of the sections, (n, m, 3)."""
+    v = (np.arange(sections) + 0.5) / sections
+    return cross_product(surface.grid(t, v, 1, 0), surface.grid(t, v, 0, 1))
+
+
+def _may_turn_over(normals: Array) -> bool:
+    """Whether normals (n, m, 3) differ so much from their neighbours that they may turn over between them."""
+    lengths = measure_lengths(normals)
+    for first, second in (
+        ((slice(None, -1),), (slice(1, None),)),
+        ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
+    ):
+        dots, products = (normals[first] * normals[second]).sum(axis=-1), lengths[first] * lengths[second]
+        shorter = np.minimum(lengths[first], lengths[second]) / np.maximum(lengths[first], lengths[second])
+        if not ((dots > SECTION_TOLERANCES.quiet_cosine * products) & (shorter > SECTION_TOLERANCES.quiet_ratio)).all():
+            return True
+    return False

@@ -14,7 +14,7 @@ import numpy as np
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
-from cqblend.splines import Curve, Surface
+from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import LocalFrame, cross_product, normalise_vectors
 
@@ -94,7 +94,7 @@ def _append_weight(coefs: Array) -> Array:
 def find_revolved_section(blend: BlendSurface) -> RevolvedSection | None:
     """Return a blend between two circular ribbons as a turned profile; None if it is none, to rounding."""
     surface = blend.surface
-    if not all(ribbon.light for ribbon in blend.ribbons) or surface.degree[0] != 2 or not surface.rational:
+    if not all(ribbon.light for ribbon in blend.ribbons) or surface.degree[0] < 2 or not surface.rational:
         return None
     frame = _find_axis_frame(surface)
     if frame is None:
@@ -156,14 +156,14 @@ def _measure_break_angles(surface: Surface, frame: LocalFrame) -> Array:
 
 
 def _to_frame_coordinates(surface: Surface, frame: LocalFrame) -> Array:
-    """Return the homogeneous coefficients of a surface (3, q + 1, 4, n, nv) in the coordinates of a frame."""
+    """Return the homogeneous coefficients of a surface (p + 1, q + 1, 4, n, nv) in the coordinates of a frame."""
     coefs = np.moveaxis(surface.coefs, 2, -1)
     xyz = (coefs[..., :3] - coefs[..., 3:] * frame.origin) @ frame.axes.T
     return np.moveaxis(np.concatenate([xyz, coefs[..., 3:]], axis=-1), -1, 2)
 
 
 def _bound_deviation(coefs: Array, profile: Array, angles: Array) -> float:
-    """Bound how far (mm) homogeneous coefficients (3, q + 1, 4, n, nv) are from those of a turned profile.
+    """Bound how far (mm) homogeneous coefficients (p + 1, q + 1, 4, n, nv) are from those of a turned profile.
 
     For X / W and Y / V, |X / W - Y / V| = |X - Y - (W - V) Y / V| / W, in which every term is bounded by coefficients.
     """
@@ -172,6 +172,7 @@ def _bound_deviation(coefs: Array, profile: Array, angles: Array) -> float:
     # of the arc about the axis from one break to the next, whose half-angle pair is linear
     weight = np.stack([one, np.cos(half), one])  # (3, n)
     x, y = (np.stack([f(start), f(start + half), f(start + 2 * half)]) for f in (np.cos, np.sin))
+    weight, x, y = (bernstein.elevate_degree(rows, len(coefs) - 3) for rows in (weight, x, y))
     radius, height, scale = (profile[:, k] for k in range(3))  # (q + 1, nv)
     turned = np.stack(
         [

@@ -25,6 +25,10 @@ class SectionTolerances:
         Jump of a cross derivative, as a share of the largest one, up to which it is rounding.
     fold_sections
         Points across, at which folds are looked for.
+    fold_sections_per_degree
+        Points of the coarser grid across each piece, for each degree that it has across.
+    quiet_cosine, quiet_ratio
+        Cosine of the angle, and ratio of the lengths, of neighbouring normals, above which they do not turn over.
     unit_weight_share
         Difference of a weight from 1 up to which a blend is polynomial.
     most_interior_degree
@@ -60,6 +64,9 @@ class SectionTolerances:
     grazing_sine: float = 1e-6
     torn_jump: float = 1e-7
     fold_sections: int = 97
+    fold_sections_per_degree: int = 8
+    quiet_cosine: float = 0.5
+    quiet_ratio: float = 0.2
     unit_weight_share: float = 1e-12
     most_interior_degree: int = 7
     least_points_across: int = 72

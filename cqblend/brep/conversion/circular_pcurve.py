@@ -9,6 +9,7 @@ from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.coaxial_surfaces import CoaxialSurface
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.quadrics import Plane
 
@@ -43,20 +44,15 @@ def _project_to_plane(plane: Plane, circle: Circle) -> PlanarCircle:
 
 
 def _follow_angle(side: SupportFace, ribbon: Ribbon, circle: Circle, turn: float) -> Curve | None:
-    """Return the line in the face's parameters that starts where a rail does, and along which one of them is the angle.
+    """Return the line in the face's parameters that starts where a rail does, and along which the first is the angle.
 
-    None if neither parameter goes around.
+    None if that is no angle about the axis of the circle.
     """
     primary: Primary = side.face_primary
+    if not isinstance(primary, CoaxialSurface):
+        return None
     start = side.to_face_parameters(ribbon.find_native_parameters(ribbon.c.breaks[:1]))
-    jet = primary.jet(start)
-    tangent = circle.frame.axes[1]
-    for axis, period in enumerate(primary.periods):
-        rate = jet[1 + axis, 0]
-        along = float(rate @ tangent)
-        if period is None or not np.isclose(abs(along), circle.radius, rtol=CONVERSION_TOLERANCES.circular_speed):
-            continue
-        step = np.zeros(2)
-        step[axis] = np.sign(along) * turn
-        return Curve.bezier([start[0], start[0] + step], domain=(0.0, turn))
-    return None
+    along = float(primary.jet(start)[1, 0] @ circle.frame.axes[1])
+    if not np.isclose(abs(along), circle.radius, rtol=CONVERSION_TOLERANCES.circular_speed):
+        return None
+    return Curve.bezier([start[0], start[0] + [np.sign(along) * turn, 0.0]], domain=(0.0, turn))

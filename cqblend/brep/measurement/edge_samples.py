@@ -18,12 +18,7 @@ from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.edge_parameters import map_to_range, spread_samples
 from cqblend.brep.measurement.edge_sides import EdgeSide, find_sides_on_face, read_pcurve
 from cqblend.brep.measurement.knot_lines import find_curve_knots, find_knot_crossings, list_inner_lines
-from cqblend.brep.measurement.surface_evaluation import (
-    compute_cross_products,
-    compute_normals,
-    express_curvature,
-    normalise_vectors,
-)
+from cqblend.brep.measurement.surface_evaluation import compute_normals
 from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import InputError, SelectionError
@@ -57,20 +52,6 @@ class EdgeSamples:
     def normals(self) -> Array:
         """Outward unit normals (3, n); nan where the surface is degenerate (the pole of a sphere)."""
         return compute_normals(self.jets, self.sign)[0]
-
-    @cached_property
-    def curvature(self) -> Array:
-        """Symmetric tensors h (3, 3, n): the normal curvature in the unit tangent direction w is ``w.h.w``.
-
-        In 1/mm, and positive where the face bends towards its outward normal (a sphere of radius R, seen from inside
-        its material, has -1/R); nan where there is no normal.
-        """
-        normals, areas = compute_normals(self.jets, self.sign)
-        along = normalise_vectors(self.jets[1])
-        frame = np.stack((along, compute_cross_products(normals, along)))
-        first, mixed, second = express_curvature(self.jets, normals, areas, along)
-        form = np.array([[first, mixed], [mixed, second]])
-        return np.asarray(np.einsum("kin,kln,ljn->ijn", frame, form, frame))
 
 
 class SideSampler:

@@ -9,8 +9,9 @@ from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.selection.same_surface import is_same_surface
 from cqblend.brep.topology import AncestorMap, ShapeIndex
 
 
@@ -20,6 +21,7 @@ class SolidIndex:
     def __init__(self, solid: TopoDS_Shape) -> None:
         self.solid = solid
         self._classifiers: dict[tuple[int, float], BRepTopAdaptor_FClass2d] = {}
+        self._same_surface: dict[int, list[tuple[TopoDS_Edge, TopoDS_Face]]] = {}
 
     @cached_property
     def faces(self) -> ShapeIndex:
@@ -64,3 +66,15 @@ class SolidIndex:
         if key not in self._classifiers:
             self._classifiers[key] = BRepTopAdaptor_FClass2d(face, tolerance)
         return self._classifiers[key]
+
+    def list_same_surface_neighbours(self, face: TopoDS_Face) -> list[tuple[TopoDS_Edge, TopoDS_Face]]:
+        """Return the edges at which a face goes on smoothly in another one on the same surface, with that face."""
+        number = self.faces.find_number(face)
+        if number not in self._same_surface:
+            found = []
+            for edge in ShapeIndex(face, TopAbs_EDGE):
+                others = [other for other in self.faces_at_edge(edge) if not other.IsSame(face)]
+                if len(others) == 1 and is_same_surface(face, others[0], edge):
+                    found.append((edge, others[0]))
+            self._same_surface[number] = found
+        return self._same_surface[number]

@@ -20,7 +20,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
-from cqblend.brep.topology import ShapeIndex, chain_segments, explore_subshapes, find_end_vertices, orient_forward
+from cqblend.brep.topology import ShapeIndex, chain_segments, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
@@ -53,7 +53,11 @@ def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[T
     SelectionError
         If they do not form one chain.
     """
-    uses = [next(use for use in explore_subshapes(face, TopAbs_EDGE) if use.IsSame(edge)) for edge in edges]
+    boundary = ShapeIndex(face, TopAbs_EDGE)  # each as the boundary uses it
+    uses = [boundary[boundary.find_number(edge)] for edge in edges]
+    if len(uses) == 1:
+        start, stop = find_end_vertices(uses[0])
+        return uses, bool(start.IsSame(stop))
     vertices = ShapeIndex(face, TopAbs_VERTEX)
     starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
     chain, *others = chain_segments(starts, stops, both_ways=True)

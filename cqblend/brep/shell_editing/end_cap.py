@@ -157,7 +157,7 @@ def _plan_cap_border(
     chord, normal = corner - foot, plane.frame.axes[2]
     length = float(np.linalg.norm(chord))
 
-    def solve_curve_points(shares: Array) -> Array:
+    def solve_curve_points(shares: Array, near: Array | None) -> Array:
         """Return (u, v, x, y on the plane, point) at shares (n,) of the chord from foot to corner."""
 
         def evaluate_system(uv: Array) -> tuple[Array, Array, Array]:
@@ -167,7 +167,8 @@ def _plan_cap_border(
             jacobian = np.stack([np.stack([rate @ normal, rate @ chord / length], -1) for rate in jet[1:3]], -1)
             return residual, jacobian, np.linalg.norm(jet[1:3], axis=2).T
 
-        uv, good = solve_damped_newton(evaluate_system, start + shares[:, None] * (stop - start), length, length)
+        first = start + shares[:, None] * (stop - start) if near is None else near[:, :2]
+        uv, good = solve_damped_newton(evaluate_system, first, length, length)
         if not good.all():
             raise TopologyError("a flat cap at the end of the edge does not cross its faces cleanly")
         point = side.face_primary.jet(uv)[0]

@@ -29,6 +29,10 @@ class BlendEndError(CqblendError):
         self.cause = cause
 
 
+PointSolver = Callable[[Array, Array | None], Array]
+"""A function from parameters (n,) of a curve, and values (n, k) near the solution, if there are any, to its values."""
+
+
 @dataclass(frozen=True)
 class EndCurveStart:
     """Where the solution of an end curve starts: on the blend at t, on the other surface at ``uv``, which is ``point``.
@@ -47,21 +51,23 @@ def get_end_parameters(curve: Curve) -> tuple[float, float]:
     return float(first), float(last)
 
 
-def fit_solved_curve(solve_points: Callable[[Array], Array], measure_error: Callable[[Array, Array], float]) -> Curve:
+def fit_solved_curve(solve_points: PointSolver, measure_error: Callable[[Array, Array], float]) -> Curve:
     """Interpolate a curve on [0, 1]: by one cubic if that is near enough, else by C2 cubics on enough spans.
 
-    ``solve_points`` returns values (n, k) at parameters (n,); ``measure_error`` returns how far (mm) the values of a
-    fitted curve, at such parameters, are from the surfaces that it is to lie on.
+    ``measure_error`` returns how far (mm) the values of a fitted curve, at parameters (n,), are from the surfaces that
+    it is to lie on. Each fit tells where to start the solution for the next one and, as the error of cubics falls with
+    the fourth power of their spans, how many these must be.
     """
-    refinement = 1
+    refinement, curve = 1, None
     while True:
         v = np.linspace(0, 1, 6 * refinement + 1)
-        values = solve_points(v)
+        values = solve_points(v, None if curve is None else curve(v))
         curve = _interpolate_cubic(values) if refinement == 1 else interpolation.interpolate(v[::2], values[::2])
-        is_near = measure_error(curve(v), v) <= SHELL_EDIT_TOLERANCES.curve_fit
-        if is_near or refinement >= SHELL_EDIT_TOLERANCES.max_fit_refinement:
+        excess = measure_error(curve(v), v) / SHELL_EDIT_TOLERANCES.curve_fit
+        if excess <= 1 or refinement >= SHELL_EDIT_TOLERANCES.max_fit_refinement:
             return curve
-        refinement *= 2
+        growth = 2.0 if refinement == 1 else float(np.clip(1.1 * excess**0.25, 1.25, 8.0))
+        refinement = min(int(np.ceil(refinement * growth)), SHELL_EDIT_TOLERANCES.max_fit_refinement)
 
 
 def _interpolate_cubic(values: Array) -> Curve:
@@ -101,7 +107,7 @@ def solve_end_curve(
         touch, slope = _solve_tangent_contact(blend, target, start, tangent_side)
         start = EndCurveStart(float(touch[0]), touch[1:], target.jet(touch[None, 1:])[0, 0])
 
-    def solve_curve_points(v: Array) -> Array:
+    def solve_curve_points(v: Array, near: Array | None) -> Array:
         """Return the curve's values (n, 7) at v (n,)."""
 
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
@@ -110,10 +116,14 @@ def solve_end_curve(
             jacobian = np.stack([h[1, 0], -n[1], -n[2]], axis=2)
             return h[0, 0] - n[0], jacobian, np.linalg.norm(jacobian, axis=1)
 
-        t = start.t + slope * (v - (tangent_side or 0))
-        offset = blend(t, v) - start.point
-        guess = start.uv + to_tangent_coordinates(target.jet(np.tile(start.uv, (len(v), 1))), offset)
-        x, good = solve_damped_newton(evaluate_system, np.column_stack([t, guess]), size, size)
+        if near is None:
+            t = start.t + slope * (v - (tangent_side or 0))
+            offset = blend(t, v) - start.point
+            guess = start.uv + to_tangent_coordinates(target.jet(np.tile(start.uv, (len(v), 1))), offset)
+            first = np.column_stack([t, guess])
+        else:
+            first = near[:, [0, 2, 3]]
+        x, good = solve_damped_newton(evaluate_system, first, size, size)
         if touch is not None:  # where the equations are singular, and the solution is known
             x[v == tangent_side], good[v == tangent_side] = touch, True
         if not good.all():

@@ -205,7 +205,7 @@ def _plan_extension_edge(trim: EdgeTrim) -> NewEdge:
     chord = (stop - start) / length
     guesses = [find_vertex_uv(trim.spine_vertex, side.face)[None] for side in (first, second)]
 
-    def solve_curve_points(s: Array) -> Array:
+    def solve_curve_points(s: Array, near: Array | None) -> Array:
         """Return (u1, v1, u2, v2, x, y, z) on both surfaces at shares s (n,) of the chord."""
 
         def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
@@ -218,14 +218,18 @@ def _plan_extension_edge(trim: EdgeTrim) -> NewEdge:
                     jacobian[:, 3, column] = rate @ chord
             return residual, jacobian, np.linalg.norm(np.concatenate([one[1:3], other[1:3]]), axis=2).T
 
-        guess = np.column_stack(
-            [
-                at
-                + to_tangent_coordinates(
-                    side.face_primary.jet(np.repeat(at, len(s), axis=0)), s[:, None] * (stop - start)
-                )
-                for side, at in zip((first, second), guesses, strict=True)
-            ]
+        guess = (
+            np.column_stack(
+                [
+                    at
+                    + to_tangent_coordinates(
+                        side.face_primary.jet(np.repeat(at, len(s), axis=0)), s[:, None] * (stop - start)
+                    )
+                    for side, at in zip((first, second), guesses, strict=True)
+                ]
+            )
+            if near is None
+            else near[:, :4]
         )
         x, good = solve_damped_newton(evaluate_system, guess, length, length)
         if not good.all():
@@ -234,11 +238,11 @@ def _plan_extension_edge(trim: EdgeTrim) -> NewEdge:
 
     # The vertex may lie off the surfaces. The edge starts there all the same, offset from their intersection by what
     # fades out linearly to its other end.
-    vertex_offset = start - solve_curve_points(np.zeros(1))[0, 4:]
+    vertex_offset = start - solve_curve_points(np.zeros(1), None)[0, 4:]
 
-    def offset_to_vertex(s: Array) -> Array:
+    def offset_to_vertex(s: Array, near: Array | None) -> Array:
         """Return the same with points that start exactly at the vertex."""
-        values = solve_curve_points(s)
+        values = solve_curve_points(s, near)
         values[:, 4:] += (1 - s)[:, None] * vertex_offset
         return values
 

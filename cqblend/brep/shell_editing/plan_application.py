@@ -295,9 +295,14 @@ def _make_pcurve(curve: Curve | PlanarCircle) -> Geom2d_Curve:
     degree, knots, poles, weights = curve.to_bspline()
     if degree == 1 and len(poles) == 2 and weights is None:
         (low, high), step = curve.domain, poles[1] - poles[0]
-        if abs(step).max() == np.abs(step).sum() == high - low:  # along an axis, at unit speed
-            x, y = (poles[0] - low * step / (high - low)).tolist()
-            return Geom2d_Line(gp_Pnt2d(x, y), gp_Dir2d(*step.tolist()))
+        axis = int(np.abs(step).argmax())
+        slack = SHELL_EDIT_TOLERANCES.unit_speed * (np.abs(poles).max(axis=0) + high - low)
+        off = np.abs(step)
+        off[axis] -= high - low
+        if np.all(np.abs(off) <= slack):  # along an axis, at unit speed
+            direction = np.zeros(2)
+            direction[axis] = np.sign(step[axis])
+            return Geom2d_Line(gp_Pnt2d(*(poles[0] - low * direction).tolist()), gp_Dir2d(*direction.tolist()))
     return spline_arrays.curve2d_from_arrays(degree, knots, poles, weights)
 
 

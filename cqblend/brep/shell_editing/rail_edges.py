@@ -88,6 +88,8 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
         into_blend = _evaluate_directions(placement, i, np.array([span[0]]))[0]
         boundary = plan_sphere_boundary(sphere, uses[0], into_blend)
         return TrimmedRail(edges, FacePlan(number, added=boundary, surface=sphere), None)
+    if not any(side.face_primary.periods):  # no face without a period has seams
+        return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), None)
     if part.vertices[0] is part.vertices[1]:  # a closed rail may cross a seam where it starts
         crossings, between = np.array(stops[:-1]), vertices[:-1]
     directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cqblend.splines.bernstein import EPSILON
+
 
 @dataclass(frozen=True)
 class ShellEditTolerances:
@@ -20,6 +22,9 @@ class ShellEditTolerances:
 
     max_fit_refinement: int = 64
     """Largest number by which the six spans of the samples of such a curve are multiplied."""
+
+    unit_speed: float = 4 * EPSILON
+    """Share of a pcurve's parameters by which its length may differ from its range: rounding, at unit speed."""
 
     full_turn: float = 1e-6
     """Radians: by how much the longitude along a rail around a sphere's axis may miss a full turn."""

@@ -13,7 +13,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 
 from cqblend.blends.quality.fairness import bending_energy
-from cqblend.blends.quality.smoothness_proof import prove_blend
+from cqblend.blends.quality.smoothness_proof import Proof, prove_blend
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
 from cqblend.blends.sections.revolved_section import RevolvedSection
@@ -27,6 +27,7 @@ from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.circular_joints import prove_revolved_strip
 from cqblend.brep.verification.edge_certification import certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.certificate import Certificate, EdgeRecord, RailRecord
@@ -44,7 +45,7 @@ class _Measurements:
     stations: int  # along each rail, at least
     validity: tuple[Callable[[], bool], ...] = ()
     edge_tolerance: float = 0.0  # the largest of a new edge (mm)
-    pcurve_errors: tuple[float, float] = (0.0, 0.0)  # bounds of what fitted pcurves add, one for each rail
+    prove: Callable[[], Proof] | None = None  # None for that of the blend's spline, with exact pcurves
     edges: tuple[EdgeRecord, ...] = ()
     outlined: BuiltStrip | None = None  # the blend, if the boundary of its face cuts off some of it
 
@@ -82,12 +83,10 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
                 kept=_measure_faded_share(rail),
             )
         )
-    # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
-    pcurve_errors = [2 * side.pcurve_tolerance for side in joint.sides]
     measured = _Measurements(
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
-        pcurve_errors=(pcurve_errors[0], pcurve_errors[1]),
+        prove=_choose_proof(joint, strip, blend),
         method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
@@ -95,6 +94,16 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
+
+
+def _choose_proof(joint: Joint, strip: BuiltStrip, blend: BlendSurface) -> Callable[[], Proof]:
+    """Return what proves the surface that is in the solid."""
+    first, second = blend.ribbons
+    if isinstance(strip.geometry, RevolvedSection):
+        return partial(prove_revolved_strip, strip, (first.order, second.order))
+    # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
+    one, other = (2 * side.pcurve_tolerance for side in joint.sides)
+    return partial(prove_blend, blend, (one, other))
 
 
 def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]) -> Certificate:
@@ -182,6 +191,6 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         edge_tolerance=measured.edge_tolerance,
         edges=measured.edges,
         residual=blend.residual,
-        proofs=(partial(prove_blend, blend, measured.pcurve_errors),),
+        proofs=(measured.prove or partial(prove_blend, blend),),
         energies=(partial(_measure_bending_energy, surface, measured.outlined),),
     )

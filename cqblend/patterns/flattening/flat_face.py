@@ -17,10 +17,11 @@ from cqblend.errors import CqblendError, GeometryError
 from cqblend.patterns.flattening.development import strain_from_turn
 from cqblend.patterns.flattening.flat_strip import FlatStrip, flatten_rails
 from cqblend.patterns.flattening.tolerances import FLATTENING_TOLERANCES
+from cqblend.patterns.strips.band_search import RulingDirection
 from cqblend.patterns.strips.developability import RailPair, StripKind, classify_strip
 from cqblend.patterns.strips.ruled_strip import RuledStrip
 from cqblend.patterns.strips.ruling_pairing import pair_rulings
-from cqblend.patterns.strips.surface_division import divide_surface
+from cqblend.patterns.strips.surface_division import divide_along_rulings
 from cqblend.patterns.trimming.domain_cells import CutLines
 from cqblend.patterns.trimming.trimmed_patch import Patch
 from cqblend.splines import Curve, Surface
@@ -242,11 +243,14 @@ def narrow_strips(
             )
         count = int(np.clip(np.ceil(np.sqrt(limits.strain_margin * excess)), 2, 16)) if isfinite(excess) else 2
         borders = np.linspace(*strip.span, count + 1)
-        parts = [
-            replace(part, transposed=strip.transposed)
-            for span in pairwise(borders.tolist())
-            for part in divide_surface(strip.surface.clip(v=span), options.tolerance / refinement, direction="v").strips
+        jobs: list[tuple[Surface, RulingDirection]] = [
+            (strip.surface.clip(v=span), "v") for span in pairwise(borders.tolist())
         ]
+        parts: list[RuledStrip] = []
+        for found in divide_along_rulings(jobs, options.tolerance / refinement):
+            if isinstance(found, GeometryError):
+                raise found
+            parts += [replace(part, transposed=strip.transposed) for part in found.strips]
         pending += [(part, depth + 1) for part in reversed(parts)]
     return tuple(done)
 

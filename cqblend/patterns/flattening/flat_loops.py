@@ -279,9 +279,11 @@ class _StripLoopFlattener(_LoopFlattener):
         self.rail_lengths = unrolled.flat.rail_lengths
 
     def _flatten_stretch(self, stretch: _EdgeStretch) -> _FlatStretch:
-        points, parameters = self._flatten_points(stretch.uv)
-        inner_points, _ = self._flatten_points(stretch.use.pcurve(subdivide_parameters(stretch.t).ravel()))
-        return _FlatStretch(points, inner_points, self._map_to_space(parameters), parameters)
+        inner = stretch.use.pcurve(subdivide_parameters(stretch.t).ravel())
+        count = len(stretch.uv)
+        points, parameters = self._flatten_points(np.concatenate([stretch.uv, inner]))
+        vertices = parameters[:count]
+        return _FlatStretch(points[:count], points[count:], self._map_to_space(vertices), vertices)
 
     def _flatten_points(self, uv: Array) -> tuple[Array, Array]:
         """Return points (n, 2) of the parameter plane mapped to the plane, and as (r, w) of the strip."""
@@ -305,17 +307,19 @@ class _StripLoopFlattener(_LoopFlattener):
             across = np.full(2, self.unrolled.strip.span[side])
             ends, _ = self.unrolled.locate_on_ruling(np.array([low, high]), across)
             r = self._pick_rail_nodes(side, ends)
-            w = np.full(len(r), float(side))
-            inner_points, lengths = flat(subdivide_parameters(r), w[:-1, None]), np.diff(self.rail_lengths[side](r))
+            w, lengths = np.full(len(r), float(side)), np.diff(self.rail_lengths[side](r))
+            both = flat(np.append(r, subdivide_parameters(r)), float(side))
+            points, inner_points = both[: len(r)], both[len(r) :].reshape(len(r) - 1, -1, 2)
         else:
             kind = "cut"
             r, w = self.unrolled.locate_on_ruling(np.full(2, step.start[axis]), np.array([low, high]))
-            inner_points, lengths = sample_chord(flat(r, w)), np.zeros(1)
+            points, lengths = flat(r, w), np.zeros(1)
+            inner_points = sample_chord(points)
         parameters = np.stack([r, w], axis=-1)
         draft = RunDraft(
             key=LineRunKey(self.face.patch.index, axis, step.line_index, low, high),
             kind=kind,
-            points=flat(r, w),
+            points=points,
             inner_points=inner_points,
             points_3d=self._map_to_space(parameters),
             parameters=parameters,

@@ -52,7 +52,8 @@ def solve_bulges(chords: Array, lengths: Array) -> Array:
         )
         step = np.divide(value - excess, slope, out=np.zeros(half.shape), where=slope > 0)
         half = np.clip(half - step, 0.0, np.pi)
-        if (np.abs(step) <= EPSILON * half).all():
+        rounding = np.where(small, half, half + 1 / h)  # of the step, over that of numbers near 1
+        if (np.abs(step) <= 4 * EPSILON * rounding).all():
             break
     return np.tan(half / 2)
 

@@ -16,7 +16,7 @@ from cqblend.blends.contacts.contact_solver import (
     solve_ball_contacts,
     solve_setback_contacts,
 )
-from cqblend.blends.contacts.contact_tracing import cache_contacts, interpolate_locally, trace_contacts
+from cqblend.blends.contacts.contact_tracing import cache_contacts, interpolate_known, trace_contacts
 from cqblend.splines import Surface
 from cqblend.surfaces.quadrics import Cylinder, Plane
 from cqblend.surfaces.tensor_surface import TensorSurface
@@ -118,4 +118,4 @@ def test_local_polynomials_reproduce_quintics_and_survive_repeated_nodes():
         return np.stack([t**5 - 2 * t**3, 1 - t**4], -1)
 
     t = np.linspace(nodes[0] - 0.02, nodes[-1] + 0.02, 77)
-    assert np.abs(interpolate_locally(nodes, quintic(nodes), t) - quintic(t)).max() < 1e-11
+    assert np.abs(interpolate_known(nodes, quintic(nodes), t) - quintic(t)).max() < 1e-11

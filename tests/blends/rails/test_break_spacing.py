@@ -53,6 +53,12 @@ def test_fixed_breaks_and_ends_stay_to_the_bit():
     assert space_breaks(breaks, np.ones(4), breaks).tolist() == breaks.tolist()
 
 
+def test_spans_that_fit_get_no_shorter_than_allowed_for_the_sake_of_their_neighbours():
+    breaks, growth = np.array([0.0, 1.0, 1.25, 2.25]), np.array([4.0, 1.0, 4.0])
+    assert np.diff(space_breaks(breaks, growth, breaks)).min() < 0.1
+    assert np.diff(space_breaks(breaks, growth, breaks, 0.25)).min() == 0.25
+
+
 def test_growth_is_bounded_on_both_sides():
     growth = predict_growth(np.array([0.0, 1e-9, 1.0, 1e30]), 4.0)
     assert growth[0] == growth[1] == 1.0

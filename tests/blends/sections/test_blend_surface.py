@@ -14,8 +14,9 @@ from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
-from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
+from cqblend.blends.sections.blend_surface import FOLD_SAMPLES, BlendSurface, blend_ribbons, find_fold
 from cqblend.errors import DegreeError, GeometryError
+from cqblend.splines import Surface
 from cqblend.splines.breaks import merge_breaks
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame
@@ -199,3 +200,31 @@ def test_compact_that_cannot_be_reached_says_so():
 
 def test_merged_breaks_drop_what_is_equal_to_rounding():
     assert merge_breaks(np.array([0, 0.5, 1]), np.array([0, 0.5 + 1e-15, 0.7, 1])).tolist() == [0, 0.5, 0.7, 1]
+
+
+def turns_over(surface: Surface, sections: int) -> bool:
+    """Whether the normal turns over between neighbours of a grid, from the numbers alone."""
+    breaks = surface.breaks[0]
+    t = np.sort(np.concatenate([breaks[:-1] + share * np.diff(breaks) for share in FOLD_SAMPLES]))
+    u, v = np.meshgrid(t, (np.arange(sections) + 0.5) / sections, indexing="ij")
+    normals = np.cross(surface(u, v, 1, 0), surface(u, v, 0, 1))
+    return bool(
+        ((normals[1:] * normals[:-1]).sum(-1) <= 0).any() or ((normals[:, 1:] * normals[:, :-1]).sum(-1) <= 0).any()
+    )
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7])
+@pytest.mark.parametrize("rational", [False, True])
+def test_folds_are_found_however_narrow_they_are(degree, rational):
+    rng = np.random.default_rng(degree + rational)
+    found = 0
+    knots = np.concatenate([np.zeros(4), [1.0, 2.0], np.full(4, 3.0)]), np.repeat([0.0, 1.0], degree + 1)
+    x, y = np.meshgrid(np.linspace(0, 3, 6), np.linspace(0, 1, degree + 1), indexing="ij")
+    for strength in np.geomspace(0.05, 1.5, 120):
+        poles = np.stack([x, y, 0.5 * np.sin(x)], -1) + strength * rng.uniform(-0.5, 0.5, (6, degree + 1, 3))
+        weights = rng.uniform(0.6, 1.6, (6, degree + 1)) if rational else None
+        surface = Surface.from_bspline((3, degree), knots, poles, weights)
+        folds = turns_over(surface, 97)
+        assert (find_fold(surface) is not None) == folds
+        found += folds
+    assert 20 < found < 100

@@ -15,6 +15,7 @@ from OCP.TopoDS import TopoDS_Edge
 from cqblend.brep.measurement.edge_continuity import measure_continuity
 from cqblend.brep.measurement.edge_samples import SideSampler, choose_sample_parameters, read_edge_curve
 from cqblend.brep.measurement.edge_sides import find_edge_sides
+from cqblend.brep.measurement.surface_evaluation import compute_normals, express_curvature, normalise_vectors
 from cqblend.errors import InputError, SelectionError
 
 
@@ -29,12 +30,20 @@ def sample_parameters(sides, count):
 
 
 class Sampled:
-    """Samples of a face along an edge, as rows: points, normals (n, 3), curvature (n, 3, 3), parameters (n, 2)."""
+    """Samples of a face along an edge, as rows: points and normals (n, 3), curvature (n, 3, 3), parameters (n, 2).
+
+    The curvature is a symmetric tensor h: the normal curvature in the unit tangent direction w is w.h.w, positive where
+    the face bends towards its outward normal.
+    """
 
     def __init__(self, edge, face, ts):
         samples = SideSampler((face, edge)).sample(np.asarray(ts))
         self.points, self.normals, self.parameters = samples.points.T, samples.normals.T, samples.parameters.T
-        self.curvature = samples.curvature.transpose(2, 0, 1)
+        normals, areas = compute_normals(samples.jets, samples.sign)
+        along = normalise_vectors(samples.jets[1])
+        frame = np.stack((along, np.cross(normals, along, axis=0)))
+        first, mixed, second = express_curvature(samples.jets, normals, areas, along)
+        self.curvature = np.einsum("kin,kln,ljn->nij", frame, np.array([[first, mixed], [mixed, second]]), frame)
 
 
 def capsule():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cqblend.blends.potential.local_interpolation import interpolate_locally
+from cqblend.splines.local_interpolation import interpolate_locally
 
 RNG = np.random.default_rng(11)
 NODES = np.sort(RNG.random(23))
