@@ -136,6 +136,7 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
         [strip.blend_face for strip in proposal.strips],
         grows=[not draft.context.joint.is_convex for draft in drafts],
         tolerance=max(_get_edge_tolerance(draft) for draft in drafts),
+        index_before=index.faces,
     )
     if check.crosses:
         raise SizeError("the blend runs into another boundary or face: the size is too large for it", kind="too large")

@@ -24,6 +24,7 @@ from solid_faults import VARIATIONS
 
 from cqblend.brep.topology import ShapeIndex, make_compound
 from cqblend.brep.verification.brep_check import drop_inherited_flaws, find_flaws
+from cqblend.brep.verification.replaced_faces import Check
 from cqblend.brep.verification.solid_verification import ReplacementCheck, check_solid
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reliability.md"
@@ -44,9 +45,14 @@ class Specimen:
         return f"{self.kind}: {self.replacement.name}"
 
     @cached_property
+    def found_by(self) -> frozenset[Check]:
+        """The checks of ``check_solid`` that find something wrong."""
+        return frozenset(record.check for record in check(self.replacement).records)
+
+    @property
     def is_found(self) -> bool:
         """Whether ``check_solid`` finds anything wrong."""
-        return bool(check(self.replacement).problems)
+        return bool(self.found_by)
 
     @cached_property
     def is_found_ordinarily(self) -> bool:
@@ -136,13 +142,16 @@ def format_catch_table() -> str:
         row["ordinary"] += specimen.is_found_ordinarily
         row["exact"] += specimen.is_found_exactly
         row["ours"] += specimen.is_found
+        row.update(check.value for check in specimen.found_by)
     rows["**all**"] = sum(rows.values(), Counter())
-    columns = ("solids", "ordinary", "exact", "ours")
     lines = [
-        "| fault | solids | ordinary BRepCheck | exact BRepCheck | `check_solid` |",
-        "|---|---|---|---|---|",
-        *("| " + " | ".join([kind, *(str(row[name]) for name in columns)]) + " |" for kind, row in rows.items()),
+        "| fault | solids | BRepCheck | exact BRepCheck | `check_solid` | by its check of |",
+        "|---|---|---|---|---|---|",
     ]
+    for kind, row in rows.items():
+        counts = " | ".join(str(row[name]) for name in ("solids", "ordinary", "exact", "ours"))
+        checks = ", ".join(f"{check.value} {row[check.value]}" for check in Check if row[check.value])
+        lines.append(f"| {kind} | {counts} | {checks} |")
     return "\n".join(lines) + "\n"
 
 

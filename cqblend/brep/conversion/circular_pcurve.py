@@ -31,8 +31,9 @@ def find_circular_pcurve(side: SupportFace, ribbon: Ribbon, circle: Circle, turn
         return None
     angles = np.linspace(0.0, turn, CONVERSION_TOLERANCES.rail_angles)
     distance = np.linalg.norm(primary.jet(found(angles))[0] - circle(angles), axis=1).max()
-    size = circle.radius + float(np.abs(circle.frame.origin).max())
-    return found if distance <= CONVERSION_TOLERANCES.circular_rail * size else None
+    allowed = CONVERSION_TOLERANCES.circular_rail * circle.radius
+    allowed += CONVERSION_TOLERANCES.circle_position * float(np.abs(circle.frame.origin).max())
+    return found if distance <= allowed else None
 
 
 def _project_to_plane(plane: Plane, circle: Circle) -> PlanarCircle:

@@ -53,8 +53,11 @@ class ConversionTolerances:
     rail_angles: int = 17
     """Number of angles at which a circular rail is compared with its image on the face."""
 
-    circular_rail: float = 1e-14
-    """Relative to the radius and the distance from the origin: largest distance between the two, that of rounding."""
+    circular_rail: float = 1e-13
+    """Relative to the radius: largest distance between the two; a hundredth of what fitted pcurves are off."""
+
+    circle_position: float = 1e-14
+    """Relative to the distance from the origin: how much rounding adds to it."""
 
     circular_speed: float = 1e-9
     """Relative: by how much the speed along a parameter may differ from that along a circle by its angle."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import get_args
 
 import numpy as np
@@ -127,6 +127,7 @@ class _PickedEdges:
         # numbers of the faces that are to be side 1: the given one, and those unified with it
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
         self._unified_faces: list[tuple[TopoDS_Face, list[int]]] = []  # each with the numbers of its parts
+        self._representatives: dict[int, int] = {}  # of faces that were unified, the least number of their parts
         self._rebuilt_edges: dict[int, TopoDS_Edge] = {}  # picked edges that unification has replaced
         if side1_face is not None and not any(self._side1_numbers & set(pair) for pair in self._faces_of_edge.values()):
             raise SelectionError(f"first= is not one of the faces at edge {numbers[0]}")
@@ -137,7 +138,20 @@ class _PickedEdges:
 
     def list_picks(self, joint: Joint) -> tuple[int, ...]:
         """Return the numbers of the picked edges that are part of a joint."""
-        return tuple(n for n in self.numbers if is_among(self._find_current_edge(n), joint.spine.edges))
+        own = self._picks_between[self._find_pair(joint.edge_number)]
+        return tuple(n for n in own if is_among(self._find_current_edge(n), joint.spine.edges))
+
+    @cached_property
+    def _picks_between(self) -> dict[frozenset[int], list[int]]:
+        """The picked edges between each pair of faces; of unified faces, the least number counts."""
+        picks: dict[frozenset[int], list[int]] = {}
+        for number in self.numbers:
+            picks.setdefault(self._find_pair(number), []).append(number)
+        return picks
+
+    def _find_pair(self, number: int) -> frozenset[int]:
+        """Return the faces at a picked edge, by their numbers in the input; of unified ones, by the least number."""
+        return frozenset(self._representatives.get(face, face) for face in self._faces_of_edge[number])
 
     def list_edges(self, chain: FoundChain) -> Sequence[TopoDS_Edge]:
         """Return the edges of a chain."""
@@ -157,12 +171,14 @@ class _PickedEdges:
             numbers = sorted({number for face in faces for number in self._find_input_numbers(face)})
             if len(numbers) > 1:
                 self._unified_faces.append((new, numbers))
+                self._representatives |= dict.fromkeys(numbers, numbers[0])
                 if self._side1_numbers & set(numbers):
                     self._side1_numbers |= set(numbers)
         for new, edges in united.edge_replacements:
             for number in self.numbers:
                 if is_among(self._find_current_edge(number), edges):
                     self._rebuilt_edges[number] = TopoDS.Edge_s(new)
+        self.__dict__.pop("_picks_between", None)  # which is found anew when asked for
         self.shape = replace_solid(self.shape, joint.solid, united.solid)
         self._solids = [index for index in self._solids if index is not joint.index] + [SolidIndex(united.solid)]
 
@@ -196,7 +212,8 @@ class _PickedEdges:
         low, high = min(self._faces_of_edge[number], default=0), max(self._faces_of_edge[number], default=0)
         swap = low != high and high in self._side1_numbers and low not in self._side1_numbers
         faces = (high, low) if swap else (low, high)
-        edges = [self._find_current_edge(one) for one in (number, *(n for n in self.numbers if n != number))]
+        others = (n for n in self._picks_between[self._find_pair(number)] if n != number)
+        edges = [self._find_current_edge(one) for one in (number, *others)]
         joint = find_joint(self._solids, edges, number, faces, swap=swap, lookup_number=self.find_number)
         if self._unified_faces and not self._is_side1_first(joint, number, faces[0]):
             # unified faces come in another order, so that the sides are the other way round

@@ -12,13 +12,14 @@ from functools import cached_property
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
 from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.measurement.bulk_curves import CurveEvaluator
+from cqblend.brep.measurement.edge_samples import read_edge_curve
+from cqblend.brep.measurement.edge_sides import read_pcurve
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import ShapeIndex, chain_segments, find_end_vertices, orient_forward
 from cqblend.errors import SelectionError
@@ -76,7 +77,17 @@ class EdgeSpine:
     @cached_property
     def tables(self) -> list[_ArcLengthTable]:
         """The parameters of each edge by arc length."""
-        return [_tabulate_edge(edge) for edge in self.edges]
+        return [_tabulate_edge(edge, curve) for edge, curve in zip(self.edges, self._curves, strict=True)]
+
+    @cached_property
+    def _curves(self) -> list[CurveEvaluator]:
+        """The curve of each edge in space."""
+        return [read_edge_curve(edge) for edge in self.edges]
+
+    @cached_property
+    def _pcurves(self) -> dict[TopoDS_Face, list[CurveEvaluator]]:
+        """The pcurves of the edges on faces that were asked for."""
+        return {}
 
     @property
     def length(self) -> float:
@@ -105,24 +116,19 @@ class EdgeSpine:
 
     def _evaluate_with_tangents(self, number: Array, parameter: Array) -> tuple[Array, Array]:
         """Return points and unit tangents (n, 3) in the spine's sense, at parameters of edges given by index."""
-        curves = [BRepAdaptor_Curve(edge) for edge in self.edges]
-        p, v = gp_Pnt(), gp_Vec()
-        rows = []
-        for i, x in zip(number.tolist(), parameter.tolist(), strict=True):
-            curves[i].D1(x, p, v)
-            rows.append((p.X(), p.Y(), p.Z(), v.X(), v.Y(), v.Z()))
-        table = np.array(rows)
-        reverse = np.array([edge.Orientation() == TopAbs_REVERSED for edge in self.edges])
-        return table[:, :3], normalise_vectors(table[:, 3:]) * np.where(reverse[number], -1.0, 1.0)[:, None]
+        points, tangents = _evaluate_each(self._curves, number, parameter, order=1)
+        senses = np.array([-1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0 for edge in self.edges])
+        return points, normalise_vectors(tangents) * senses[number, None]
 
     def evaluate_pcurves(self, t: Array, face: TopoDS_Face) -> Array:
         """Return the face's own parameters (n, 2) of the edge at t in [0, 1], as its pcurves have them."""
         return self._evaluate_pcurves(*self.locate_parameters(t), face)
 
     def _evaluate_pcurves(self, number: Array, parameter: Array, face: TopoDS_Face) -> Array:
-        curves = [BRep_Tool.CurveOnSurface_s(orient_forward(edge), face, 0.0, 0.0) for edge in self.edges]
-        values = [curves[i].Value(x) for i, x in zip(number.tolist(), parameter.tolist(), strict=True)]
-        return np.array([(value.X(), value.Y()) for value in values])
+        if face not in self._pcurves:
+            pairs = (read_pcurve(orient_forward(edge), face) for edge in self.edges)
+            self._pcurves[face] = [CurveEvaluator(pcurve) for pcurve, _, _ in pairs]
+        return _evaluate_each(self._pcurves[face], number, parameter, order=0)[0]
 
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
@@ -194,17 +200,23 @@ class EdgeSpine:
         return np.asarray(np.where(t < 0, t, np.maximum(t - 1, 0.0)) * self.length)
 
 
-def _tabulate_edge(edge: TopoDS_Edge) -> _ArcLengthTable:
+def _evaluate_each(curves: Sequence[CurveEvaluator], number: Array, parameter: Array, order: int) -> Array:
+    """Return points and derivatives (order + 1, n, d) at parameters (n,) of curves given by index (n,)."""
+    if len(curves) == 1:
+        return curves[0](parameter, order).swapaxes(1, 2)
+    out = np.empty((order + 1, len(parameter), curves[0].dimension))
+    for i, curve in enumerate(curves):
+        is_on_curve = number == i
+        if is_on_curve.any():
+            out[:, is_on_curve] = curve(parameter[is_on_curve], order).swapaxes(1, 2)
+    return out
+
+
+def _tabulate_edge(edge: TopoDS_Edge, curve: CurveEvaluator) -> _ArcLengthTable:
     """Tabulate an edge's arc length, by Simpson's rule on the speed of its curve."""
-    curve = BRepAdaptor_Curve(edge)
-    first, last = curve.FirstParameter(), curve.LastParameter()
+    first, last = BRep_Tool.Range_s(edge)
     parameter = np.linspace(first, last, 2 * SELECT_TOLERANCES.speed_samples - 1)
-    p, v = gp_Pnt(), gp_Vec()
-    speeds = []
-    for x in parameter.tolist():
-        curve.D1(x, p, v)
-        speeds.append(v.Magnitude())
-    speed = np.array(speeds)
+    speed = np.sqrt((curve(parameter, 1)[1] ** 2).sum(axis=0))
     if edge.Orientation() == TopAbs_REVERSED:
         parameter, speed = parameter[::-1], speed[::-1]
     step = (last - first) / (SELECT_TOLERANCES.speed_samples - 1)

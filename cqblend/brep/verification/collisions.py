@@ -90,11 +90,24 @@ class _FacePieces:
                 others = cut.find_boxes(level) if cut is not None else None
                 if others is None:
                     return True
+                (low, high), others = _keep_near((low, high), others), _keep_near(others, (low, high))
+                if len(low) * len(others[0]) > VERIFICATION_TOLERANCES.most_piece_pairs:
+                    return True
                 before = (high[:, None] + 2 * CONFUSION < others[0][None]).any(axis=-1)
                 is_apart = bool((before | (low[:, None] - 2 * CONFUSION > others[1][None]).any(axis=-1)).all())
             if is_apart:
                 return False
         return True
+
+
+def _keep_near(boxes: tuple[Array, Array], others: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return those of some boxes, by their corners (n, 3), that meet the box around others."""
+    (low, high), (other_low, other_high) = boxes, others
+    if not len(other_low):
+        return low[:0], high[:0]
+    least, largest = other_low.min(axis=0) - 2 * CONFUSION, other_high.max(axis=0) + 2 * CONFUSION
+    near = ((low <= largest) & (high >= least)).all(axis=1)
+    return low[near], high[near]
 
 
 def _cut_into_boxes(face: TopoDS_Face, counts: tuple[int, int]) -> tuple[Array, Array] | None:

@@ -29,7 +29,9 @@ def certify_edge(edge: BuiltEdge, joint: Joint, blend_surface: SurfaceEvaluator 
     tolerance = BRep_Tool.Tolerance_s(edge.sides[0][1])
     vertex = 0 if edge.end is None else joint.find_vertex_number(edge.end)
     angle = None
-    if edge.kind != "end":
+    if edge.kind == "seam" and BRep_Tool.Surface_s(edge.sides[0][0]).IsUPeriodic():
+        angle = 0.0  # a periodic surface does not end there
+    elif edge.kind != "end":
         samples = VERIFICATION_TOLERANCES.new_edge_samples
         surfaces = (blend_surface, blend_surface if edge.kind == "seam" else None)
         angle = measure_continuity_between(edge.sides, samples, surfaces=surfaces).angle

@@ -16,15 +16,15 @@ from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, ma
 class Check(Enum):
     """The checks of a solid in which faces were replaced."""
 
-    PRESENCE = "new faces are there"
-    EDGES = "edges and vertices"
-    DEVIATION = "curves and pcurves"
-    VALIDITY = "BRepCheck"
+    PRESENCE = "presence"
+    EDGES = "edges"
+    DEVIATION = "deviations"
+    VALIDITY = "validity"
     SHELLS = "shells"
-    SIDES = "inside and outside"
+    SIDES = "inversion"
     FOLDS = "folds"
     COLLISIONS = "collisions"
-    VOLUME = "change of volume"
+    VOLUME = "volume"
 
 
 @dataclass(frozen=True)

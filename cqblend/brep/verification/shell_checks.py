@@ -119,16 +119,27 @@ def _count_around(point: gp_Pnt, shells: Iterable[TopoDS_Shape]) -> tuple[bool, 
 def find_new_inversions(replaced: ReplacedFaces, boxes: FaceBoxes) -> list[ReplacementProblem]:
     """Return a problem for every solid that is inside out.
 
-    A ray that starts just outside of a face that changed meets the boundary an even number of times. ``boxes`` are
-    those of the faces of the solid after.
+    A changed plane beyond which the solid does not go tells, or a ray that starts just outside of a changed face and
+    meets the boundary an even number of times. ``boxes`` are those of the faces of the solid after.
     """
     if len(ShapeIndex(replaced.after, TopAbs_SOLID)) == 1:
+        if any(_is_outermost(face, boxes) for face in replaced.new):
+            return []
         start = _find_ray_start(replaced)
         crossings = None if start is None else _count_crossings(*start, replaced.index_after, boxes)
         if crossings is not None and crossings % 2 == 0:
             return []
     everything = tuple(range(len(replaced.new_faces)))
     return [ReplacementProblem(line, Check.SIDES, everything) for line in find_inverted_solids(replaced.after)]
+
+
+def _is_outermost(face: TopoDS_Face, boxes: FaceBoxes) -> bool:
+    """Whether a face is a plane and all faces are on its inner side: then it tells outside from inside."""
+    if not isinstance(BRep_Tool.Surface_s(face), Geom_Plane):
+        return False
+    (point,), (normal,) = evaluate_face_normals(face, np.zeros((1, 2)))
+    reach = np.maximum(boxes.low * normal, boxes.high * normal).sum(axis=1).max()
+    return bool(reach <= float(point @ normal) + VERIFICATION_TOLERANCES.ray_step)
 
 
 def _find_ray_start(replaced: ReplacedFaces) -> tuple[Array, Array] | None:

@@ -14,14 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from OCP.Bnd import Bnd_Box2d
+from OCP.BndLib import BndLib_Add2dCurve
 from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_Surface
+from OCP.Geom2dAdaptor import Geom2dAdaptor_Curve
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_WIRE
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Wire
 
 from cqblend.brep.topology import BUILDER, ShapeIndex, explore_subshapes, orient_forward
+from cqblend.brep.verification.brep_check import get_shared_curve
 from cqblend.brep.verification.replaced_faces import ReplacedFaces
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
@@ -107,7 +110,7 @@ def _separate_parts(
     old_uses = [use for wire in known if not _has_wire(kept, wire) for use in _list_uses(wire)]
     if not whole_wires:
         uses, old_uses = _drop_common_uses(uses, old_uses)
-    boxes = np.array([_measure_box(face, edge) for edge in (*uses, *old_uses)]).reshape(-1, 4)
+    boxes = np.array([*_measure_changes(face, uses, old_uses), *_measure_changes(face, old_uses, uses)]).reshape(-1, 4)
     wire_boxes = np.array([_measure_box(face, wire) for wire in wires])
     outer = int(np.prod(wire_boxes[:, 2:] - wire_boxes[:, :2], axis=1).argmax())
     parts = []
@@ -142,10 +145,48 @@ def _drop_common_uses(
     )
 
 
-def _measure_box(face: TopoDS_Face, shape: TopoDS_Edge | TopoDS_Wire) -> tuple[float, float, float, float]:
-    """Return least u and v and largest u and v of an edge or a wire on a face."""
+def _measure_changes(
+    face: TopoDS_Face, uses: list[TopoDS_Edge], others: list[TopoDS_Edge]
+) -> list[tuple[float, float, float, float]]:
+    """Return the boxes of what some edges have that others have not.
+
+    Where an edge is a piece of one of the others, or has it as its piece, that is the stretch beyond one of their ends.
+    """
+    known = [(get_shared_curve(other), other) for other in others]
+    boxes = []
+    for use in uses:
+        curve, (first, last) = get_shared_curve(use), BRep_Tool.Range_s(use)
+        pieces = [BRep_Tool.Range_s(other) for same, other in known if curve is not None and same is curve]
+        stretches = [(first, last)]
+        if len(pieces) == 1:
+            low, high = pieces[0]
+            # a piece that is contained adds nothing: its own end, where the boundary turns off, stands for it
+            stretches = [(a, b) for a, b in ((first, min(low, last)), (max(high, first), last)) if a < b]
+            stretches = stretches or [(first, first) if low < first else (last, last)]
+        found = np.array([_measure_stretch(use, face, *ends) for ends in stretches])
+        boxes.append((*found[:, :2].min(axis=0).tolist(), *found[:, 2:].max(axis=0).tolist()))
+    return boxes
+
+
+def _measure_stretch(
+    edge: TopoDS_Edge, face: TopoDS_Face, first: float, last: float
+) -> tuple[float, float, float, float]:
+    """Return least u and v and largest u and v of an edge on a face between two parameters."""
     box = Bnd_Box2d()
-    BRepTools.AddUVBounds_s(face, shape, box)
+    pcurve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
+    for end in (first, last):
+        box.Add(pcurve.Value(end))
+    if first < last:
+        BndLib_Add2dCurve.Add_s(Geom2dAdaptor_Curve(pcurve, first, last), 0.0, box)
+    box.Enlarge(VERIFICATION_TOLERANCES.wire_box_margin)
+    found: tuple[float, float, float, float] = box.Get()
+    return found
+
+
+def _measure_box(face: TopoDS_Face, wire: TopoDS_Wire) -> tuple[float, float, float, float]:
+    """Return least u and v and largest u and v of a wire on a face."""
+    box = Bnd_Box2d()
+    BRepTools.AddUVBounds_s(face, wire, box)
     box.Enlarge(VERIFICATION_TOLERANCES.wire_box_margin)
     found: tuple[float, float, float, float] = box.Get()
     return found

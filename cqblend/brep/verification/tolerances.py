@@ -79,6 +79,9 @@ class VerificationTolerances:
     samples_near_short_normal: tuple[int, int] = (65, 33)
     """Number of parameters in u and v around the shortest one at which normals are compared again."""
 
+    most_piece_pairs: int = 300_000
+    """Largest number of pairs of pieces that are compared: beyond that, OCCT's exact distance takes no longer."""
+
     certificate_samples: int = 400
     """Number of points at which a certificate measures each edge of a rail, beside those at knots."""
 
