@@ -6,12 +6,13 @@ in curvature. Two sorts of knots make them few:
 
 - multiple knots, where the exact jets really jump in a low derivative. There, and at both ends, the fit takes over the
   exact values and derivatives, as many as both sides have in common, up to the second;
-- single knots (C4), uniform between two multiple ones (a *stretch*), fitted by least squares. Their number follows from
-  the error found.
+- single knots (C4), uniform between two multiple ones (a *stretch*), fitted by least squares.
 
 Whether a break of the exact jets becomes a multiple knot is decided by what ignoring it costs, not by its nominal
 continuity: a cubic rail has a break with a tiny jump every few spans, a steered one crosses knot lines without any. A
-C4 quintic with spans of length h misses a jump D of the m-th derivative by about ``JUMP_ERRORS[m]`` D h^m.
+C4 quintic with spans of length h misses a jump D of the m-th derivative by about ``JUMP_ERRORS[m]`` D h^m. From these
+errors, and those due to the sixth derivatives, the stretches and their spans are predicted so that they take the fewest
+poles; where the errors measured are larger, stretches are divided or get more spans until they are not.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+
+PIECE_SHARES = np.array([0.1, 0.5, 0.9])
+"""Where in a piece of the exact jets, as shares of it, the length of spans is predicted."""
 
 
 class _Refinement(NamedTuple):
@@ -101,12 +105,7 @@ def compact_jets(
     (5, 3, True)
     """
     exact = collect_exact_jets(sides, tolerance, angular_tolerance)
-    multiple_knots, kinks, influence = _choose_multiple_knots(exact)
-    pieces = np.searchsorted(exact.breaks, [knot.t for knot in multiple_knots])
-    waiting = [
-        UniformStretch(start, end, min(max(1, int(count) // 8), 8))
-        for (start, end), count in zip(pairwise(multiple_knots), np.diff(pieces), strict=True)
-    ]
+    waiting, kinks, influence = _predict_stretches(exact)
     done: list[tuple[UniformStretch, Array]] = []
     while waiting:
         if (
@@ -128,43 +127,107 @@ def compact_jets(
     return _assemble_curves(sorted(done, key=lambda fitted: fitted[0].start.t), len(sides[0]))
 
 
-def _make_multiple_knots(exact: ExactJets, t: Array, spacing: Array) -> tuple[list[MultipleKnot], Array]:
-    """Make multiple knots at parameters t (n,); also return what ignoring the jumps there costs, (rows, 4, n).
+def _make_multiple_knots(exact: ExactJets, t: Array, spacing: Array) -> tuple[list[MultipleKnot], Array, Array]:
+    """Make multiple knots at parameters t (n,); also return what ignoring the jumps there costs, twice (4, n).
 
-    Derivatives agree up to the first whose jump is not harmless on spans of the length ``spacing``.
+    Derivatives agree up to the first whose jump is not harmless on spans of the length ``spacing``. The second costs
+    are those of what sets a jump apart from the one before or after it, if that is less: jumps of a smooth curve that
+    is given as a spline with many breaks are nearly alike, and a fit with longer spans averages them away.
     """
     before, after = (exact.evaluate_rows(t, len(JUMP_ERRORS) - 1, side) for side in ("left", "right"))
     middle = (before + after) / 2
-    jumps, powers = after - before, spacing ** np.arange(len(JUMP_ERRORS))[:, None]
-    influence = exact.estimate_jump_costs(jumps, middle[:, :2])
-    # jumps of one derivative at a time
-    single = np.eye(len(JUMP_ERRORS))[:MOST_SHARED_DERIVATIVES, None, :, None, None] * jumps
-    costs = [(exact.estimate_jump_costs(jump, middle[:, :2]) * powers).max(axis=1) for jump in single]
-    agreed = np.cumprod(np.stack(costs, axis=1) <= COMPACT_TOLERANCES.harmless_jump_share, axis=1).astype(bool)
+    jumps = after - before
+    costs = exact.estimate_jump_costs(jumps, middle[:, :2])
+    powers = spacing ** np.arange(len(JUMP_ERRORS))[:, None]
+    agreed = np.ones((len(jumps), MOST_SHARED_DERIVATIVES, len(t)), dtype=bool)
+    for order in range(MOST_SHARED_DERIVATIVES):
+        of_one = [costs[:, k, order - k] * powers[order - k] for k in range(order + 1)]
+        agreed[:, order] = np.max(of_one, axis=0) <= COMPACT_TOLERANCES.harmless_jump_share
+    agreed = np.logical_and.accumulate(agreed, axis=1)
     first, second = (
         np.where(agreed[..., None], middle[:, :MOST_SHARED_DERIVATIVES], x[:, :MOST_SHARED_DERIVATIVES])
         for x in (before, after)
     )
     count = agreed.sum(axis=1)
     multiple_knots = [MultipleKnot(float(at), first[:, :, i], second[:, :, i], count[:, i]) for i, at in enumerate(t)]
-    return multiple_knots, influence
+    influence = costs.max(axis=(0, 1))
+    steps = np.diff(jumps, axis=2)
+    for unlike in (steps[:, :, :-1], steps[:, :, 1:]):
+        costs[..., 1:-1] = np.minimum(costs[..., 1:-1], exact.estimate_jump_costs(unlike, middle[:, :2, 1:-1]))
+    return multiple_knots, influence, costs.max(axis=(0, 1))
 
 
-def _choose_multiple_knots(exact: ExactJets) -> tuple[list[MultipleKnot], Array, Array]:
-    """Decide at which breaks the jets jump by more than is tolerated on spans as long as the pieces around.
+def _predict_stretches(exact: ExactJets) -> tuple[list[UniformStretch], Array, Array]:
+    """Choose multiple knots, and the spans between them, that take the fewest poles by what errors are expected.
 
-    Returns the multiple knots, both ends included, the other breaks (n,), and the costs a (4, n) of ignoring the jumps
-    there: a[m] h^m tolerances on spans of length h.
+    Multiple knots may be where the jets jump by more than is tolerated on spans about as long as the pieces around.
+    Other jumps only make spans shorter, if those next to them are unlike. Returns the stretches, the breaks (n,) that
+    are no multiple knots, and the costs a (4, n) of ignoring the jumps there: a[m] h^m tolerances on spans of length h.
     """
     t = exact.breaks
     neighbours = np.arange(len(t))[:, None] + [-3, 3]
     low, high = np.clip(neighbours, 0, len(t) - 1).T
     spacing = (t[high] - t[low]) / (high - low)
-    multiple_knots, influence = _make_multiple_knots(exact, t, spacing)
-    worst = influence.max(axis=0)
-    chosen = _find_harmless_lengths(worst) * COMPACT_TOLERANCES.multiple_knot_cost < spacing
-    chosen[[0, -1]] = True
-    return [multiple_knots[i] for i in np.flatnonzero(chosen)], t[~chosen], worst[:, ~chosen]
+    multiple_knots, influence, unlike_influence = _make_multiple_knots(exact, t, spacing)
+    harmless = _find_harmless_lengths(influence)
+    candidate = harmless < COMPACT_TOLERANCES.candidate_pieces * spacing
+    candidate[[0, -1]] = True
+    harmless = np.where(harmless < spacing, harmless, _find_harmless_lengths(unlike_influence))
+
+    points = t[:-1] + np.diff(t) * PIECE_SHARES[:, None]
+    spans_per_length = (1 / exact.estimate_span_widths(points.ravel())).reshape(points.shape).max(axis=0)
+    spans_per_jump = 1 / np.maximum(harmless, np.finfo(float).tiny)
+    spans_per_jump[[0, -1]] = 0.0
+    ignored = np.where(candidate, 0.0, spans_per_jump)
+    spans_per_length = np.maximum(spans_per_length, np.maximum(ignored[:-1], ignored[1:]))
+
+    at = np.flatnonzero(candidate)
+    extra_poles = np.array([COMPACT_DEGREE - multiple_knots[i].shared_counts.min() for i in at])
+    parts, spans = _minimise_poles(
+        t[at], np.maximum.reduceat(spans_per_length, at[:-1]), spans_per_jump[at], extra_poles
+    )
+    chosen = at[parts]
+    knots = [multiple_knots[i] for i in chosen]
+    stretches = [UniformStretch(start, end, n) for (start, end), n in zip(pairwise(knots), spans, strict=True)]
+    return stretches, np.delete(t, chosen), np.delete(influence, chosen, axis=1)
+
+
+def _minimise_poles(
+    t: Array, spans_per_length: Array, spans_per_jump: Array, extra_poles: Array
+) -> tuple[list[int], list[int]]:
+    """Choose those of n parameters at which multiple knots make for the fewest poles, and the spans between them.
+
+    Both ends are among them. ``spans_per_length`` (n - 1,) and ``spans_per_jump`` (n,) are what the jets between
+    parameters, and jumps at those that are not chosen, ask for; ``extra_poles`` (n,) are what a multiple knot costs
+    beyond a single one.
+    """
+    n = len(t)
+    reach = min(n - 1, COMPACT_TOLERANCES.most_candidates_apart)
+    last = np.arange(n - 1)[:, None] + np.arange(reach)  # last part of the stretch that starts at i and has k + 1
+    beyond = last > n - 2
+    last = np.minimum(last, n - 2)
+    density = spans_per_length[last]
+    density[:, 1:] = np.maximum(density[:, 1:], spans_per_jump[last[:, 1:]])
+    density = np.maximum.accumulate(density, axis=1)
+    with np.errstate(over="ignore"):
+        spans = np.ceil(density * (t[last + 1] - t[:-1, None]) - COMPACT_TOLERANCES.forgiven_span_share)
+    spans = np.maximum(spans, 1.0)
+    spans[:, 1:][spans[:, 1:] > COMPACT_TOLERANCES.most_stretch_spans] = np.inf
+    poles = np.where(beyond, np.inf, spans + extra_poles[last + 1])
+    least, previous = np.full(n, np.inf), np.zeros(n, dtype=int)
+    least[0] = 0.0
+    for i in range(n - 1):
+        ends = slice(i + 1, min(i + reach, n - 1) + 1)
+        total = least[i] + poles[i, : ends.stop - ends.start]
+        better = total < least[ends]
+        least[ends][better] = total[better]
+        previous[ends][better] = i
+    chosen = [n - 1]
+    while chosen[-1]:
+        chosen.append(int(previous[chosen[-1]]))
+    chosen.reverse()
+    most = COMPACT_TOLERANCES.most_stretch_spans
+    return chosen, [int(min(spans[i, j - i - 1], most)) for i, j in pairwise(chosen)]
 
 
 def _find_harmless_lengths(influence: Array) -> Array:

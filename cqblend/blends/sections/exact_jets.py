@@ -7,6 +7,7 @@ the tangent plane and in curvature, which are measured here.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import perm
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from cqblend.surfaces.vectors import cross_product
 
 JUMP_ERRORS = np.array([0.5, 0.1, 0.017, 0.005])
 """Largest error of a C4 quintic with unit spans that is fitted to a unit jump of derivative 0 .. 3 by least squares."""
+
+JET_ERRORS = np.array([2.2e-5, 1.4e-4, 1e-3])
+"""Largest error of value, slope and second derivative of such a quintic, where the sixth derivative is 1."""
 
 
 @dataclass(frozen=True)
@@ -91,42 +95,64 @@ class ExactJets:
         return np.asarray(np.max(ratios, axis=0) / COMPACT_TOLERANCES.used_share)
 
     def estimate_jump_costs(self, jumps: Array, rows: Array) -> Array:
-        """Return the errors a, (rows, 4, n), that a smooth fit makes at jumps (rows, 4, n, 3) of derivatives 0 .. 3.
+        """Return the errors a, (rows, 3, 4, n), that a smooth fit makes at jumps (rows, 4, n, 3) of derivatives 0 .. 3.
 
-        On spans of length h, the jump of derivative m of row r costs a[r, m] h^m tolerances of that row. ``rows`` are
-        the Euclidean rows with their first derivatives, (rows, 2, n, 3). Jumps change tangent planes and curvatures as
-        well, as jumps of one and of two derivatives less do; there, only their normal part counts.
+        On spans of length h, the jump of derivative k + m of row r costs a[r, k, m] h^m tolerances of derivative k of
+        that row. ``rows`` are the Euclidean rows with their first derivatives, (rows, 2, n, 3). Jumps change tangent
+        planes and curvatures as well, as jumps of one and of two derivatives less do; there, only their normal part
+        counts.
         """
-        all_costs, first = np.zeros(jumps.shape[:-1]), 0
+        count = len(JUMP_ERRORS)
+        costs = np.zeros((len(jumps), 3, *jumps.shape[1:-1]))
+        for row, derivative, normal, limit in self._list_limits(rows):
+            sizes = _measure_parts(jumps[row, derivative:], normal)
+            costs[row, derivative, : count - derivative] = JUMP_ERRORS[: count - derivative, None] * sizes / limit
+        return costs
+
+    def estimate_span_widths(self, t: Array) -> Array:
+        """Return how long spans of a C4 quintic may be at t, none of it a break, for its errors to be tolerated, (n,).
+
+        These are proportional to the sixth derivatives of the rows; what rounding makes of them is left out.
+        """
+        order = 6
+        rows = self.evaluate_rows(t, order, "right")
+        piece = np.searchsorted(self.breaks, t) - 1
+        length = np.diff(self.breaks)[piece]
+        degree = self.sides[0][0].degree
+        rounding = perm(degree, order) * (2 / length) ** order * COMPACT_TOLERANCES.coefficient_rounding
+        noise = [rounding * float(np.abs(jet.coefs).max()) for jets in self.sides for jet in jets]
+        inverse = np.full(len(t), 1 / float(np.ptp(self.breaks)))
+        for row, derivative, normal, limit in self._list_limits(rows[:, :2]):
+            size = np.maximum(_measure_parts(rows[row, order], normal) - noise[row], 0.0)
+            share = JET_ERRORS[derivative] * size / (COMPACT_TOLERANCES.used_share * limit)
+            inverse = np.maximum(inverse, share ** (1 / (order - derivative)))
+        return np.asarray(1 / inverse)
+
+    def _list_limits(self, rows: Array) -> list[tuple[int, int, Array | None, Array]]:
+        """List what a fit may miss: row, derivative of it, unit vectors (n, 3) along which that counts, limit (n,).
+
+        ``rows`` are the Euclidean rows with their first derivatives, (rows, 2, n, 3). All directions count where there
+        are no unit vectors.
+        """
+        limits: list[tuple[int, int, Array | None, Array]] = []
+        first = 0
         for jets, size in zip(self.sides, self.sizes, strict=True):
-            own, count = jumps[first : first + len(jets)], len(jets)
-            allowed = [np.full(jumps.shape[2], self.tolerance)]
+            count = len(jets)
+            limits.append((first, 0, None, np.full(rows.shape[2], self.tolerance)))
             if count > 1:
-                speed, reach = (
-                    np.maximum(compute_norms(x), COMPACT_TOLERANCES.tiny_length)
-                    for x in (rows[first, 1], rows[first + 1, 0])
-                )
-                allowed += [
-                    self.angular_tolerance * reach,
-                    *(COMPACT_TOLERANCES.curvature * reach**k / size ** (k - 1) for k in range(2, count)),
-                ]
-            costs = JUMP_ERRORS[:, None] * compute_norms(own) / np.stack(allowed)[:, None]
-            if count > 1:
-                normal = cross_product(rows[first, 1], rows[first + 1, 0])
-                normal_jumps = np.abs((own[:2] * normal).sum(-1)) / np.maximum(
-                    compute_norms(normal), COMPACT_TOLERANCES.tiny_length
-                )
-                stricter = [(0, 1, self.angular_tolerance * speed)]
+                tangent, field = rows[first, 1], rows[first + 1, 0]
+                speed, reach = (np.maximum(compute_norms(x), COMPACT_TOLERANCES.tiny_length) for x in (tangent, field))
+                normal = cross_product(tangent, field)
+                normal = normal / np.maximum(compute_norms(normal), COMPACT_TOLERANCES.tiny_length)[:, None]
+                limits.append((first + 1, 0, None, self.angular_tolerance * reach))
+                limits.append((first, 1, normal, self.angular_tolerance * speed))
+                curvature = COMPACT_TOLERANCES.curvature
+                limits += [(first + k, 0, None, curvature * reach**k / size ** (k - 1)) for k in range(2, count)]
                 if count > 2:
-                    curvature = COMPACT_TOLERANCES.curvature / size
-                    stricter += [(0, 2, curvature * speed**2), (1, 1, curvature * speed * reach)]
-                for row, derivatives_lost, limit in stricter:
-                    left = len(JUMP_ERRORS) - derivatives_lost
-                    normal_costs = JUMP_ERRORS[:left, None] * normal_jumps[row, derivatives_lost:] / limit
-                    costs[row, :left] = np.maximum(costs[row, :left], normal_costs)
-            all_costs[first : first + count] = costs
+                    limits.append((first, 2, normal, curvature / size * speed**2))
+                    limits.append((first + 1, 1, normal, curvature / size * speed * reach))
             first += count
-        return all_costs
+        return limits
 
 
 def collect_exact_jets(sides: tuple[Jets, Jets], tolerance: float, angular_tolerance: float) -> ExactJets:
@@ -139,6 +165,11 @@ def collect_exact_jets(sides: tuple[Jets, Jets], tolerance: float, angular_toler
         points = rail(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 65)]))
         sizes.append(float(np.linalg.norm(np.ptp(points[:, :3] / points[:, 3:], axis=0))))
     return ExactJets((first, second), Curve.stack(together), tolerance, angular_tolerance, (sizes[0], sizes[1]))
+
+
+def _measure_parts(vectors: Array, normal: Array | None) -> Array:
+    """Return the sizes of vectors (.., n, 3): of their parts along unit vectors (n, 3), or their lengths if None."""
+    return compute_norms(vectors) if normal is None else np.abs((vectors * normal).sum(-1))
 
 
 def compute_norms(vectors: Array) -> Array:

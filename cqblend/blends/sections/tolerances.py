@@ -105,6 +105,12 @@ class CompactTolerances:
         Share of the tolerance up to which a jump is averaged away.
     multiple_knot_cost
         Poles that a multiple knot costs beyond single knots.
+    candidate_pieces
+        A jump may get a multiple knot if spans as long as so many pieces of the exact jets may not ignore it.
+    most_candidates_apart
+        Most places for multiple knots from one that is predicted to the next one.
+    forgiven_span_share
+        Share of a span that a predicted stretch may lack.
     explained_share
         A jump explains an error if ignoring it costs this share of the error.
     snap_share
@@ -128,6 +134,9 @@ class CompactTolerances:
     least_half_factor: float = 0.5
     harmless_jump_share: float = 0.05
     multiple_knot_cost: int = 3
+    candidate_pieces: float = 2.0
+    most_candidates_apart: int = 128
+    forgiven_span_share: float = 0.4
     explained_share: float = 0.3
     snap_share: float = 0.1
     tiny_length: float = 1e-100

@@ -16,6 +16,7 @@ from kernel_surfaces import pairs
 from places import BENCHMARKS
 
 import cqblend
+from cqblend.blends.sections import compact_form, quintic_fit
 from cqblend.blends.sections.blend_surface import build_section
 from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.tolerances import COMPACT_TOLERANCES
@@ -36,14 +37,18 @@ def lifted(primary: Primary, uv: Curve) -> Curve:
     return Curve.stack([1.0 - uv[0], uv[0], 1.0 - uv[1], uv[1]])
 
 
-def wavy(order: int = 1) -> Sides:
-    """Return the pair of kernel-notes: bicubic 10 x 10 spans, cubic rails, field T1 scaled by .3."""
+def wavy(order: int = 1, moved: float = 0.0) -> Sides:
+    """Return the pair of kernel-notes: bicubic 10 x 10 spans, cubic rails, field T1 scaled by .3.
+
+    The poles of the second rail are moved at random by up to ``moved``.
+    """
     base = Surface.from_bspline(*irit_table.wavy_data())
     poles = np.array([[0.05, 0.10], [0.40, 0.95], [0.65, 0.05], [0.95, 0.90]])
+    shift = moved * np.random.default_rng(0).uniform(-1, 1, poles.shape)
     sides = []
     for surface, bezier, sign in (
         (base, poles, 1),
-        (base + np.array([0.3, 0.2, 1.0]), poles * [1, -1] + [0, 1], -1),
+        (base + np.array([0.3, 0.2, 1.0]), np.clip(poles * [1, -1] + [0, 1] + shift, 0.02, 0.98), -1),
     ):
         primary = TensorSurface.from_spline(surface)
         uv = Curve.bezier(bezier)
@@ -246,6 +251,44 @@ def test_wavy_pair_takes_fewer_poles_than_asked_for_and_a_small_step_file(tmp_pa
 def test_wavy_pair_of_higher_order_is_lighter_than_the_exact_one(order, most):
     sides = wavy(order)
     assert poles(compact_jets(sides, 1e-7, 1e-5)) <= most < poles(sides) == 343
+
+
+@pytest.mark.parametrize("moved", [0.05, 0.1, 0.2])
+def test_stretches_are_predicted_so_well_that_few_are_fitted_again(moved, monkeypatch):
+    counts: list[int] = []
+
+    def count_spans(exact, stretches):
+        counts.append(sum(stretch.spans for stretch in stretches))
+        return quintic_fit.fit_stretches(exact, stretches)
+
+    monkeypatch.setattr(compact_form, "fit_stretches", count_spans)
+    fitted = compact_jets(wavy(moved=moved), 1e-7, 1e-5)
+    assert len(counts) <= 4
+    assert sum(counts[1:]) <= counts[0] / 2
+    assert poles(fitted) <= 215
+
+
+def count_poles(chosen, t, spans_per_length, spans_per_jump, extra_poles, forgiven):
+    """Count spans and extra poles of multiple knots one stretch after another, in plain Python."""
+    total = 0.0
+    for i, j in itertools.pairwise(chosen):
+        asked = max([*spans_per_length[i:j], *spans_per_jump[i + 1 : j]])
+        total += max(1, math.ceil(asked * (t[j] - t[i]) - forgiven)) + extra_poles[j]
+    return total
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_multiple_knots_are_where_they_cost_the_fewest_poles(seed):
+    rng = np.random.default_rng(seed)
+    n = 9
+    t = np.cumsum(rng.uniform(0.2, 1, n))
+    asked = rng.uniform(0.1, 4, n - 1), rng.choice([0.0, 1.0, 8.0], n), rng.integers(2, 5, n)
+    chosen, spans = compact_form._minimise_poles(t, *asked)
+    forgiven = COMPACT_TOLERANCES.forgiven_span_share
+    subsets = itertools.chain.from_iterable(itertools.combinations(range(1, n - 1), k) for k in range(n - 1))
+    least = min(count_poles((0, *inner, n - 1), t, *asked, forgiven) for inner in subsets)
+    assert (chosen[0], chosen[-1]) == (0, n - 1)
+    assert count_poles(chosen, t, *asked, forgiven) == least == sum(spans) + asked[2][chosen[1:]].sum()
 
 
 def test_joints_are_where_the_field_really_jumps():
