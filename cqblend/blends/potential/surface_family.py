@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cqblend.argument_checks import call_user_function, check_integer, check_number, to_float_array
+from cqblend.argument_checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
@@ -114,14 +114,14 @@ class Family(ABC):
 
         In a closed direction, the seam is one of them, and they are those of all periods that a range touches.
         """
-        axis = check_integer("axis", axis, 0, 1)
+        axis, (low, high) = check_integer("axis", axis, 0, 1), check_interval("within", within)
         knots, period = self.primary.inner_knot_lines(axis), self.primary.periods[axis]
         orders = self.surface.continuity[axis] - self.lost
         if period is None:
             return knots, orders
         knots = np.append(self.primary.breaks[axis][0], knots)
         orders = np.append(self.primary.seam_continuity[axis] - self.lost, orders)
-        first, last = np.floor((np.array(within) - knots[-1]) / period).astype(int).tolist()
+        first, last = np.floor((np.array([low, high]) - knots[-1]) / period).astype(int).tolist()
         turns = np.arange(first, last + 2)
         return (knots + turns[:, None] * period).ravel(), np.tile(orders, len(turns))
 
