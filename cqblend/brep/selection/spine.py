@@ -133,6 +133,8 @@ class EdgeSpine:
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
         """Centre (3,) and radius of the circle that the spine is an arc of, None if there is none."""
+        if len(self.edges) == 1 and self._curves[0].is_straight:
+            return None
         t = np.linspace(0, 1, SELECT_TOLERANCES.circle_samples)
         points = self.evaluate_points(t[: -1 if self.closed else None])
         middle = points.mean(axis=0)
