@@ -109,7 +109,7 @@ class SurfaceEvaluator:
         found = np.stack(formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
             at = choose_witnesses(uv.shape[1])
-            if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
+            if not _agrees(found.take(at, axis=-1), self.evaluate_by_occt(uv.take(at, axis=1), order)):
                 self._is_contradicted = True
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
@@ -340,6 +340,7 @@ def _make_revolution_formula(frame: tuple[Array, Array, Array, Array], profile: 
     origin, x, y, z = (part[:, None] for part in frame)
 
     def evaluate_revolution(u: Array, v: Array, order: Order) -> list[Array]:
+        v = v[:1] if (v == v[0]).all() else v  # along a circle, one point of the meridian tells
         cosines, sines = np.cos(u), np.sin(u)
         outwards, around = cosines * x + sines * y, cosines * y - sines * x
         (a, b, c), *rates = profile(v, order)
