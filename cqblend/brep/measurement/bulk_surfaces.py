@@ -188,13 +188,13 @@ class SplineSurface:
         along_u, along_v = (self._evaluate_basis(axis, t, order) for axis, t in enumerate((u, v)))
         table = self._columns.reshape(-1, *self._shape)
         if along_v.poles.shape[1] == 1:
-            curves = along_v.combine(table[:, :, along_v.poles[:, 0], None])
-            mixed = [along_u.combine(curve[..., 0].take(along_u.poles, axis=1)) for curve in curves]
-            return self._order_jets(lambda i, j: mixed[j][i], order)
+            curves = np.stack(along_v.combine(table[:, :, along_v.poles[:, 0], None]))[..., 0]
+            found = along_u.combine(curves.take(along_u.poles, axis=2))
+            return self._order_jets(lambda i, j: found[i][j], order)
         if along_u.poles.shape[1] == 1:
-            curves = along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None])
-            mixed = [along_v.combine(curve[..., 0].take(along_v.poles, axis=1)) for curve in curves]
-            return self._order_jets(lambda i, j: mixed[i][j], order)
+            curves = np.stack(along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None]))[..., 0]
+            found = along_v.combine(curves.take(along_v.poles, axis=2))
+            return self._order_jets(lambda i, j: found[j][i], order)
         picked = self._columns.take(along_u.poles[:, None] * self._shape[1] + along_v.poles, axis=1)
         mixed = [along_u.combine(row) for row in along_v.combine(picked)]
         return self._order_jets(lambda i, j: mixed[j][i], order)
