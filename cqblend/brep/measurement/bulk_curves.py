@@ -89,6 +89,14 @@ class CurveEvaluator:
         return isinstance(basis, _LINES)
 
     @property
+    def circle(self) -> tuple[Array, float] | None:
+        """Centre and radius of a circle, of an arc all the same; None of every other curve."""
+        basis = self._basis
+        if not isinstance(basis, Geom_Circle | Geom2d_Circle):
+            return None
+        return np.array(basis.Location().Coord()), basis.Radius()
+
+    @property
     def is_single_span(self) -> bool:
         """Whether it has no knots inside, and no period after which it starts anew."""
         basis = self._basis
