@@ -259,7 +259,7 @@ class DirectionFit:
         breaks = ribbon.directions[0].breaks
         t = np.append((breaks[:-1] + np.arange(8)[:, None] / 8 * np.diff(breaks)).ravel(), breaks[-1])
         if self.has_kinks:
-            fitted = _evaluate_first_jet(ribbon.compose_jets(), t)
+            fitted = _evaluate_first_jet(ribbon.jets, t)
         else:
             rail = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t, exact=True)
             fitted = rail.evaluate_tangents(ribbon.directions[0](t))
