@@ -234,7 +234,7 @@ def to_float_array(name: str, values: object) -> NDArray[Any]:
     try:
         array = np.array(values)
         if array.dtype.kind in "biufO":
-            return array.astype(np.float64)
+            return array.astype(np.float64, copy=False)
     except Exception as error:
         raise InputError(f"{name} must be an array of numbers: {reason(error)}") from error
     raise InputError(f"{name} must be an array of numbers, not {shown(values)}")

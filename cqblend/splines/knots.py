@@ -215,6 +215,8 @@ def assemble_bspline(breaks: Array, coefs: Array, continuity: Array) -> tuple[Ar
     (array([0., 0., 1., 2., 2.]), array([0., 5., 6.]))
     """
     p = len(coefs) - 1
+    if len(breaks) == 2:  # the coefficients of a single piece are its poles
+        return breaks.repeat(p + 1), coefs[..., 0].copy()
     ends = np.array([p + 1])
     inner = np.minimum(np.maximum(p - continuity, 0), p + 1)
     index = np.arange(len(breaks))

@@ -4,6 +4,7 @@ A coefficient array of n parameters has n degree axes first, then the components
 arithmetic on Bernstein coefficients only.
 """
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -31,7 +32,8 @@ def check_pieces(
     values = to_float_array(f"{name}: coefficients", coefs)
     for b in arrays:
         # numbers that increase from a finite one to a finite one are finite
-        if b.ndim != 1 or len(b) < 2 or not np.isfinite(b[[0, -1]]).all() or not (b[1:] > b[:-1]).all():
+        has_ends = b.ndim == 1 and len(b) >= 2 and math.isfinite(b[0]) and math.isfinite(b[-1])
+        if not has_ends or not (b[1:] > b[:-1]).all():
             raise InputError(
                 f"{name}: breaks must be at least two finite, strictly increasing numbers, not {shown(b.tolist())}"
             )
@@ -115,6 +117,8 @@ def match_degrees(a: Array, b: Array, parameter_count: int) -> tuple[Array, Arra
 
 def detect_continuity(coefs: Array, axis: int, parameter_count: int) -> Array:
     """Return the order of continuity at breaks where none is known: 0 where pieces meet to rounding, else -1."""
+    if coefs.shape[parameter_count + 1 + axis] == 1:
+        return np.empty(0, dtype=int)
     lead = np.moveaxis(coefs, (axis, parameter_count + 1 + axis), (0, -1))
     jump = np.abs(lead[-1, ..., :-1] - lead[0, ..., 1:]).max(axis=tuple(range(lead.ndim - 2)))
     return np.where(jump <= 64 * EPSILON * np.abs(coefs).max(), 0, -1)

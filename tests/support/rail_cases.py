@@ -24,7 +24,7 @@ def points(rail: Ribbon, t: np.ndarray) -> np.ndarray:
 
 
 def fields(rail: Ribbon, t: np.ndarray) -> np.ndarray:
-    x, dx = (jet(t) for jet in rail.compose_jets())
+    x, dx = (jet(t) for jet in rail.jets)
     return (dx[:, :3] - homogeneous(x) * dx[:, 3:]) / x[:, 3:]
 
 

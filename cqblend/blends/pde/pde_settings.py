@@ -142,7 +142,7 @@ class PdeSettings:
         GeometryError
             Both rails are one curve.
         """
-        jets = [ribbon.compose_jets()[: max(self.halves)] for ribbon in ribbons]
+        jets = [ribbon.jets[: max(self.halves)] for ribbon in ribbons]
         breaks = merge_breaks(*(jet.breaks for side in jets for jet in side))
         rails = jets[0][0], jets[1][0]
         lengths = Antiderivative(partial(evaluate_mean_speed, rails), breaks)

@@ -259,7 +259,7 @@ class DirectionFit:
         breaks = ribbon.directions[0].breaks
         t = np.append((breaks[:-1] + np.arange(8)[:, None] / 8 * np.diff(breaks)).ravel(), breaks[-1])
         if self.has_kinks:
-            fitted = _evaluate_first_jet(ribbon.compose_jets(), t)
+            fitted = _evaluate_first_jet(ribbon.jets, t)
         else:
             rail = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t, exact=True)
             fitted = rail.evaluate_tangents(ribbon.directions[0](t))
@@ -309,11 +309,12 @@ def _refine_nodes(
         (first, first_errors), (second, second_errors) = (
             one.fit_ribbon(nodes, turns) for one, turns in zip(fits, steering, strict=True)
         )
-        long = np.diff(nodes) > RAIL_TOLERANCES.least_divided_span * shortest
-        errors = np.where(long[:, None], np.maximum(first_errors, second_errors), 0.0)
-        if errors.max() <= 1:
+        halved = halve_spans(
+            nodes, np.maximum(first_errors, second_errors), RAIL_TOLERANCES.least_divided_span * shortest
+        )
+        if len(halved) == len(nodes):
             return [first, second], nodes
-        nodes = halve_spans(nodes, errors)
+        nodes = halved
 
 
 def _has_same_directions(one: Ribbon, other: Ribbon) -> bool:

@@ -155,7 +155,7 @@ def find_required_turns(ribbon: Ribbon, order: int) -> list[RequiredTurn]:
     uv = ribbon.find_native_parameters(t)
     uv[np.arange(len(t)), axis] = [crossing.value for crossing in crossings]
     jet = ribbon.primary.jet(uv)
-    rail, field = ribbon.compose_jets()[:2]
+    rail, field = ribbon.jets[:2]
     normal = normalise_vectors(cross_product(jet[1], jet[2]))
     line = np.where((axis == 0)[:, None], jet[2], jet[1])
 

@@ -106,8 +106,9 @@ class Ribbon:
         near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
         return self.primary.unlift_points(self.c(t), near)
 
-    def compose_jets(self) -> tuple[Curve, ...]:
-        """Return d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
+    @cached_property
+    def jets(self) -> tuple[Curve, ...]:
+        """d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
         return self.primary.compose_jets(self.c, self.directions)
 
 
@@ -118,14 +119,14 @@ def is_faded(ribbon: Ribbon, t: Array) -> Array:
     """
     if not ribbon.fades:
         return np.zeros(len(t), dtype=bool)
-    length = np.linalg.norm(dehomogenise_jets(np.stack([jet(t) for jet in ribbon.compose_jets()[:2]]))[1], axis=1)
+    length = np.linalg.norm(dehomogenise_jets(np.stack([jet(t) for jet in ribbon.jets[:2]]))[1], axis=1)
     return np.asarray(length <= RAIL_TOLERANCES.measurable_share * length.max())
 
 
 def is_periodic(ribbon: Ribbon) -> bool:
     """Whether the jets of a ribbon, but for its position, are the same at both ends."""
     ends = np.array(ribbon.c.domain)
-    jets = dehomogenise_jets(np.stack([jet(ends) for jet in ribbon.compose_jets()]))
+    jets = dehomogenise_jets(np.stack([jet(ends) for jet in ribbon.jets]))
     jets[0] -= jets[0, :1]
     size = np.abs(jets).max()
     return bool(
@@ -135,7 +136,7 @@ def is_periodic(ribbon: Ribbon) -> bool:
 
 def dehomogenise_jets(jets: Array) -> Array:
     """Return derivatives in space, (k, n, 3), of homogeneous derivatives by one parameter, (k, n, 4)."""
-    return np.moveaxis(dehomogenise_derivatives(np.moveaxis(jets, 2, 1)[None])[0], 1, 2)
+    return dehomogenise_derivatives(jets.swapaxes(1, 2)[None])[0].swapaxes(1, 2)
 
 
 def evaluate_space_jets(jets: Sequence[Curve], t: Array, order: int, side: BreakSide = "right") -> Array:

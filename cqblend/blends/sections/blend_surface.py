@@ -64,7 +64,7 @@ def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve
     """
 
     def compose_jets(ribbon: Ribbon) -> list[Curve]:
-        jets = ribbon.compose_jets()[: ribbon.order + 1]
+        jets = ribbon.jets[: ribbon.order + 1]
         if not ribbon.light:
             return list(jets)
         sizes = [float(np.abs(jet.coefs).max()) for jet in jets]

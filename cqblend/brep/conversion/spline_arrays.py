@@ -231,28 +231,30 @@ def _pack_knots(knots: ArrayLike, degree: int, count: int, name: str) -> NDArray
             f"{name}: knots have shape {vector.shape}; {count} poles of degree {degree} need ({count + degree + 1},)"
         )
     _require_finite(vector, f"{name}: knots")
-    steps = np.diff(vector)
+    steps = vector[1:] - vector[:-1]
     if (steps < 0).any():
         raise InputError(f"{name}: knot {int(np.argmax(steps < 0)) + 1} is smaller than the one before it")
-    starts = np.flatnonzero(np.concatenate([[True], steps > 0]))
-    packed = np.empty(len(starts), _KNOT)
-    packed["value"] = vector[starts]
-    packed["multiplicity"] = np.diff(starts, append=len(vector))
+    bounds = np.concatenate(((0,), steps.nonzero()[0] + 1, (len(vector),)))
+    packed = np.empty(len(bounds) - 1, _KNOT)
+    packed["value"] = vector[bounds[:-1]]
+    packed["multiplicity"] = bounds[1:] - bounds[:-1]
     _check_multiplicities(packed, degree, name)
     return packed
 
 
 def _check_multiplicities(packed: NDArray[np.void], degree: int, name: str) -> None:
     values, multiplicities = packed["value"], packed["multiplicity"]
-    limit = np.full(len(packed), degree)
-    limit[[0, -1]] = degree + 1
-    if len(packed) < 2 or (multiplicities > limit).any():
+    is_repeated = multiplicities > degree
+    is_repeated[[0, -1]] = multiplicities[[0, -1]] > degree + 1
+    if len(packed) < 2 or is_repeated.any():
+        limit = np.full(len(packed), degree)
+        limit[[0, -1]] = degree + 1
         worst = int(np.argmax(multiplicities - limit))
         raise InputError(
             f"{name}: knot {values[worst]:g} is repeated {multiplicities[worst]} times; at degree {degree} OCCT takes"
             f" {degree + 1} at the ends and {degree} inside: split the spline there"
         )
-    close = np.diff(values) <= np.spacing(np.abs(values[:-1]))
+    close = values[1:] - values[:-1] <= np.spacing(np.abs(values[:-1]))
     if close.any():
         raise InputError(f"{name}: two knots at {values[:-1][close][0]!r} differ by rounding only; merge them")
 
@@ -263,6 +265,7 @@ def _unpack_knots(data: bytes, offset: int, distinct: int) -> tuple[Array, int]:
 
 
 def _require_finite(values: Sequence[float] | Array, name: str) -> None:
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
+    is_finite = np.isfinite(values)
+    if not is_finite.all():
+        bad = np.argwhere(~is_finite)
         raise InputError(f"{name}: entry {tuple(map(int, bad[0]))} is not a finite number")

@@ -89,6 +89,14 @@ class CurveEvaluator:
         return isinstance(basis, _LINES)
 
     @property
+    def circle(self) -> tuple[Array, float] | None:
+        """Centre and radius of a circle, of an arc all the same; None of every other curve."""
+        basis = self._basis
+        if not isinstance(basis, Geom_Circle | Geom2d_Circle):
+            return None
+        return np.array(basis.Location().Coord()), basis.Radius()
+
+    @property
     def is_single_span(self) -> bool:
         """Whether it has no knots inside, and no period after which it starts anew."""
         basis = self._basis
@@ -105,6 +113,8 @@ class CurveEvaluator:
     def _reading(self) -> tuple[Array | None, CurveFormula | None]:
         """The distinct knots and the formula of the curve, as far as there are any."""
         basis = self._basis
+        if self.is_straight and not isinstance(basis, _LINES):
+            return _read_two_poles(basis)
         if isinstance(basis, Geom_BSplineCurve | Geom_BezierCurve | Geom2d_BSplineCurve | Geom2d_BezierCurve):
             return _read_spline(basis)
         if isinstance(basis, _LINES):
@@ -128,7 +138,7 @@ class CurveEvaluator:
         if not self._witnessed.covers(ts[None]):
             at = choose_witnesses(len(ts))
             witnessed = self.evaluate_by_occt(ts[at], order)
-            if not _agrees(found[..., at], witnessed):
+            if not _agrees(found.take(at, axis=-1), witnessed):
                 self._is_contradicted = True
                 return self.evaluate_by_occt(ts, order)
             self._witnessed.extend(ts[None])
@@ -188,6 +198,22 @@ def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:
         return np.stack(found if weights is None else divide_by_weights(found))
 
     return count_knots(knots)[0], evaluate_spline
+
+
+def _read_two_poles(spline: Geom_BSplineCurve | Geom2d_BSplineCurve) -> tuple[Array, CurveFormula]:
+    """Return the knots and the formula of a B-spline that is a straight line from one pole to the other."""
+    low, high = spline.Knot(1), spline.Knot(2)
+    start, stop = (np.array(spline.Pole(i).Coord())[:, None] for i in (1, 2))
+    step = stop - start
+
+    def evaluate_straight_spline(ts: Array, order: int) -> Array:
+        share = (ts - low) / (high - low)
+        found = np.zeros((order + 1, len(start), len(ts)))
+        found[0] = start * (1.0 - share) + stop * share
+        found[1:2] = step / (high - low)
+        return found
+
+    return np.array([low, high]), evaluate_straight_spline
 
 
 def _read_line(line: Geom_Line | Geom2d_Line) -> CurveFormula:

@@ -109,7 +109,7 @@ class SurfaceEvaluator:
         found = np.stack(formula(uv[0], uv[1], order))
         if not self._witnessed.covers(uv):
             at = choose_witnesses(uv.shape[1])
-            if not _agrees(found[..., at], self.evaluate_by_occt(uv[:, at], order)):
+            if not _agrees(found.take(at, axis=-1), self.evaluate_by_occt(uv.take(at, axis=1), order)):
                 self._is_contradicted = True
                 return self.evaluate_by_occt(uv, order)
             self._witnessed.extend(uv)
@@ -188,13 +188,13 @@ class SplineSurface:
         along_u, along_v = (self._evaluate_basis(axis, t, order) for axis, t in enumerate((u, v)))
         table = self._columns.reshape(-1, *self._shape)
         if along_v.poles.shape[1] == 1:
-            curves = along_v.combine(table[:, :, along_v.poles[:, 0], None])
-            mixed = [along_u.combine(curve[..., 0].take(along_u.poles, axis=1)) for curve in curves]
-            return self._order_jets(lambda i, j: mixed[j][i], order)
+            curves = np.stack(along_v.combine(table[:, :, along_v.poles[:, 0], None]))[..., 0]
+            found = along_u.combine(curves.take(along_u.poles, axis=2))
+            return self._order_jets(lambda i, j: found[i][j], order)
         if along_u.poles.shape[1] == 1:
-            curves = along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None])
-            mixed = [along_v.combine(curve[..., 0].take(along_v.poles, axis=1)) for curve in curves]
-            return self._order_jets(lambda i, j: mixed[i][j], order)
+            curves = np.stack(along_u.combine(table[:, along_u.poles[:, 0]].swapaxes(1, 2)[..., None]))[..., 0]
+            found = along_v.combine(curves.take(along_v.poles, axis=2))
+            return self._order_jets(lambda i, j: found[j][i], order)
         picked = self._columns.take(along_u.poles[:, None] * self._shape[1] + along_v.poles, axis=1)
         mixed = [along_u.combine(row) for row in along_v.combine(picked)]
         return self._order_jets(lambda i, j: mixed[j][i], order)
@@ -340,6 +340,7 @@ def _make_revolution_formula(frame: tuple[Array, Array, Array, Array], profile: 
     origin, x, y, z = (part[:, None] for part in frame)
 
     def evaluate_revolution(u: Array, v: Array, order: Order) -> list[Array]:
+        v = v[:1] if (v == v[0]).all() else v  # along a circle, one point of the meridian tells
         cosines, sines = np.cos(u), np.sin(u)
         outwards, around = cosines * x + sines * y, cosines * y - sines * x
         (a, b, c), *rates = profile(v, order)

@@ -28,6 +28,9 @@ from cqblend.brep.measurement.tolerances import MEASURE_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 
+_PART_SHARES = np.concatenate(((0.0,), SPAN_SHARES))
+"""Where a part of a span is sampled, its start included, as shares of it."""
+
 
 def measure_curve_deviation(use: TopoDS_Edge, face: TopoDS_Face) -> float:
     """Return the largest distance (mm) between an edge's curve and the image of its parameter curve on a face.
@@ -78,11 +81,11 @@ def _spread_over_spans(breaks: Array, least: int) -> Array:
 
     There are at least as many as asked for, and one part of twelve to each span.
     """
-    per_part, spans = len(SPAN_SHARES) + 1, len(breaks) - 1
-    parts = -(-least // (per_part * spans))
-    nodes = (breaks[:-1] + np.arange(parts)[:, None] / parts * np.diff(breaks)).T.ravel()
-    inside = nodes + SPAN_SHARES[:, None] * np.diff(nodes, append=breaks[-1])
-    return np.unique(np.concatenate((nodes, inside.ravel(), breaks[-1:])))
+    parts = -(-least // (len(_PART_SHARES) * (len(breaks) - 1)))
+    nodes = (breaks[:-1] + np.arange(parts)[:, None] / parts * (breaks[1:] - breaks[:-1])).T.ravel()
+    ends = np.concatenate((nodes, breaks[-1:]))
+    inside = nodes[:, None] + _PART_SHARES * (ends[1:] - ends[:-1])[:, None]
+    return np.concatenate((inside.ravel(), breaks[-1:]))
 
 
 def _search_largest_value(measure: Callable[[Array], Array], ts: Array) -> float:

@@ -71,8 +71,8 @@ def evaluate_basis(knots: Array, degree: int, ts: Array, order: int) -> LocalBas
 
 def count_knots(knots: Array) -> tuple[Array, NDArray[np.intp]]:
     """Return the distinct knots of a full knot vector, and how often each is repeated."""
-    starts = np.flatnonzero(np.append(True, knots[1:] > knots[:-1]))
-    return knots[starts], np.append(starts[1:], len(knots)) - starts
+    bounds = np.concatenate(((0,), (knots[1:] > knots[:-1]).nonzero()[0] + 1, (len(knots),)))
+    return knots[bounds[:-1]], bounds[1:] - bounds[:-1]
 
 
 def divide_by_weights(found: list[Array]) -> list[Array]:

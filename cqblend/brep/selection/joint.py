@@ -35,6 +35,7 @@ from cqblend.brep.topology import (
 from cqblend.errors import SelectionError, TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +267,10 @@ def _grow_joint(edges: list[TopoDS_Edge], pair: list[TopoDS_Face], index: SolidI
                 continue
             passable = index.edges_at_vertex(vertex) if face_count == 2 else edges
             for edge in passable:
-                touches = is_among(vertex, find_end_vertices(edge)) and _is_tangent_continuation(vertex, edge, grown)
-                if touches and _is_same_pair(index.faces_at_edge(edge), pair) and not is_among(edge, grown):
+                if is_among(edge, grown) or not is_among(vertex, find_end_vertices(edge)):
+                    continue
+                is_between = _is_same_pair(index.faces_at_edge(edge), pair)
+                if is_between and _is_tangent_continuation(vertex, edge, grown):
                     grown.append(edge)
                     waiting.append(edge)
     return grown
@@ -286,7 +289,7 @@ def _check_sharp(joint: Joint, name: str) -> None:
     n1, n2 = (
         side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
     )
-    angle = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=1), (n1 * n2).sum(1))
+    angle = np.arctan2(measure_lengths(cross_product(n1, n2)), (n1 * n2).sum(1))
     if angle.max() < SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(
             f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",

@@ -133,6 +133,9 @@ class EdgeSpine:
     @cached_property
     def circle(self) -> tuple[Array, float] | None:
         """Centre (3,) and radius of the circle that the spine is an arc of, None if there is none."""
+        curve = self._curves[0]
+        if len(self.edges) == 1 and (curve.is_straight or curve.circle is not None):
+            return curve.circle
         t = np.linspace(0, 1, SELECT_TOLERANCES.circle_samples)
         points = self.evaluate_points(t[: -1 if self.closed else None])
         middle = points.mean(axis=0)
@@ -182,7 +185,7 @@ class EdgeSpine:
         So an arc is extended as an arc, and a blend along it remains a surface of revolution.
         """
         past = self._measure_overshoot(stations.t)
-        if self.circle is None or not past.any():
+        if not past.any() or self.circle is None:
             return stations
         centre, radius = self.circle
         angle, direction = (past / radius)[:, None], stations.tangents

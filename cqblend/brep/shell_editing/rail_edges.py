@@ -149,4 +149,4 @@ def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
 def _evaluate_directions(placement: StripPlacement, i: int, s: Array) -> Array:
     """Return the directions into the blend (n, 3) along rail ``i``."""
     rail, t = placement.blend.ribbons[i], placement.strip.to_rail_parameters(s)
-    return dehomogenise_jets(np.stack([jet(t) for jet in rail.compose_jets()[:2]]))[1]
+    return dehomogenise_jets(np.stack([jet(t) for jet in rail.jets[:2]]))[1]

@@ -32,7 +32,7 @@ def find_folds(face: TopoDS_Face) -> list[str]:
     pairs, sizes = _compare_normals(face, surface, u, v)
     between = 9
     i, j = map(int, np.unravel_index(np.nanargmin(sizes), sizes.shape))
-    if not len(pairs) and sizes[i, j] < VERIFICATION_TOLERANCES.short_normal * np.nanmedian(sizes):
+    if not len(pairs) and sizes[i, j] < VERIFICATION_TOLERANCES.short_normal * np.median(sizes[~np.isnan(sizes)]):
         near_u, near_v = (
             np.linspace(t[max(k - 2, 0)], t[min(k + 2, len(t) - 1)], count)
             for t, k, count in zip((u, v), (i, j), VERIFICATION_TOLERANCES.samples_near_short_normal, strict=True)

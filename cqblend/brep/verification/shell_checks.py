@@ -18,7 +18,15 @@ from OCP.ElSLib import ElSLib
 from OCP.Geom import Geom_Plane
 from OCP.gp import gp_Dir, gp_Lin, gp_Pnt, gp_Pnt2d, gp_Vec
 from OCP.IntCurvesFace import IntCurvesFace_Intersector
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_IN, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import (
+    TopAbs_EDGE,
+    TopAbs_FORWARD,
+    TopAbs_IN,
+    TopAbs_REVERSED,
+    TopAbs_SHELL,
+    TopAbs_SOLID,
+    TopAbs_VERTEX,
+)
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
@@ -137,9 +145,17 @@ def _is_outermost(face: TopoDS_Face, boxes: FaceBoxes) -> bool:
     """Whether a face is a plane and all faces are on its inner side: then it tells outside from inside."""
     if not isinstance(BRep_Tool.Surface_s(face), Geom_Plane):
         return False
-    (point,), (normal,) = evaluate_face_normals(face, np.zeros((1, 2)))
+    point, normal = _read_plane(face)
     reach = np.maximum(boxes.low * normal, boxes.high * normal).sum(axis=1).max()
     return bool(reach <= float(point @ normal) + VERIFICATION_TOLERANCES.ray_step)
+
+
+def _read_plane(face: TopoDS_Face) -> tuple[Array, Array]:
+    """Return a point (3,) of a planar face and the outward normal (3,)."""
+    position = BRep_Tool.Surface_s(face).Pln().Position()
+    is_reversed = (face.Orientation() == TopAbs_REVERSED) == position.Direct()
+    normal = np.array(position.Direction().Coord())
+    return np.array(position.Location().Coord()), -normal if is_reversed else normal
 
 
 def _find_ray_start(replaced: ReplacedFaces) -> tuple[Array, Array] | None:
@@ -183,7 +199,7 @@ def _step_into_plane(edge: TopoDS_Edge, away_from: Array, plane: TopoDS_Face) ->
     curve, (first, last) = BRep_Tool.Curve_s(edge, 0.0, 0.0), BRep_Tool.Range_s(edge)
     point, tangent = gp_Pnt(), gp_Vec()
     curve.D1(0.53 * first + 0.47 * last, point, tangent)
-    place, (_, (normal,)) = np.array(point.Coord()), evaluate_face_normals(plane, np.zeros((1, 2)))
+    place, (_, normal) = np.array(point.Coord()), _read_plane(plane)
     across = np.cross(normal, tangent.Coord())
     size = float(np.linalg.norm(across))
     if not size:

@@ -47,7 +47,7 @@ def ribbon(pair: Pair, order: int = 2) -> Ribbon:
 
 def leaving(one: Ribbon) -> Surface:
     """Return a surface that leaves a ribbon for a copy of its rail higher up, as the B-spline that it is in the end."""
-    jets = list(one.compose_jets())
+    jets = list(one.jets)
     weight = jets[0][3]
     above = jets[0] + Curve.stack([weight * 0.3, weight * 0.2, weight * 2.0, weight * 0.0])
     return Surface.from_bspline(*build_section((jets, [above])).to_bspline())
@@ -190,7 +190,7 @@ def test_exact_form_is_proven_and_the_proof_holds_in_high_precision(name):
 @pytest.mark.parametrize("name", ["sphere", "cylinder", "spline 3 x 3", "rational spline 2 x 4"])
 def test_what_is_composed_is_as_exact_as_is_taken_for_granted(name):
     rail = made(name)[0]
-    position, field = rail.compose_jets()[:2]
+    position, field = rail.jets[:2]
     normal = rail.primary.compose_normal(rail.c)
 
     def size(curve, t):

@@ -52,7 +52,7 @@ def made(curve, order=1, steer=0.0, exact=None, **options):
 
 
 def first(ribbon, t, side="right"):
-    return dehomogenise_jets(np.stack([jet(t, side=side) for jet in ribbon.compose_jets()[:2]]))[1]
+    return dehomogenise_jets(np.stack([jet(t, side=side) for jet in ribbon.jets[:2]]))[1]
 
 
 @pytest.mark.parametrize("rational", [False, True])
@@ -80,7 +80,7 @@ def test_direction_and_length_are_as_stated_and_tangent(curve, rational):
 def test_cross_derivatives_have_no_kink(curve, rational):
     """Not even where the rail's own weight or the wish has one: it would be a crease in the blend."""
     _, ribbon = made(curve, rational=rational)
-    knots = np.unique(np.concatenate([jet.breaks for jet in ribbon.compose_jets()[:2]]))[1:-1]
+    knots = np.unique(np.concatenate([jet.breaks for jet in ribbon.jets[:2]]))[1:-1]
     h = 1e-6
     assert np.abs(first(ribbon, knots, "left") - first(ribbon, knots)).max() < 1e-10
     before = (first(ribbon, knots, "left") - first(ribbon, knots - h)) / h
@@ -94,7 +94,7 @@ def test_second_and_third_derivatives_are_those_of_straight_sections(order):
     """K is normal to the surface; with G3 the section's speed does not change: <T, J> = -<K, K>."""
     rail, ribbon = made(Curve.bezier([[0.1, 0.1], [0.4, 0.3]]), order=order)
     nodes = ribbon.directions[0].breaks
-    jets = dehomogenise_jets(np.stack([jet(nodes) for jet in ribbon.compose_jets()]))
+    jets = dehomogenise_jets(np.stack([jet(nodes) for jet in ribbon.jets]))
     uv = rail.curve(nodes)
     jet = rail.surface.jet(uv[:, 0], uv[:, 1], 1)
     scale = np.linalg.norm(jets[2], axis=1).max()

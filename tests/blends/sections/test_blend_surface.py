@@ -58,7 +58,7 @@ def joint(pair: Pair, bulge: float = 1.0) -> tuple[Ribbon, Ribbon]:
 
 def boundary(rail: Ribbon, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return C and T of a rail's ribbon, (n, 3) each."""
-    x, dx = (jet(t) for jet in rail.compose_jets())
+    x, dx = (jet(t) for jet in rail.jets)
     point = x[:, :3] / x[:, 3:]
     return point, (dx[:, :3] - point * dx[:, 3:]) / x[:, 3:]
 
