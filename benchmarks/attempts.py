@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -29,7 +30,7 @@ from cqblend.brep.measurement.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
-from cqblend.errors import CqblendError
+from cqblend.errors import CqblendError, CqblendWarning
 from cqblend.solid_blends.blend_pipeline import blend_shape
 
 SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
@@ -118,6 +119,7 @@ def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcom
 
 
 def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None:
+    warnings.simplefilter("ignore", CqblendWarning)  # the outcome tells
     start = time.process_time()
     try:
         made, ms = run_timed(operation)

@@ -311,7 +311,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "Family.size": dict,
     "Family.course": lambda: {"s": square(), "which": "1"},
     "Family.jet": lambda: {"uv": np.zeros((1, 2)), "state": families()[0].course(square(), "1")(np.array([0.5]))},
-    "Family.kinks": lambda: {"axis": 0},
+    "Family.kinks": lambda: {"axis": 0, "within": (0.0, 1.0)},
     "Guide": lambda: {"first": line(), "second": None},
     "Guide.operands": lambda: {"side": 0},
     "Pattern.cross_sections": dict,

@@ -159,13 +159,25 @@ def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: Cq
         return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if len(networks) == 1:
         return FaultyNetworkError(networks[0], error)
-    groups = [[network] for network in networks] + [list(networks[:count]) for count in range(2, len(networks) + 1)]
-    for group in groups:
-        try:
-            _propose_solid(index, group)
-        except CqblendError as failure:
-            return FaultyNetworkError(group[-1], _name_partner(failure, group[0]) if len(group) > 1 else failure)
+    for network in networks:
+        failure = _try_networks(index, [network])
+        if failure is not None:
+            return FaultyNetworkError(network, failure)
+    for count in range(2, len(networks) + 1):
+        failure, last = _try_networks(index, networks[:count]), networks[count - 1]
+        if failure is not None:
+            partners = (one for one in networks[: count - 1] if _try_networks(index, [one, last]) is not None)
+            return FaultyNetworkError(last, _name_partner(failure, next(partners, networks[0])))
     return FaultyNetworkError(networks[-1], error)
+
+
+def _try_networks(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> CqblendError | None:
+    """Return why some networks cannot be in one solid; None if they can."""
+    try:
+        _propose_solid(index, networks)
+    except CqblendError as error:
+        return error
+    return None
 
 
 def _name_partner(error: CqblendError, network: DraftedNetwork) -> CqblendError:

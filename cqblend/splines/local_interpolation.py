@@ -7,7 +7,7 @@ import numpy as np
 from cqblend.splines.bernstein import Array
 
 
-def interpolate_locally(nodes: Array, values: Array, t: Array, count: int) -> Array:
+def interpolate_locally(nodes: Array, values: Array, t: Array, count: int, kinks: Array | None = None) -> Array:
     """Return values (n, ...) at t (n,) of polynomials through the ``count`` nodes around each, of degree count - 1.
 
     Parameters
@@ -20,8 +20,16 @@ def interpolate_locally(nodes: Array, values: Array, t: Array, count: int) -> Ar
         (n,); beyond the ends of the nodes, the last polynomials go on.
     count
         Number of nodes that each value is interpolated from.
+    kinks
+        Those of the nodes, ascending, across which no polynomial goes; there are at least ``count`` between two of
+        them, both included.
     """
-    first = np.clip(np.searchsorted(nodes, t) - count // 2, 0, len(nodes) - count)
+    lowest: Array | int = 0
+    highest: Array | int = len(nodes) - count
+    if kinks is not None and len(kinks):
+        ends, stretch = np.searchsorted(nodes, kinks), np.searchsorted(kinks, t)
+        lowest, highest = np.append(0, ends)[stretch], np.append(ends + 1, len(nodes))[stretch] - count
+    first = np.clip(np.searchsorted(nodes, t) - count // 2, lowest, highest)
     stencil = first[:, None] + np.arange(count)
     near = nodes[stencil]
     weights = np.ones((len(t), count))

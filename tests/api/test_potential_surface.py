@@ -278,6 +278,14 @@ def test_swept_points_stay_in_their_range():
         blend.swept(np.array([0.5, -0.1]), 0.5)
 
 
+def test_known_kinks_make_no_spans_shorter_than_those_of_the_rails():
+    """The pipe is three arcs, at whose ends curves bend although no surface does."""
+    pipe = face(cq.Solid.makeCylinder(2, 12, cq.Vector(0, 0, -6)), "CYLINDER")
+    blend = cqblend.potential_blend(normal(plate()), normal(pipe), cqblend.Conic(1, 1, -3), form="exact")
+    shortest = min(np.diff(ribbon.c.breaks).min() for ribbon in blend.ribbons)
+    assert np.diff(blend.surface.breaks[0]).min() > 0.3 * shortest
+
+
 @pytest.mark.parametrize("centre", [(1e4, 0.0, 0.0), (1e4, 1e4, 0.0)])
 def test_blends_far_from_the_origin(centre):
     pipe = face(cq.Solid.makeCylinder(2, 12, cq.Vector(*centre) - cq.Vector(0, 0, 6)), "CYLINDER")

@@ -102,3 +102,16 @@ def test_edges_of_several_solids_of_a_compound():
     assert len(result.faces) == 4
     assert len(result.shape.Solids()) == 2
     assert result.shape.isValid()
+
+
+def test_a_blend_that_runs_into_another_one_names_it():
+    work = cq.Workplane().box(40, 20, 6).faces(">Z").workplane()
+    plate = work.pushPoints([(-10, 0), (12, 0), (17, 0)]).hole(4)
+    rims = sorted(plate.faces(">Z").edges("%CIRCLE").vals(), key=lambda edge: edge.Center().x)
+    numbers = [plate.val().Edges().index(edge) + 1 for edge in rims]
+    result = cqblend.blend_edges(plate, rims, 0.8, on_error="skip")
+    (left_out,) = result.skipped
+    assert left_out.edges == (numbers[2],)
+    assert f"together with the blend of edge {numbers[1]}" in left_out.message
+    assert len(result.faces) == 2
+    assert result.shape.isValid()

@@ -35,3 +35,14 @@ def test_errors_fall_with_the_order(count):
         nodes = np.linspace(0, 1, n)
         errors.append(np.abs(interpolate_locally(nodes, np.sin(9 * nodes), t, count) - np.sin(9 * t)).max())
     assert errors[0] / errors[1] > 0.7 * 2**count
+
+
+def test_no_polynomial_goes_across_a_kink():
+    kinks = NODES[[6, 13]]
+
+    def evaluate(t):
+        return t**3 - 40 * np.maximum(t - kinks[0], 0) + 70 * np.maximum(t - kinks[1], 0) ** 2
+
+    t = np.concatenate([T, kinks, kinks - 1e-9, kinks + 1e-9])
+    assert np.abs(interpolate_locally(NODES, evaluate(NODES), t, 6, kinks) - evaluate(t)).max() < 1e-9
+    assert np.abs(interpolate_locally(NODES, evaluate(NODES), t, 6) - evaluate(t)).max() > 1e-2

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cqblend.argument_checks import call_user_function, check_integer, check_number, to_float_array
+from cqblend.argument_checks import call_user_function, check_integer, check_interval, check_number, to_float_array
 from cqblend.blends.potential.tolerances import POTENTIAL_TOLERANCES
 from cqblend.errors import InputError, shown
 from cqblend.splines import Curve, Surface
@@ -109,19 +109,21 @@ class Family(ABC):
             ]
         )
 
-    def kinks(self, axis: int) -> tuple[Array, Array]:
+    def kinks(self, axis: int, within: tuple[float, float]) -> tuple[Array, Array]:
         """Return the inner knots of a parameter, and the continuity of the reshaped surface there.
 
-        In a closed direction, the seam is one of them, and they are those of three periods.
+        In a closed direction, the seam is one of them, and they are those of all periods that a range touches.
         """
-        axis = check_integer("axis", axis, 0, 1)
+        axis, (low, high) = check_integer("axis", axis, 0, 1), check_interval("within", within)
         knots, period = self.primary.inner_knot_lines(axis), self.primary.periods[axis]
         orders = self.surface.continuity[axis] - self.lost
         if period is None:
             return knots, orders
         knots = np.append(self.primary.breaks[axis][0], knots)
         orders = np.append(self.primary.seam_continuity[axis] - self.lost, orders)
-        return np.concatenate([knots + k * period for k in (-1, 0, 1)]), np.tile(orders, 3)
+        first, last = np.floor((np.array([low, high]) - knots[-1]) / period).astype(int).tolist()
+        turns = np.arange(first, last + 2)
+        return (knots + turns[:, None] * period).ravel(), np.tile(orders, len(turns))
 
     def size(self) -> float:
         """Return the diagonal of the box of the surface's control points (mm)."""

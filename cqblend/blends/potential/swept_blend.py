@@ -187,7 +187,8 @@ class Sweep:
         cut = self.curves.cut_condition
         if not isinstance(cut, IsoparametricCut):
             return NO_KINKS
-        knots, orders = self.curves.pair.families[cut.axis // 2].kinks(cut.axis % 2)
+        within = min(cut.first, cut.last), max(cut.first, cut.last)
+        knots, orders = self.curves.pair.families[cut.axis // 2].kinks(cut.axis % 2, within)
         t, tolerance = (knots - cut.first) / (cut.last - cut.first), POTENTIAL_TOLERANCES.kink_parameter
         inside = (t >= -tolerance) & (t < 1 - tolerance if self.closed else t <= 1 + tolerance) & (orders < 5)
         return np.where(np.abs(t[inside]) < tolerance, 0.0, t[inside]), orders[inside]

@@ -11,6 +11,7 @@ from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from cqblend.blends.contacts.tolerances import CONTACT_TOLERANCES
 from cqblend.blends.potential.section_table import SectionTable
 from cqblend.blends.potential.tolerances import POTENTIAL_LIMITS, POTENTIAL_TOLERANCES
 from cqblend.blends.rails.fit_exceptions import TooManySpansError
@@ -75,8 +76,17 @@ class SweptSection(FilledSection):
             self.swept.domain,
             self.closed,
             POTENTIAL_TOLERANCES.table_fit * self.tolerance,
+            self._list_rough_kinks(),
         )
         return lambda t: sections(t) - hermite.grid(t, v)
+
+    def _list_rough_kinks(self) -> Array:
+        """Return the kinks (k,) across which sections cannot be interpolated, ascending."""
+        low, high = self.swept.domain
+        margin = POTENTIAL_TOLERANCES.kink_parameter * (high - low)
+        rough = np.unique(self.kinks[self.orders < CONTACT_TOLERANCES.rough_continuity])
+        inside = (rough > low + margin) & (rough < high - margin)
+        return rough[inside | (rough == low) if self.closed else inside]
 
     def blend_ribbons(
         self, ribbons: tuple[Ribbon, Ribbon], form: str, tolerance: float, angular_tolerance: float

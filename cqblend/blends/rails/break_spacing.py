@@ -48,14 +48,15 @@ def _grade_growth(growth: Array, most: Array) -> Array:
     return np.asarray(np.maximum(growth, np.minimum(beside * RAIL_TOLERANCES.neighbour_growth, most)))
 
 
-def halve_spans(breaks: Array, errors: Array) -> Array:
+def halve_spans(breaks: Array, errors: Array, shortest: float = 0.0) -> Array:
     """Return breaks with the middles of spans that err, and with the middles of their halves that will still err.
 
     ``errors`` (n, 2) are those of the two halves of every span, as shares of what is allowed. It is assumed that they
-    fall with the fourth power of the length of the spans, which they hardly ever exceed.
+    fall with the fourth power of the length of the spans, which they hardly ever exceed. No span that is as short as
+    ``shortest`` is halved.
     """
     fall = 2**RAIL_TOLERANCES.position_order
-    while (missed := errors.max(axis=1) > 1).any():
+    while (missed := (errors.max(axis=1) > 1) & (np.diff(breaks) > shortest)).any():
         middles = (breaks[:-1] + breaks[1:])[missed] / 2
         copies = np.where(missed, 2, 1)
         halves = np.repeat(errors, copies, axis=0)

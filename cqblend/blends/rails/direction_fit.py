@@ -309,11 +309,12 @@ def _refine_nodes(
         (first, first_errors), (second, second_errors) = (
             one.fit_ribbon(nodes, turns) for one, turns in zip(fits, steering, strict=True)
         )
-        long = np.diff(nodes) > RAIL_TOLERANCES.least_divided_span * shortest
-        errors = np.where(long[:, None], np.maximum(first_errors, second_errors), 0.0)
-        if errors.max() <= 1:
+        halved = halve_spans(
+            nodes, np.maximum(first_errors, second_errors), RAIL_TOLERANCES.least_divided_span * shortest
+        )
+        if len(halved) == len(nodes):
             return [first, second], nodes
-        nodes = halve_spans(nodes, errors)
+        nodes = halved
 
 
 def _has_same_directions(one: Ribbon, other: Ribbon) -> bool:

@@ -230,3 +230,15 @@ def test_normals_of_faces_point_out_of_the_material(mirrored):
         (u0, u1), (v0, v1) = surface.domain
         at = 0.6 * u0 + 0.4 * u1, 0.7 * v0 + 0.3 * v1
         assert (grown(*at) - surface(*at)) @ np.array(one.normalAt(cq.Vector(*surface(*at))).toTuple()) > 0.099
+
+
+@pytest.mark.parametrize("low", [-15.0, -0.3, 0.0, 2.0, 7.34])
+def test_kinks_of_a_closed_direction_are_those_of_every_period(low):
+    pipe = cq.Workplane().cylinder(12, 2).faces("%CYLINDER").val()
+    family = reshape(pipe, by="normal")
+    within = low, low + 2 * np.pi
+    knots, orders = family.kinks(0, within)
+    inside = np.sort(knots[(knots >= within[0]) & (knots < within[1])])
+    thirds = np.arange(-9, 12) * 2 * np.pi / 3
+    np.testing.assert_allclose(inside, thirds[(thirds >= within[0]) & (thirds < within[1])], atol=1e-12)
+    assert len(orders) == len(knots)
