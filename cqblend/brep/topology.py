@@ -172,7 +172,9 @@ def chain_segments(
                 continue
             if not fitting:
                 break
-            nearest = fitting[0] if measure_gap is None else min(fitting, key=lambda k: measure_gap(tail, k))
+            nearest = fitting[0]
+            if measure_gap is not None and len(fitting) > 1:
+                nearest = min(fitting, key=lambda k: measure_gap(tail, k))
             if nearest == head:
                 break
             chain.append(nearest)
@@ -236,9 +238,9 @@ def find_outgoing_tangent(vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> Array:
 def find_vertex_uv(vertex: TopoDS_Vertex, face: TopoDS_Face) -> Array:
     """Return a vertex's (u, v) on a face, from the end of an edge of that face."""
     for use in explore_subshapes(face, TopAbs_EDGE):
-        for end, uv in zip(find_end_vertices(use), find_end_uv(use, face), strict=True):
+        for i, end in enumerate(find_end_vertices(use)):
             if end.IsSame(vertex) and not BRep_Tool.Degenerated_s(use):
-                return uv
+                return find_end_uv(use, face)[i]
     raise GeometryError("a vertex is not on the boundary of its face")
 
 

@@ -6,7 +6,6 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,9 +54,10 @@ class StripContext:
         if self.joint.spine.closed:
             return self.solve(numbers / (count - 1))
         inside = (numbers + 0.5) / count
-        with suppress(CqblendError):  # what is asked for later, solved at once; at an end, the joint may fade out
-            self.solve(np.concatenate([inside, (0.0, 1.0)]))
-        return self.solve(inside)
+        try:  # with the ends, which are asked for later
+            return self.solve(np.concatenate([(0.0,), inside, (1.0,)])).select_stations(np.arange(1, count + 1))
+        except CqblendError:  # at an end, the joint may fade out
+            return self.solve(inside)
 
     @cached_property
     def rail_distances(self) -> Array:

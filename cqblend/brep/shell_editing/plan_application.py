@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import chain
 
 import numpy as np
@@ -350,12 +351,12 @@ def trace_loops(uses: list[TopoDS_Edge], face: TopoDS_Face) -> list[list[TopoDS_
     TopologyError
         If a loop does not close: the new boundary crosses itself or leaves out an edge.
     """
-    ends = [find_end_uv(use, face) for use in uses]
+    find_ends = cache(lambda k: find_end_uv(uses[k], face))
     vertices = ShapeIndex.from_shapes(uses, TopAbs_VERTEX)
     starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
 
     def measure_gap(one: int, following: int) -> float:
-        return float(np.abs(ends[following][0] - ends[one][1]).max())
+        return float(np.abs(find_ends(following)[0] - find_ends(one)[1]).max())
 
     loops = chain_segments(starts, stops, measure_gap, until_closed=True)
     if any(stops[loop[-1]] != starts[loop[0]] for loop in loops):

@@ -58,6 +58,8 @@ IN_BULK = {
     "spline": lambda: spline(3, 9),
     "rational spline": lambda: spline(4, 9, rational=True),
     "polyline": lambda: spline(1, 9),
+    "two poles": lambda: spline(1, 2),
+    "two weighted poles": lambda: spline(1, 2, rational=True),
     "periodic spline": periodic,
     "Bezier": lambda: bezier(3),
     "trimmed": lambda: Geom_TrimmedCurve(Geom_Circle(FRAME, 3), 0.1, 0.9),
@@ -65,6 +67,7 @@ IN_BULK = {
     "plane circle": lambda: Geom2d_Circle(MIRRORED, 3),
     "plane ellipse": lambda: Geom2d_Ellipse(MIRRORED, 3, 1),
     "plane spline": lambda: spline(3, 9, 2),
+    "two plane poles": lambda: spline(1, 2, 2),
     "rational plane spline": lambda: spline(2, 9, 2, rational=True),
     "plane Bezier": lambda: bezier(2),
 }
@@ -120,6 +123,14 @@ class Liar:
         self.curve.D1(t, point, vector)
         if t > self.after:
             point.SetX(point.X() + 1e-6)
+
+
+def test_circles_and_their_arcs_know_centre_and_radius():
+    for curve in (Geom_Circle(FRAME, 3), Geom_TrimmedCurve(Geom_Circle(FRAME, 3), 0.1, 0.9)):
+        centre, radius = CurveEvaluator(curve).circle
+        np.testing.assert_array_equal(centre, (1, 2, 3))
+        assert radius == 3
+    assert CurveEvaluator(Geom_Ellipse(FRAME, 3, 1)).circle is None
 
 
 def test_a_formula_that_occt_contradicts_is_given_up():
