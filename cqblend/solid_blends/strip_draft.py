@@ -47,19 +47,16 @@ class StripDrafts:
             Why there is none.
         """
         check_size(self.context)
-        return self._make_next(None)
+        return self.make_next(None)
 
-    def make_next(self, failure: CqblendError) -> StripDraft:
-        """Return the next draft, after the one before turned out to fail.
+    def make_next(self, failure: CqblendError | None) -> StripDraft:
+        """Return the next draft, after the one before, if there was one, turned out to fail.
 
         Raises
         ------
         CqblendError
             If there is none: the first failure.
         """
-        return self._make_next(failure)
-
-    def _make_next(self, failure: CqblendError | None) -> StripDraft:
         if self.context.joint.spine.closed:
             if failure is not None:
                 raise failure

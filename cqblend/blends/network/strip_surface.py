@@ -41,9 +41,6 @@ class StripSurface(Protocol):
     def jet(self, s: Array, v: Array, order: int) -> Array:
         """Return all partial derivatives up to a total order, (order + 1, order + 1, n, 3)."""
 
-    def from_rail_parameters(self, t: Array) -> Array:
-        """Return s (n,) at parameters t (n,) of the rails."""
-
     def to_rail_parameters(self, s: Array) -> Array:
         """Return the parameters t (n,) of the rails at s (n,)."""
 
@@ -78,9 +75,6 @@ class SplineStrip:
 
     def jet(self, s: Array, v: Array, order: int) -> Array:
         return self.surface.jet(s, v, order)
-
-    def from_rail_parameters(self, t: Array) -> Array:
-        return t
 
     def to_rail_parameters(self, s: Array) -> Array:
         return s
@@ -142,9 +136,6 @@ class RevolvedStrip:
             out[0, j] += height[..., None] * z
         out[0, 0] += self.section.frame.origin
         return out
-
-    def from_rail_parameters(self, t: Array) -> Array:
-        return self.section.map_to_angles(t)
 
     def to_rail_parameters(self, s: Array) -> Array:
         return self.section.map_to_parameters(s)

@@ -46,7 +46,7 @@ def test_rails_are_circles_along_its_boundaries(end):
 
 def test_angles_and_parameters_of_rails_are_inverse_to_each_other():
     t = np.linspace(0, 1, 33)
-    s = STRIP.from_rail_parameters(t)
+    s = STRIP.section.map_to_angles(t)
     assert np.all(np.diff(s) > 0)
     assert np.abs(STRIP.to_rail_parameters(s) - t).max() < 1e-14
-    assert np.abs(STRIP.from_rail_parameters(BREAKS) - ANGLES).max() < 1e-14
+    assert np.abs(STRIP.section.map_to_angles(BREAKS) - ANGLES).max() < 1e-14
