@@ -18,5 +18,9 @@ class NetworkTolerances:
     section_plane: float = 1e-15
     """Relative to the size: by how much an axis may miss a plane that a section is to lie in."""
 
+    arc_plane: float = 1e-12
+    """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
+    lie may miss its axis, or turn from it."""
+
 
 NETWORK_TOLERANCES = NetworkTolerances()
