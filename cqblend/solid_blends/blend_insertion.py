@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_placement import place_strip
@@ -43,11 +43,11 @@ def insert_into_shape(
     CqblendError
         The blend does not fit into the shape.
     """
-    chains = [chain for network in select_joints(shape, edges, first, None).networks for chain in network]
+    chains = [chain for network in select_chains(shape, edges, first, None, follow=True).networks for chain in network]
     for chain in chains:
         if chain.error is not None:
             raise chain.error
-    joints = [chain.joint for chain in chains if chain.joint is not None]
+    joints = [cell for chain in chains if chain.chain is not None for cell in chain.chain.cells]
     if len(joints) != 1:
         raise SelectionError("the edges belong to several joints: a blend takes the place of one")
     (joint,) = joints

@@ -15,7 +15,7 @@ import numpy as np
 
 from cqblend.blend_options import BlendRequest
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import FoundChain, select_joints
+from cqblend.brep.selection.picked_edges import FoundChain, select_chains
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
@@ -76,7 +76,7 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     contexts = _Contexts(choose_section_method(request))
-    selection = select_joints(shape, edges, request.first, contexts.estimate_reach)
+    selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
 
@@ -147,22 +147,21 @@ def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts, *, hints:
     SizeError
         There are several, but one of them is too small or too large for the size anyway.
     """
-    joints = []
+    joints: list[Joint] = []
     for chain in chains:
         if chain.error is not None:
             raise chain.error
-        if chain.joint is not None:
-            joints.append(chain.joint)
+        if chain.chain is not None:
+            joints.extend(chain.chain.cells)
     if len(joints) > 1:
         for joint in joints:
             try:
                 check_size(contexts.get(joint))
             except SizeError as error:
                 raise _annotate_error(error, contexts.get(joint), hints=hints) from error
-        first, second = chains[0].edges[0], chains[1].edges[0]
         raise UnsupportedError(
-            f"edge {first} shares a vertex with edge {second}, and corners and chains over several faces are not built "
-            "yet; pick edges without common vertices"
+            f"{joints[0].name} shares a vertex with {joints[1].name}, and corners and chains over several faces are "
+            "not built yet; pick edges without common vertices, one at a time with chain=False"
         )
     return joints
 
@@ -186,7 +185,7 @@ def make_cheap_trial(
         As :func:`blend_shape`, of what no size would mend.
     """
     contexts = _Contexts(choose_section_method(request))
-    selection = select_joints(shape, edges, request.first, lambda _: np.inf)
+    selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
     joints = [joint for chains in selection.networks for joint in _require_joints(chains, contexts, hints=True)]
     return lambda factor: all(is_possible_size(contexts.get(joint).scale(factor)) for joint in joints), min(
         joint.extent for joint in joints

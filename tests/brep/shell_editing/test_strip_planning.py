@@ -10,7 +10,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 
 from cqblend.blend_options import BlendOptions
 from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, NewEdge, PlannedVertex
-from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_planning import StripConflictError, _merge_face_plans, merge_strips
 from cqblend.brep.topology import ShapeIndex
@@ -22,8 +22,10 @@ from cqblend.solid_blends.strip_draft import StripDrafts
 
 def plan(body: cq.Shape, edges, radius: float):
     method = choose_section_method(BlendOptions(radius).to_request())
-    selection = select_joints(body.wrapped, [edge.wrapped for edge in edges], None, None)
-    drafts = [StripDrafts(StripContext(network[0].joint, method)).make_first() for network in selection.networks]
+    selection = select_chains(body.wrapped, [edge.wrapped for edge in edges], None, None, follow=False)
+    drafts = [
+        StripDrafts(StripContext(network[0].chain.cells[0], method)).make_first() for network in selection.networks
+    ]
     index = drafts[0].context.joint.index
     return index, merge_strips(index, [draft.planned for draft in drafts])
 
