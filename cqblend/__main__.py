@@ -21,7 +21,7 @@ from types import FrameType
 from typing import Any, get_args
 
 from cqblend import __version__
-from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, SECTIONS, BlendOptions
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation_check import build_interpreter_command
 from cqblend.option_records import collect_options
@@ -217,6 +217,12 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
+    blend.add_argument(
+        "--section",
+        choices=SECTIONS,
+        help="default: auto, arcs of the ball where they are exact, else hermite, polynomials; or what --potential or "
+        "--order says",
+    )
     blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
@@ -365,7 +371,7 @@ def _run_blend(options: argparse.Namespace) -> None:
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.blend_pipeline import blend_shape
 
-    section = "potential" if options.potential else "hermite" if options.order is None else "pde"
+    section = options.section or ("potential" if options.potential else "auto" if options.order is None else "pde")
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
     request = collect_options(BlendOptions, {**vars(options), "section": section, **relation}).to_request()
     _check_step_path(options.output)

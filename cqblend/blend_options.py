@@ -117,7 +117,7 @@ class BlendOptions:
     crease : float, optional
         Largest angle of a crease inside the blend that steering leaves, rad. By default `angular_tolerance`, or the
         angle of the crease that the face itself has there.
-    section : {"auto", "arc", "hermite", "pde", "potential"}, default "hermite"
+    section : {"auto", "arc", "hermite", "pde", "potential"}, default "auto"
         How the blend is filled between the rails: ``"arc"``, by the arcs of the rolling ball, as a cylinder, a torus or
         a sphere: exact where the rails are straight, or circles about one axis, and refused elsewhere; ``"hermite"``,
         by polynomials, cubic across for G1, quintic for G2; ``"auto"``, by arcs where they are exact and go with all
@@ -170,7 +170,7 @@ class BlendOptions:
     bulge: float | tuple[float, float] = 1.0
     steer: float = math.radians(20)
     crease: float | None = None
-    section: str = "hermite"
+    section: str = "auto"
     a: float | None = field(default=None, metadata=_OF_POTENTIAL)
     b: float | None = field(default=None, metadata=_OF_POTENTIAL)
     lam: float | None = field(default=None, metadata=_OF_POTENTIAL)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cqblend.blends.quality.smoothness_proof import Proof
 
 Form = Literal["exact", "compact"]
+SectionKind = Literal["arc", "hermite", "pde", "potential"]
 EndKind = Literal["natural", "flat"]
 NewEdgeKind = Literal["end", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
@@ -49,6 +50,9 @@ class RailRecord:
         Share of the rail, 0 to 1, along which the blend's cross derivative vanishes, so that the joint of the two faces
         stays as it was; angle and curvature jump are not measured there. Above 0 only on potential blends whose amounts
         vanish.
+    section : {"arc", "hermite", "pde", "potential"}
+        What the sections of the blend are: ``"arc"``, arcs of the rolling ball, on a cylinder, a torus or a sphere;
+        ``"hermite"``, polynomials; ``"pde"`` and ``"potential"``, with an interior of that kind.
     """
 
     side: int
@@ -61,6 +65,7 @@ class RailRecord:
     length: float
     tolerance: float
     kept: float = 0.0
+    section: SectionKind = "hermite"
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,9 +190,10 @@ class Certificate:
         ``exact``: rails and tangent planes are those of the neighbours, to rounding; ``compact``: a spline of least
         degree within the asked tolerances.
     degree : tuple of int
-        Along the rail and across, largest over the blend faces.
+        Along the rail and across, largest over the blend faces; of arcs, those of the rational spline that is the same
+        surface.
     poles : tuple of int
-        Number of control points along the rail and across, largest over the blend faces.
+        Number of control points along the rail and across, largest over the blend faces; of arcs likewise.
     rational : bool
         Whether any blend face has weights.
     inner_crease : float
@@ -221,7 +227,7 @@ class Certificate:
     --------
     >>> rail = RailRecord(1, 2, 7, gap=0.0, angle=1e-16, curvature_jump=0.4, direction=0.0, length=2e-9, tolerance=1e-7)
     >>> print(Certificate((rail,), "exact", (1, 3), (2, 4), False, 0.0, "wire substitution", (3.5, 3.5), 1000))
-    valid blend, exact, degree 1 x 3, 2 x 4 poles, by wire substitution
+    valid blend, exact, hermite, degree 1 x 3, 2 x 4 poles, by wire substitution
     width 3.5 mm, inner crease 0.0e+00 rad, 1000 stations a rail
     side  face  edge      gap    angle  curvature jump  direction   length  tolerance
                            mm      rad            1/mm        rad     rel.         mm
@@ -273,6 +279,14 @@ class Certificate:
         Without unit; the smaller, the fairer. Computed when first read. None if there is no function that computes it.
         """
         return sum(energy() for energy in self.energies) if self.energies else None
+
+    @property
+    def section(self) -> str:
+        """What the sections are, ``"arc"``, ``"hermite"``, ``"pde"`` or ``"potential"``: both, if they are of two kinds.
+
+        Which edge has which is in `rails`.
+        """
+        return " and ".join(dict.fromkeys(rail.section for rail in self.rails))
 
     @property
     def gap(self) -> float:
@@ -346,7 +360,7 @@ class Certificate:
         residual = "" if self.residual is None else f", residual {self.residual:.1e}"
         width = low if low == high else f"{low} to {high}"
         head = (
-            f"{state} blend, {self.form}, degree {degree}, {poles} poles{rational}, by {self.method}",
+            f"{state} blend, {self.form}, {self.section}, degree {degree}, {poles} poles{rational}, by {self.method}",
             f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail{residual}",
         )
         kept = [
@@ -363,11 +377,13 @@ class Certificate:
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:
     """Return the lines of the table of rails, numbers right-aligned under their title and unit."""
-    rows = [[title for _, title, _ in _COLUMNS], [unit for _, _, unit in _COLUMNS]]
-    rows += [[_format_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
+    mixed = len({rail.section for rail in rails}) > 1
+    columns = (*_COLUMNS, ("section", "section", "")) if mixed else _COLUMNS
+    rows = [[title for _, title, _ in columns], [unit for _, _, unit in columns]]
+    rows += [[_format_cell(getattr(rail, name)) for name, _, _ in columns] for rail in rails]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
 
 
-def _format_cell(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.1e}"
+def _format_cell(value: float | str) -> str:
+    return str(value) if isinstance(value, int | str) else f"{value:.1e}"

@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from OCP.BRep import BRep_Tool
+from OCP.Geom2d import Geom2d_Circle, Geom2d_Line
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.quality.arc_proof import prove_arc_side
@@ -14,6 +15,7 @@ from cqblend.blends.quality.smoothness_proof import Proof
 from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion.support_face import read_support_face
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
@@ -52,7 +54,11 @@ def _measure_rail(
     there = read_support_face(face, found[0]).face_primary.jet(uv)
     normals = [_evaluate_normals(jet) for jet in (found, there)]
     sines = measure_lengths(cross_product(*normals))
-    return float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
+    shift, turn = float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
+    if isinstance(curve, Geom2d_Line | Geom2d_Circle):
+        return shift, turn
+    fitted = CONVERSION_TOLERANCES.pcurve  # in angles or parameters, between the samples
+    return shift + fitted * float(measure_lengths(there[1:3]).max()), turn + fitted
 
 
 def _evaluate_normals(jet: Array) -> Array:

@@ -82,6 +82,7 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
                 length=rail.length,
                 tolerance=max(one.tolerance for one in found),
                 kept=_measure_faded_share(rail),
+                section=blend.kind,
             )
         )
     measured = _Measurements(
@@ -124,7 +125,17 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         )
         records.append(
             RailRecord(
-                i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, _measure_faded_share(ribbon)
+                side=i + 1,
+                face=0,
+                edge=0,
+                gap=gap,
+                angle=angle,
+                curvature_jump=jump,
+                direction=ribbon.direction,
+                length=ribbon.length,
+                tolerance=0.0,
+                kept=_measure_faded_share(ribbon),
+                section=blend.kind,
             )
         )
     measured = _Measurements(
