@@ -137,6 +137,7 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
         grows=[not draft.context.joint.is_convex for draft in drafts],
         tolerance=max(_get_edge_tolerance(draft) for draft in drafts),
         index_before=index.faces,
+        free_edges=proposal.free_edges,
     )
     if check.crosses:
         raise SizeError("the blend runs into another boundary or face: the size is too large for it", kind="too large")

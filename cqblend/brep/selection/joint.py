@@ -1,6 +1,6 @@
-"""Find joints: edges between two faces of a solid, checked, and read as a spine and two support faces.
+"""Find joints: edges between two faces of a solid or a shell, checked, and read as a spine and two support faces.
 
-A joint is the input of :mod:`cqblend.solid_blends.blend_pipeline`: which solid, which edges, which faces on which side,
+A joint is the input of :mod:`cqblend.solid_blends.blend_pipeline`: which body, which edges, which faces on which side,
 and the queries about them that need the topology.
 """
 
@@ -18,7 +18,11 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
+from cqblend.brep.bodies import is_solid
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
+from cqblend.brep.measurement.edge_sides import find_sides_on_face
+from cqblend.brep.measurement.nearest_side import measure_height
+from cqblend.brep.selection.border_ends import BorderEnd, find_border_end
 from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine, chain_edges
@@ -26,6 +30,7 @@ from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (
     CONFUSION,
+    drop_duplicate_shapes,
     find_end_vertices,
     find_outgoing_tangent,
     find_vertex_uv,
@@ -40,7 +45,7 @@ from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
+    """An edge, or a chain of edges, between two faces of one solid or shell, ready to be blended.
 
     ``edge_number`` and ``face_numbers`` are numbers in the maps of the *input* shape, for messages and certificates;
     ``lookup_number`` returns those of other faces, edges and vertices, 0 if they are not in the input. ``is_backward``
@@ -57,7 +62,7 @@ class Joint:
 
     @property
     def solid(self) -> TopoDS_Shape:
-        """The solid that the edge is part of."""
+        """The solid, or the shell that bounds none, that the edge is part of."""
         return self.index.solid
 
     @property
@@ -77,7 +82,7 @@ class Joint:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether blending removes material."""
+        """Whether blending removes material; in a shell, whether the blend lies on the inner side of its faces."""
         return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
 
     @property
@@ -132,16 +137,27 @@ class Joint:
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
     def find_end_plane(self, end: int) -> tuple[Array, Array]:
-        """Return point and normal of the one face on which a blend can end at t = ``end``, 0 or 1.
+        """Return point and normal of the one face, or of the border, in which a blend can end at t = ``end``, 0 or 1.
 
         Raises
         ------
         TopologyError
             If there is not exactly one.
         """
+        border = self.border_ends[end]
+        if border is not None:
+            return border.point, border.normal
         vertex, side = self.spine.vertices[end], self.read_end_face(end)
         uv = find_vertex_uv(vertex, side.face)
         return locate_vertex(vertex), side.face_primary.evaluate_normals(uv[None])[0]
+
+    @cached_property
+    def border_ends(self) -> tuple[BorderEnd | None, BorderEnd | None]:
+        """What lies at both ends of the edge where these are in the border of an open shell; None at other ends."""
+        if is_solid(self.solid):
+            return None, None
+        first, last = (find_border_end(self.index, self.spine, end, self.sides) for end in (0, 1))
+        return first, last
 
     @cached_property
     def _end_faces(self) -> dict[int, SupportFace]:
@@ -172,6 +188,8 @@ class Joint:
         TopologyError
             If the cap is not possible.
         """
+        if self.border_ends[end] is not None:
+            raise TopologyError("the edge ends in the border of an open shell, which a flat cap would close in part")
         vertex, direction = self.spine.vertices[end], stations.tangents[0]
         at_end = contacts.t[0] == end
         legs = np.zeros(3)
@@ -195,11 +213,21 @@ class Joint:
             + SELECT_TOLERANCES.cap_probe_share * legs
             + SELECT_TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
         )
-        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
-        if classifier.State() != (TopAbs_IN if self.is_convex else TopAbs_OUT):
+        if not self._lies_inside(behind, wanted=self.is_convex):
             raise TopologyError(
                 f"behind a cap there, the solid {'has no material' if self.is_convex else 'is in the way'}"
             )
+
+    def _lies_inside(self, point: Array, *, wanted: bool) -> bool:
+        """Whether a point (3,) lies strictly inside the solid, or, if that is not ``wanted``, strictly outside.
+
+        In a shell that bounds no solid, the nearest face tells.
+        """
+        if not is_solid(self.solid):
+            height = measure_height(point, self.index.faces)
+            return height < -CONFUSION if wanted else height > CONFUSION
+        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*point.tolist()), CONFUSION)
+        return bool(classifier.State() == (TopAbs_IN if wanted else TopAbs_OUT))
 
 
 def find_joint(
@@ -220,13 +248,13 @@ def find_joint(
     ------
     SelectionError
         If there is nothing to blend at the edge, and ``kind`` tells why: ``"degenerate"``, ``"seam"`` or ``"smooth"``.
-        Or, without a kind, if it is for another reason no sharp joint of two faces of a closed solid.
+        Or, without a kind, if it is for another reason no sharp joint of two faces.
     """
     name, edge = f"edge {edge_number}", edges[0]
     owners = [index for index in solids if edge in index.edges]
     if len(owners) != 1:
-        many = f"part of {len(owners)} solids: take them apart first" if owners else "not part of a solid"
-        raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
+        many = f"part of {len(owners)} bodies: take them apart first" if owners else "not part of a solid or a shell"
+        raise SelectionError(f"{name} is {many}; a blend takes an edge between two faces of one body")
     (index,) = owners
     faces_at = index.faces_at_edge
     pair = faces_at(edge)
@@ -235,7 +263,8 @@ def find_joint(
     if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
         raise SelectionError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     if len(pair) != 2:
-        raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
+        what = "1 face: it is in the border of an open shell" if len(pair) == 1 else f"{len(pair)} faces: not manifold"
+        raise SelectionError(f"{name} has {what}; a blend takes an edge between two faces")
     pair.sort(key=index.faces.find_number, reverse=swap)
     between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
     ordered, closed = chain_edges(_grow_joint(between, pair, index), pair[0])
@@ -244,8 +273,25 @@ def find_joint(
     edge_is_circular = closed or spine.measure_arc_angle() is not None
     first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
     joint = Joint(index, spine, (first, second), edge_number, face_numbers, lookup_number)
+    if not is_solid(index.solid):
+        _check_orientation(joint)
     _check_sharp(joint, name)
     return joint
+
+
+def _check_orientation(joint: Joint) -> None:
+    """Refuse a joint of a shell if faces at its edges, or at the ends of these, do not bound an inside together."""
+    index = joint.index
+    around = [edge for vertex in joint.spine.vertices for edge in index.edges_at_vertex(vertex)]
+    for edge in drop_duplicate_shapes([*joint.spine.edges, *around]):
+        sides = [side for face in index.faces_at_edge(edge) for side in find_sides_on_face(face, edge)]
+        if len(sides) == 2 and sides[0][1].Orientation() == sides[1][1].Orientation():
+            first, second = (joint.name_part(face) for face, _ in sides)
+            raise SelectionError(
+                f"{first} and {second} are oriented against each other along {joint.name_part(edge)}, so that inside "
+                "and outside are not defined: orient the shell first (OCCT's ShapeFix_Shell does, and so does sewing)",
+                shape=joint.name,
+            )
 
 
 def _is_same_pair(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:

@@ -10,15 +10,16 @@ from typing import get_args
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.bodies import list_bodies, replace_body
 from cqblend.brep.selection.joint import Joint, find_joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import UnifiedSolid, unify_faces
-from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, is_among, replace_solid
+from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, is_among
 from cqblend.certificate import NothingToBlend, SkippedEdges
 from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
@@ -118,8 +119,7 @@ class _PickedEdges:
             raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
         self.numbers = tuple(dict.fromkeys(numbers))
         self._oriented_picks = dict(zip(reversed(numbers), reversed(edges), strict=True))  # as the user oriented them
-        solids = explore_subshapes(shape, TopAbs_SOLID)
-        self._solids = [self._input if solid.IsEqual(shape) else SolidIndex(solid) for solid in solids]
+        self._solids = [self._input if body.IsEqual(shape) else SolidIndex(body) for body in list_bodies(shape)]
         self._faces_of_edge = {
             n: sorted(map(self._input.faces.find_number, self._input.faces_at_edge(self._input.edges[n])))
             for n in self.numbers
@@ -179,7 +179,7 @@ class _PickedEdges:
                 if is_among(self._find_current_edge(number), edges):
                     self._rebuilt_edges[number] = TopoDS.Edge_s(new)
         self.__dict__.pop("_picks_between", None)  # which is found anew when asked for
-        self.shape = replace_solid(self.shape, joint.solid, united.solid)
+        self.shape = replace_body(self.shape, joint.solid, united.solid)
         self._solids = [index for index in self._solids if index is not joint.index] + [SolidIndex(united.solid)]
 
     def describe_unified_faces(self) -> str:

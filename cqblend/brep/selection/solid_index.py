@@ -1,4 +1,4 @@
-"""Facts of one solid that every blend in it needs: numbered parts, what meets where, classifiers. Each found once."""
+"""Facts of one body that every blend in it needs: numbered parts, what meets where, classifiers. Each found once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from cqblend.brep.topology import AncestorMap, ShapeIndex
 
 
 class SolidIndex:
-    """One solid, its numbered faces, edges and vertices, and what meets at them; found when first asked for."""
+    """One body: its numbered faces, edges and vertices, and what meets at them; found when first asked for.
+
+    ``solid`` is the body: a solid, or a shell that bounds none (:mod:`cqblend.brep.bodies`).
+    """
 
     def __init__(self, solid: TopoDS_Shape) -> None:
         self.solid = solid

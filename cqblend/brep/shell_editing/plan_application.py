@@ -25,7 +25,7 @@ from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Solid, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import (
     EdgePiece,
@@ -41,6 +41,7 @@ from cqblend.blends.network.blend_plan import (
     StripPlan,
 )
 from cqblend.blends.sections.revolved_section import RevolvedSection
+from cqblend.brep.bodies import replace_body_faces
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -63,7 +64,6 @@ from cqblend.brep.topology import (
     make_vertex,
     orient_forward,
     raise_vertex_tolerance,
-    replace_solid_faces,
     reverse_edge,
 )
 from cqblend.certificate import NewEdgeKind
@@ -79,14 +79,14 @@ CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 
 @dataclass(frozen=True)
 class BuiltEdge:
-    """An edge of a blend face that is no rail, with its two sides.
+    """An edge of a blend face that is no rail, with its two sides; one in the border of an open shell has one.
 
     ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
     edge it is at, 0 or 1, if it is at one.
     """
 
     kind: NewEdgeKind
-    sides: tuple[EdgeSide, EdgeSide]
+    sides: tuple[EdgeSide, ...]
     deviation: float
     end: int | None = None
 
@@ -105,11 +105,16 @@ class BuiltStrip:
 
 @dataclass(frozen=True)
 class ProposedSolid:
-    """A rewritten solid, not yet verified, and its strips in the order of the plan."""
+    """A rewritten solid or shell, not yet verified, and its strips in the order of the plan."""
 
-    solid: TopoDS_Solid
+    solid: TopoDS_Shape
     strips: tuple[BuiltStrip, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
+
+    @property
+    def free_edges(self) -> list[TopoDS_Edge]:
+        """The edges in which blends end in the border of an open shell."""
+        return [edge.sides[0][1] for strip in self.strips for edge in strip.other_edges if edge.kind == "border"]
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -144,7 +149,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    solid = replace_solid_faces(index.solid, rebuilt, index.faces, new_faces)
+    solid = replace_body_faces(index.solid, rebuilt, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -173,19 +178,23 @@ def _list_other_edges(
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their two sides."""
+    """Return the edges of a blend face that are no rails, with their sides."""
     rails = {edge for side in strip.rails for edge in side}
     found = []
     for planned in dict.fromkeys(use.edge for use in strip.boundary):
         if planned in rails:
             continue
-        edge, (first, second) = parts.build_edge(planned), owners[planned]
+        edge, (first, *others) = parts.build_edge(planned), owners[planned]
         deviation = deviations.get(edge)
+        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        if not others:
+            found.append(BuiltEdge("border", ((first, edge),), deviation, end))
+            continue
+        (second,) = others
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
         kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
-        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
 

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from OCP.BRep import BRep_Tool
 from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideClosedEdges
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cqblend.blends.contacts.contact_solver import Contacts
+from cqblend.brep.bodies import list_bodies
 from cqblend.brep.selection.joint import find_joint
 from cqblend.brep.selection.rail_obstacles import find_leaving_contact
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.topology import explore_subshapes
 from cqblend.errors import SelectionError
 
 V = cq.Vector
@@ -29,8 +29,8 @@ def all_edges(body: cq.Shape) -> list:
 
 
 def joint(body: cq.Shape, edge, *, swap: bool = False):
-    solids = [SolidIndex(solid) for solid in explore_subshapes(body.wrapped, TopAbs_SOLID)]
-    return find_joint(solids, [edge], 7, (1, 2), swap=swap)
+    bodies = [SolidIndex(one) for one in list_bodies(body.wrapped)]
+    return find_joint(bodies, [edge], 7, (1, 2), swap=swap)
 
 
 def bracket() -> cq.Solid:
@@ -117,13 +117,15 @@ def test_seams_and_poles_are_refused_by_name():
     refused(ball, next(e for e in all_edges(ball) if BRep_Tool.Degenerated_s(e)), "edge 7 is degenerate")
 
 
-def test_smooth_edges_and_open_shells_are_refused_by_name():
+def test_smooth_and_free_edges_are_refused_by_name():
     body = cq.Solid.makeBox(10, 10, 10)
     rounded = body.fillet(2, [body.Edges()[0]])
     smooth = max((e for e in rounded.Edges() if e.geomType() == "LINE"), key=lambda e: _smoothness(rounded, e))
     refused(rounded, smooth.wrapped, "edge 7 is smooth already")
     shell = cq.Shell.makeShell(body.Faces()[1:])
-    refused(shell, shell.Edges()[0].wrapped, "edge 7 is not part of a solid")
+    free = next(edge for edge in shell.Edges() if edge.Center().x == 0)
+    refused(shell, free.wrapped, "edge 7 has 1 face: it is in the border of an open shell")
+    refused(body.Wires()[0], body.Wires()[0].Edges()[0].wrapped, "edge 7 is not part of a solid or a shell")
 
 
 def _smoothness(body: cq.Shape, edge: cq.Edge) -> float:
