@@ -470,7 +470,7 @@ def test_free_edges_and_nothing_are_refused():
     shell = cq.Shell.makeShell(box().Faces()[1:])
     free = box().Faces()[0].Edges()[0]
     edge = next(edge for edge in shell.Edges() if (edge.Center() - free.Center()).Length < 1e-9)
-    error(SelectionError, "border of an open shell", shell, [edge], radius=1)
+    error(SelectionError, "in the border of an open shell", shell, [edge], radius=1)
     error(InputError, "edges is empty", box(), [], radius=1)
 
 

@@ -245,7 +245,7 @@ def test_what_is_refused():
         cqblend.blend_edges(shell, pick(shell, "|Z and >X and >Y"), 2, ends="flat")
     first, second = (cq.Workplane(BOX).faces(f">{axis}").val() for axis in "XY")
     against = cq.Compound.makeCompound([first, cq.Face(TopoDS.Face_s(second.wrapped.Reversed()))])
-    with pytest.raises(SelectionError, match="edge 1: face 1 and face 2 are oriented against each other along edge 1"):
+    with pytest.raises(SelectionError, match="that are oriented against each other"):
         cqblend.blend_edges(against, next(e for e in first.Edges() if any(e.isSame(o) for o in second.Edges())), 1)
     with pytest.raises(SizeError, match="too large"):
         cqblend.blend_edges(shell, pick(shell, "|Z and >X and >Y"), 20.5)
@@ -281,15 +281,11 @@ def test_edges_of_a_real_open_shell():
     shape = read_step(CASES / name)
     edges = ShapeIndex(shape, TopAbs_ShapeEnum.TopAbs_EDGE)
     rows = [row for row in json.loads((CASES / "edges_more.json").read_text()) if row["file"] == name]
-    before, blended = len(list_border(cq.Shape.cast(shape))), 0
-    for row in rows[::3]:
-        try:
-            result = cqblend.blend_edges(shape, edges[row["edge"]], row["radius"])
-        except (SizeError, TopologyError):
-            continue
-        blended += 1
-        assert cq.Shape.cast(result.shape).isValid()
-        assert result.certificate.angle < 1e-5
-        own = sum(edge.kind == "border" for edge in result.certificate.edges)
-        assert len(list_border(cq.Shape.cast(result.shape))) == before + own
-    assert blended >= 4
+    before = len(list_border(cq.Shape.cast(shape)))
+    for row in rows:
+        if row["edge"] in (1, 56, 61, 87, 112):  # one closed, some that end on faces
+            result = cqblend.blend_edges(shape, edges[row["edge"]], row["radius"], ends="natural")
+            assert cq.Shape.cast(result.shape).isValid()
+            assert result.certificate.angle < 1e-5
+            assert result.certificate.coverage == 1
+            assert len(list_border(cq.Shape.cast(result.shape))) == before

@@ -7,18 +7,19 @@ in the directions of the free edges, and the border has no kink.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS_Edge
 
 from cqblend.blends.contacts.newton import solve_damped_newton
-from cqblend.blends.network.blend_plan import NewEdge, PlannedPcurve, PlannedVertex
+from cqblend.blends.network.blend_plan import NewEdge, PlannedVertex
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
 from cqblend.brep.selection.border_ends import BorderEnd
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     fit_solved_curve,
-    get_end_parameters,
     solve_end_curve,
 )
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
@@ -28,6 +29,7 @@ from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import SizeError, TopologyError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.circle import Circle
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame, measure_lengths, normalise_vectors
 
@@ -42,31 +44,37 @@ def end_at_border(placement: StripPlacement, end: int, border: BorderEnd) -> Str
     SizeError
         If a rail does not meet its free edge.
     """
-    curve = _cut_border_plane(placement, end, border) if border.is_planar else _continue_border(placement, border)
-    parameters, points = (
-        Curve(curve.breaks, curve.coefs[:, part], continuity=curve.continuity)
-        for part in (slice(0, 2), slice(-3, None))
-    )
-    first, last = points(np.array([0.0, 1.0]))
+    found = _cut_border_plane(placement, end, border) if border.is_planar else _continue_border(placement, border)
+    first, last = found.curve(np.array(found.span))
     corners = (PlannedVertex(first), PlannedVertex(last))
-    edge = NewEdge("end curve", points, (0.0, 1.0), corners, (PlannedPcurve(placement.surface, parameters),))
+    edge = NewEdge("end curve", found.curve, found.span, corners, (placement.plan_pcurve(found.on_strip),))
     trims = tuple(
         EdgeTrim(placement, end, free, border.vertex, corner, (side.face,))
         for free, corner, side in zip(border.edges, corners, placement.joint.sides, strict=True)
     )
-    return StripEnd(edge, corners, get_end_parameters(curve), placement.keep_vertex(border.vertex), trims)
+    low, high = found.on_strip(np.array(found.span))[:, 0].tolist()
+    return StripEnd(edge, corners, (low, high), placement.keep_vertex(border.vertex), trims)
 
 
-def _cut_border_plane(placement: StripPlacement, end: int, border: BorderEnd) -> Curve:
-    """Return the end curve v -> (s, v, a, b, x, y, z) in which the blend meets the plane of the border."""
+class _FreeEnd(NamedTuple):
+    """The free end of a blend: a curve from rail 1 to rail 2, in space and in the parameters of the strip."""
+
+    curve: Curve | Circle
+    span: tuple[float, float]
+    on_strip: Curve
+
+
+def _cut_border_plane(placement: StripPlacement, end: int, border: BorderEnd) -> _FreeEnd:
+    """Return the curve in which the blend meets the plane of the border."""
     x = normalise_vectors(np.cross(border.normal, np.eye(3)[int(np.abs(border.normal).argmin())]))
     plane = Plane(LocalFrame(border.point, np.array([x, np.cross(border.normal, x), border.normal])))
     start = EndCurveStart(placement.locate_edge_parameter(end), np.zeros(2), border.point)
-    return solve_end_curve(placement.strip, plane, start)
+    cut = solve_end_curve(placement.strip, plane, start)
+    return _FreeEnd(cut.curve, cut.span, cut.on_strip)
 
 
-def _continue_border(placement: StripPlacement, border: BorderEnd) -> Curve:
-    """Return the end curve v -> (s, v, x, y, z) on the blend that continues both free edges tangentially.
+def _continue_border(placement: StripPlacement, border: BorderEnd) -> _FreeEnd:
+    """Return the curve v -> H(s(v), v) on the blend that continues both free edges tangentially.
 
     s is a cubic of v between where the rails meet the free edges.
     """
@@ -81,7 +89,11 @@ def _continue_border(placement: StripPlacement, border: BorderEnd) -> Curve:
     def measure_error(values: Array, v: Array) -> float:
         return float(np.abs(placement.strip(values[:, 0], v) - values[:, 2:]).max())
 
-    return fit_solved_curve(locate_points, measure_error)
+    fitted = fit_solved_curve(locate_points, measure_error)
+    on_strip, points = (
+        Curve(fitted.breaks, fitted.coefs[:, part], continuity=fitted.continuity) for part in (slice(0, 2), slice(2, 5))
+    )
+    return _FreeEnd(points, fitted.domain, on_strip)
 
 
 def _meet_border(placement: StripPlacement, i: int, edge: TopoDS_Edge) -> tuple[float, float]:
