@@ -16,6 +16,7 @@ from cqblend.argument_checks import (
     check_angle,
     check_choice,
     check_count_or_auto,
+    check_flag,
     check_pair,
     check_positive,
     is_default,
@@ -153,6 +154,9 @@ class BlendOptions:
         What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
         all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.
         If nothing is left to blend, the error is raised.
+    chain : bool, default True
+        Whether a blend goes on along edges that were not picked: past each end of an edge along the edge that continues
+        it tangentially, as long as the faces on both sides go on smoothly, too. False blends just what was picked.
     """
 
     radius: float | None = None
@@ -176,6 +180,7 @@ class BlendOptions:
     ends: str | tuple[str, str] = "auto"
     first: Any = None
     on_error: str = "raise"
+    chain: bool = True
 
     def to_request(self) -> "BlendRequest":
         """Check the options and bring them to one form; `first` must be a TopoDS face or None.
@@ -237,6 +242,7 @@ class BlendOptions:
             ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
             first=self.first,
             on_error=check_choice("on_error", self.on_error, ON_ERROR),
+            chain=check_flag("chain", self.chain),
         )
 
     def _check_continuity(
@@ -315,6 +321,7 @@ class BlendRequest:
     ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
     on_error: OnError
+    chain: bool
 
 
 def _build_relation(a: object, b: object, lam: Any) -> "Conic":
