@@ -168,14 +168,8 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
                 raise _annotate_error(error, chain, hints=hints) from error
         first, second = found[0].edges[0], found[1].edges[0]
         raise UnsupportedError(
-            f"edge {first} shares a vertex with edge {second}, and corners are not built yet; pick edges without common "
-            "vertices"
-        )
-    if len(chains[0].cells) > 1:
-        first, second = (cell.joint.name for cell in chains[0].cells[:2])
-        raise UnsupportedError(
-            f"{first} goes on tangentially in {second}, and chains over several faces are not built yet; chain=False "
-            "blends just what is picked"
+            f"edge {first} shares a vertex with edge {second}, and corners are not built yet; pick edges without "
+            "common vertices"
         )
     return chains[0]
 
