@@ -166,9 +166,8 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
                 check_chain_size(chain)
             except SizeError as error:
                 raise _annotate_error(error, chain, hints=hints) from error
-        first, second = found[0].edges[0], found[1].edges[0]
         raise UnsupportedError(
-            f"edge {first} shares a vertex with edge {second}, and corners are not built yet; pick edges without "
+            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges without "
             "common vertices"
         )
     return chains[0]

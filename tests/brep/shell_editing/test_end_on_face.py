@@ -67,7 +67,7 @@ def test_a_piece_of_a_tangent_chain(radius):
     box = rounded_box()
     before = content(box)
     with pytest.warns(cqblend.errors.FlatEndWarning) as warned:
-        result = cqblend.blend_edges(box, top_edge(box), radius)
+        result = cqblend.blend_edges(box, top_edge(box), radius, chain=False)
     check(box, result, grows=False)
     assert content(box) == before
     assert result.certificate.angle < 1e-12
@@ -131,7 +131,7 @@ def test_what_is_no_end_is_refused():
 def test_natural_ends_raise_where_they_cannot_be():
     box = rounded_box()
     with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ at .* goes on there"):
-        cqblend.blend_edges(box, top_edge(box), 1, ends="natural")
+        cqblend.blend_edges(box, top_edge(box), 1, ends="natural", chain=False)
 
 
 # Vertices of mixed convexity: an edge of the end face must be lengthened to where the blend ends on it.
@@ -235,9 +235,33 @@ def test_a_concave_piece():
     body = cq.Workplane().box(60, 60, 6).union(cq.Workplane().box(30, 20, 20).edges("|Z").fillet(4)).val().Solids()[0]
     edge = next(e for e in body.Edges() if (e.Center() - cq.Vector(0, -10, 3)).Length < 1e-6)
     with pytest.warns(cqblend.errors.FlatEndWarning):
-        result = cqblend.blend_edges(body, edge, 2)
+        result = cqblend.blend_edges(body, edge, 2, chain=False)
     check(body, result, grows=True)
     assert result.certificate.coverage == 1
+
+
+def half_sunk_pipe(turn: float, around: float) -> tuple[cq.Shape, cq.Edge]:
+    """A cylinder that comes out of a wider one at its end, half of it below; and the edge in which they meet.
+
+    ``turn`` and ``around`` (degrees) tell where their seams are: with 90 and 270, the narrow one's leaves from an end.
+    """
+    wide = cq.Solid.makeCylinder(10, 60).rotate(cq.Vector(), cq.Vector(0, 0, 1), around)
+    narrow = cq.Solid.makeCylinder(4, 25, cq.Vector(), cq.Vector(1, 0, 0))
+    body = wide.fuse(narrow.rotate(cq.Vector(), cq.Vector(1, 0, 0), turn)).Solids()[0]
+    return body, next(edge for edge in body.Edges() if edge.geomType() not in ("LINE", "CIRCLE"))
+
+
+@pytest.mark.parametrize("around", [0, 45])
+@pytest.mark.parametrize("turn", [90, 270])
+@pytest.mark.parametrize("radius", [0.2, 1.0, 2.5])
+def test_a_seam_of_a_side_leaves_from_the_end(turn, around, radius):
+    """The part of the seam next to the blend becomes a border, and the rest stays: the shape is that without a seam."""
+    body, edge = half_sunk_pipe(turn, around)
+    result = cqblend.blend_edges(body, edge, radius, ends="natural")
+    check(body, result, grows=True, flat=False)
+    assert kinds(result) == ["natural", "natural"]
+    expected = cqblend.verify(cqblend.blend_edges(*half_sunk_pipe(0, 0), radius, ends="natural").shape).volume
+    assert cqblend.verify(result.shape).volume == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_vertex_of_many_faces():
