@@ -167,8 +167,8 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
             except SizeError as error:
                 raise _annotate_error(error, chain, hints=hints) from error
         raise UnsupportedError(
-            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges without "
-            "common vertices"
+            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
+            "without common vertices"
         )
     return chains[0]
 
