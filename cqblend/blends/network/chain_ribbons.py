@@ -65,20 +65,17 @@ def fit_chain_ribbons(
     sections: list[tuple[SectionEnd, SectionEnd]] = []
     for before, after in links:
         first, second = light[before], light[after]
-        if first is not None and second is not None:
-            sections.append((SectionEnd.from_ribbons(first, 1), SectionEnd.from_ribbons(second, 0)))
-        elif second is not None:
-            given = SectionEnd.from_ribbons(second, 0)
-            wanted[before][1], taken = _take_section(chain[before], 1, given)
-            sections.append((taken, given))
-        else:
-            if first is None:
-                given = _dictate_section(chain[before], 1)
-                wanted[before][1] = WantedEnd(given.jets)
-            else:
-                given = SectionEnd.from_ribbons(first, 1)
-            wanted[after][0], taken = _take_section(chain[after], 0, given)
-            sections.append((given, taken))
+        start = None if first is None else SectionEnd.from_ribbons(first, 1)
+        stop = None if second is None else SectionEnd.from_ribbons(second, 0)
+        if start is None:
+            wanted[before][1] = own = (
+                _dictate_section(chain[before], 1) if stop is None else _take_section(chain[before], 1, stop)
+            )
+            start = own.section
+        if stop is None:
+            wanted[after][0] = own = _take_section(chain[after], 0, start)
+            stop = own.section
+        sections.append((start, stop))
     ribbons = [
         cell.fit_to_ends((start, stop)) if pair is None else pair
         for cell, pair, (start, stop) in zip(chain, light, wanted, strict=True)
@@ -144,7 +141,7 @@ def _runs_along_edges(section: SectionEnd, end: CellEnd) -> bool:
     return True
 
 
-def _dictate_section(cell: ChainCell, end: int) -> SectionEnd:
+def _dictate_section(cell: ChainCell, end: int) -> WantedEnd:
     """Return the natural section of a cubic cell at one end.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
@@ -154,14 +151,14 @@ def _dictate_section(cell: ChainCell, end: int) -> SectionEnd:
     first, second = (cross_product(one.rates[0], one.values[1]) for one in jets)
     across = cross_product(first, second)
     sine = np.linalg.norm(across) / (np.linalg.norm(first) * np.linalg.norm(second))
-    direction = across / np.linalg.norm(across) if sine > NETWORK_TOLERANCES.parallel_normals else None
-    if direction is not None and all(
-        _is_nearly_parallel(one, order, direction) for one, order in zip(jets, cell.rails.targets.orders, strict=True)
-    ):
-        section = cell.lift_end(end, _project_rates(jets, direction))[1]
-        if section.find_common_direction() is not None:
-            return section
-    return cell.lift_end(end, jets)[1]
+    if sine > NETWORK_TOLERANCES.parallel_normals:
+        direction = across / np.linalg.norm(across)
+        orders = cell.rails.targets.orders
+        if all(_is_nearly_parallel(one, order, direction) for one, order in zip(jets, orders, strict=True)):
+            wanted = cell.lift_end(end, _project_rates(jets, direction))
+            if wanted.section.find_common_direction() is not None:
+                return wanted
+    return cell.lift_end(end, jets)
 
 
 def _is_nearly_parallel(jets: EndJets, order: int, direction: Array) -> bool:
@@ -176,21 +173,22 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
     return first, second
 
 
-def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> tuple[WantedEnd, SectionEnd]:
-    """Return what a cubic cell is to have at one end to share a given section, and the section that it then has."""
+def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
+    """Return what a cubic cell is to have at one end so that it shares a given section."""
     natural = cell.estimate_natural_end(end)
     direction = given.find_common_direction()
     if direction is not None:
-        own = _project_rates(natural, direction)
-        jets = tuple(EndJets(one.values, mine.rates) for one, mine in zip(given.jets, own, strict=True))
-        section = cell.lift_end(end, (jets[0], jets[1]))[1]
-        if section.find_common_direction() is not None:
-            return WantedEnd(section.jets), section
+        first, second = (
+            EndJets(one.values, own.rates)
+            for one, own in zip(given.jets, _project_rates(natural, direction), strict=True)
+        )
+        wanted = cell.lift_end(end, (first, second))
+        if wanted.section.find_common_direction() is not None:
+            return wanted
     speeds = [
-        float(np.linalg.norm(mine.rates[0]) / np.linalg.norm(one.rates[0]))
-        for one, mine in zip(given.jets, natural, strict=True)
+        float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
+        for one, own in zip(given.jets, natural, strict=True)
     ]
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
-    section = cell.lift_end(end, (first, second))[1]
-    return WantedEnd(section.jets, (pace / speeds[0], pace / speeds[1])), section
+    return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))

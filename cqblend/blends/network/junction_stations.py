@@ -13,6 +13,7 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import interpolate_locally
 from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
@@ -77,31 +78,35 @@ def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[
 def _find_crossing(
     cell: CellRails, side: int, curve: CurveOnSurface, domain: tuple[float, float], start: float
 ) -> _Crossing:
-    """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters."""
-    primary = cell.primaries[side]
-    low, high = domain
-    cell.solve(np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1))  # those that lead to all others
+    """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters.
+
+    Newton's method, with the derivative of the contacts along the cell from polynomials through some known ones.
+    """
+    primary, (low, high) = cell.primaries[side], domain
+    nodes = np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1)
+    known = cell.solve(nodes).uv[side]
     sigmas = np.linspace(low, high, NETWORK_TOLERANCES.edge_samples)
-    point = primary.jet(cell.solve(np.array([start])).uv[side])[0]
+    point = primary.jet(known[[int(start) * -1]])[0]
     nearest = np.linalg.norm(primary.jet(curve(sigmas)[0])[0] - point, axis=1).argmin()
     t, sigma = start, float(sigmas[nearest])
-    probe = NETWORK_TOLERANCES.station_probe * np.array([-1.0, 0.0, 1.0])
+    probes = NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
     previous = np.inf
     for _ in range(NETWORK_TOLERANCES.station_steps):
-        uv = cell.solve(t + probe).uv[side]
         at, velocity = curve(np.array([sigma]))
         (along,) = to_tangent_coordinates(primary.jet(at), velocity)
-        difference = uv[1] - at[0]
+        difference = cell.solve(np.array([t])).uv[side][0] - at[0]
         for axis, period in enumerate(primary.periods):
             if period is not None:
                 difference[axis] = shift_to_period(difference[axis], np.zeros(()), period)
-        rate = (uv[2] - uv[0]) / (probe[2] - probe[0])
+        before, after = interpolate_locally(nodes, known, t + probes, NETWORK_TOLERANCES.probe_count)
+        rate = (after - before) / (probes[1] - probes[0])
         try:
             step_t, step_sigma = np.linalg.solve(np.stack([rate, -along], axis=1), -difference)
         except np.linalg.LinAlgError:
             break
         moved = max(abs(step_t), abs(step_sigma) / (high - low))
-        if previous / 2 <= moved < NETWORK_TOLERANCES.station_rounding or moved == 0:
+        is_stalled = previous / 2 <= moved < NETWORK_TOLERANCES.station_rounding
+        if is_stalled or moved < NETWORK_TOLERANCES.station_exact:
             slack = NETWORK_TOLERANCES.edge_slack * (high - low)
             if not low - slack <= sigma <= high + slack:
                 raise SizeError(

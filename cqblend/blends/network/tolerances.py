@@ -66,10 +66,13 @@ class NetworkTolerances:
     """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""
 
     station_probe: float = 1e-4
-    """Step in t for the derivative of contacts along a cell, in that search."""
+    """Step in t for the derivative of interpolated contacts along a cell, in that search."""
 
     station_steps: int = 40
     """Most steps of the search."""
+
+    station_exact: float = 1e-14
+    """Steps, in t and as a share of the edge, with which it ends at once."""
 
     station_rounding: float = 1e-9
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
