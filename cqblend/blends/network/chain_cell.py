@@ -73,11 +73,12 @@ class CellEnd:
     """Where a cell ends: the stations of the contacts of both sides.
 
     Of a side that crosses a smooth edge there, ``edge_tangents`` has the unit vector (3,) along that edge, if the cross
-    derivative is to run along it.
+    derivative is to run along it. ``roughness`` (rad) is the largest angle between the faces at such edges.
     """
 
     stations: tuple[float, float]
     edge_tangents: tuple[Array | None, Array | None] = (None, None)
+    roughness: float = 0.0
 
     @property
     def t(self) -> float:
@@ -242,16 +243,20 @@ class ChainCell:
 
         return probe_end(0), probe_end(1)
 
-    def _make_fade(self, end: int, value: Array, rate: Array) -> EndFade:
-        """Return what is added to a function at one end: ``value``, with a slope ``rate``."""
-        wanted = NETWORK_TOLERANCES.fade_width * self._widths[end] / self.rails.length
+    def _make_fade(self, end: int, value: Array, rate: Array, *, widths: float) -> EndFade:
+        """Return what is added to a function at one end: ``value``, with a slope ``rate``. It fades out."""
+        wanted = widths * self._widths[end] / self.rails.length
         length = min(wanted, NETWORK_TOLERANCES.most_faded * self.span)
         return EndFade(self.domain[end], 1 - 2 * end, length, value, rate)
+
+    def _make_number_fade(self, end: int, value: float, rate: float = 0.0) -> EndFade:
+        """Return what is added to a station, an angle or a relative length."""
+        return self._make_fade(end, np.array(value), np.array(rate), widths=NETWORK_TOLERANCES.turning_widths)
 
     def _shift_stations(self, end: int, paces: tuple[float, float]) -> tuple[Fades, Fades]:
         """Return what is added to stations at an end so that they are those of both sides, passed at these paces."""
         first, second = (
-            (self._make_fade(end, np.array(station - self.ends[end].t), np.array(pace - 1.0)),)
+            (self._make_number_fade(end, station - self.ends[end].t, pace - 1.0),)
             if station != self.ends[end].t or pace != 1.0
             else ()
             for station, pace in zip(self.ends[end].stations, paces, strict=True)
@@ -278,6 +283,16 @@ class ChainCell:
             sides.append(_SideSamples(uv, jet, vectors, probe.differentiate[0]))
         return sides[0], sides[1]
 
+    def must_turn(self, end: int, section: SectionEnd) -> bool:
+        """Whether the cross derivatives of a section at an end are to run along smooth edges, and do not."""
+        for jets, tangent in zip(section.jets, self.ends[end].edge_tangents, strict=True):
+            if tangent is not None:
+                vector = jets.values[1]
+                sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
+                if NETWORK_TOLERANCES.along_edge < sine <= np.sin(NETWORK_TOLERANCES.largest_obliquity):
+                    return True
+        return False
+
     def estimate_natural_end(self, end: int) -> tuple[EndJets, EndJets]:
         """Return what the jets at an end are by nature, by side, but that cross derivatives run along smooth edges.
 
@@ -290,7 +305,7 @@ class ChainCell:
             for samples, tangent in zip(natural, self.ends[end].edge_tangents, strict=True)
         ]
         if any(angles):
-            turns = [[self._make_fade(end, np.array(angle), np.array(0.0))] for angle in angles]
+            turns = [[self._make_number_fade(end, angle)] for angle in angles]
             natural = self._sample_end(end, shifts, ((), ()), _bend_targets(targets, turns, ((), ())))
         counts = self.rails.jet_counts
         return natural[0].estimate_jets(counts[0]), natural[1].estimate_jets(counts[1])
@@ -330,7 +345,8 @@ class ChainCell:
                 rate = to_tangent_coordinates(primary.jet(at[None]), given.section.jets[side].rates[:1])[0]
                 natural = given.paces[side] * (probe.differentiate[0] @ uv)
                 shifts[side] += fades
-                moves[side].append(self._make_fade(end, at - uv[0], rate - natural))
+                bend = self._make_fade(end, at - uv[0], rate - natural, widths=NETWORK_TOLERANCES.bending_widths)
+                moves[side].append(bend)
         return (tuple(shifts[0]), tuple(shifts[1])), (tuple(moves[0]), tuple(moves[1]))
 
     def _turn_targets(
@@ -348,11 +364,10 @@ class ChainCell:
                 _compare_vectors(samples.vectors[0], one.values[1], samples.normals[0])
                 for samples, one in zip(self._sample_end(end, shifts, moves, targets), jets, strict=True)
             ]
-            still = np.array(0.0)
             steady = _bend_targets(
                 targets,
-                [[self._make_fade(end, np.array(angle), still)] for angle, _ in values],
-                [[self._make_fade(end, np.array(stretch), still)] for _, stretch in values],
+                [[self._make_number_fade(end, angle)] for angle, _ in values],
+                [[self._make_number_fade(end, stretch)] for _, stretch in values],
             )
             for side, samples in enumerate(self._sample_end(end, shifts, moves, steady)):
                 vector, (angle, stretch) = samples.vectors[0], values[side]
@@ -360,8 +375,8 @@ class ChainCell:
                 square = vector @ vector
                 turning = float(missing @ cross_product(samples.normals[0], vector) / square)
                 growth = float(missing @ vector / square) * (1.0 + stretch)
-                turns[side].append(self._make_fade(end, np.array(angle), np.array(turning)))
-                stretches[side].append(self._make_fade(end, np.array(stretch), np.array(growth)))
+                turns[side].append(self._make_number_fade(end, angle, turning))
+                stretches[side].append(self._make_number_fade(end, stretch, growth))
         return _bend_targets(targets, turns, stretches)
 
 

@@ -15,7 +15,7 @@ from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.local_interpolation import interpolate_locally
 from cqblend.surfaces.angles import shift_to_period
-from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 CurveOnSurface = Callable[[Array], tuple[Array, Array]]
 """A function from parameters (n,) to native parameters (n, 2) on a surface and velocities (n, 3) in space."""
@@ -60,13 +60,66 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
     first: list[_Crossing | None] = [None, None]
     second: list[_Crossing | None] = [None, None]
     tangents: list[Array | None] = [None, None]
+    roughness = 0.0
     for side, edge in enumerate(crossed):
         if edge is not None:
             first[side] = at = _find_crossing(before, side, edge.before, edge.domain, 1.0)
             second[side] = _find_crossing(after, side, edge.after, edge.domain, 0.0)
-            tangents[side] = normalise_vectors(edge.before(np.array([at.sigma]))[1])[0]
+            meeting = _compare_faces((before, after), side, edge, at.sigma)
+            roughness = max(roughness, meeting.angle)
+            if not meeting.is_one_surface(max(before.targets.orders[side], after.targets.orders[side])):
+                tangents[side] = meeting.tangent
     along = tangents[0], tangents[1]
-    return CellEnd(_choose_stations(first, 1.0), along), CellEnd(_choose_stations(second, 0.0), along)
+    return (
+        CellEnd(_choose_stations(first, 1.0), along, roughness),
+        CellEnd(_choose_stations(second, 0.0), along, roughness),
+    )
+
+
+class _FaceMeeting(NamedTuple):
+    """How two faces meet at a point of a smooth edge.
+
+    The unit vector ``tangent`` (3,) along the edge, the ``angle`` (rad) between their tangent planes, and by how much
+    their normal curvatures (1/mm) across the edge differ.
+    """
+
+    tangent: Array
+    angle: float
+    bend: float
+
+    def is_one_surface(self, order: int) -> bool:
+        """Whether cross derivatives of an order of continuity need not run along the edge for the faces to agree."""
+        return (
+            order <= 1
+            and self.angle <= NETWORK_TOLERANCES.natural_angle
+            and abs(self.bend) <= NETWORK_TOLERANCES.same_curvature
+        )
+
+
+def _compare_faces(cells: tuple[CellRails, CellRails], side: int, edge: CrossedEdge, sigma: float) -> _FaceMeeting:
+    """Compare the faces of two cells at a point of the smooth edge between them.
+
+    Where they meet at an angle, their tangent planes have one direction in common: that of the edge, but for the errors
+    of both. It is taken if it is no farther from the edge than the faces are from smooth.
+    """
+    at = np.array([sigma])
+    normals, bends = [], []
+    (along,) = normalise_vectors(edge.before(at)[1])
+    for cell, curve in zip(cells, (edge.before, edge.after), strict=True):
+        jet = cell.primaries[side].jet(curve(at)[0])
+        (normal,) = normalise_vectors(cross_product(jet[1], jet[2]))
+        ((r, s),) = to_tangent_coordinates(jet, cross_product(normal, along)[None])
+        bends.append(float((r * r * jet[3, 0] + 2 * r * s * jet[4, 0] + s * s * jet[5, 0]) @ normal))
+        normals.append(normal)
+    if normals[0] @ normals[1] < 0:  # the parameters of one of the faces have the other sense
+        normals[1], bends[1] = -normals[1], -bends[1]
+    common = cross_product(normals[0], normals[1])
+    angle = float(np.arcsin(min(1.0, np.linalg.norm(common))))
+    if angle > NETWORK_TOLERANCES.natural_angle:
+        common = normalise_vectors(common) * np.sign(float(common @ along))
+        if np.linalg.norm(common - along) <= angle:
+            along = common
+    return _FaceMeeting(along, angle, bends[0] - bends[1])
 
 
 def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[float, float]:
