@@ -243,6 +243,7 @@ EDGE_OPTIONS = {
     "ends": "auto",
     "first": None,
     "on_error": "raise",
+    "chain": True,
 }
 
 UNROLL_OPTIONS = {

@@ -114,11 +114,10 @@ def _compare_faces(cells: tuple[CellRails, CellRails], side: int, edge: CrossedE
     if normals[0] @ normals[1] < 0:  # the parameters of one of the faces have the other sense
         normals[1], bends[1] = -normals[1], -bends[1]
     common = cross_product(normals[0], normals[1])
-    angle = float(np.arcsin(min(1.0, np.linalg.norm(common))))
+    angle = float(np.arcsin(min(1.0, float(np.linalg.norm(common)))))
     if angle > NETWORK_TOLERANCES.natural_angle:
-        common = normalise_vectors(common) * np.sign(float(common @ along))
-        if np.linalg.norm(common - along) <= angle:
-            along = common
+        shared = normalise_vectors(common) * (1.0 if common @ along > 0 else -1.0)
+        along = shared if np.linalg.norm(shared - along) <= angle else along
     return _FaceMeeting(along, angle, bends[0] - bends[1])
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.network.blend_plan import EdgeRole, NewEdge, PlannedPcurve, PlannedSurface, PlannedVertex
-from cqblend.blends.network.strip_surface import StripSurface
+from cqblend.blends.network.strip_surface import StripCut, StripSurface
+from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, interpolation
@@ -43,12 +44,6 @@ class EndCurveStart:
     t: float
     uv: Array  # (2,)
     point: Array  # (3,)
-
-
-def get_end_parameters(curve: Curve) -> tuple[float, float]:
-    """Return the t of the rails at which an end curve starts and stops."""
-    first, last = curve(np.array([0.0, 1.0]))[:, 0]
-    return float(first), float(last)
 
 
 def fit_solved_curve(solve_points: PointSolver, measure_error: Callable[[Array, Array], float]) -> Curve:
@@ -84,11 +79,11 @@ def _interpolate_cubic(values: Array) -> Curve:
 
 def solve_end_curve(
     blend: StripSurface, target: Primary, start: EndCurveStart, tangent_side: int | None = None
-) -> Curve:
+) -> StripCut:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
     It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]: in closed form on a plane that
-    cuts a straight blend, or a revolved one along a section; else solved point by point. Where the support face on
+    cuts a straight blend, or one around an axis along a section; else solved point by point. Where the support face on
     ``tangent_side`` (0 or 1) is tangent to N, the blend touches N where its rail crosses over.
 
     Raises
@@ -135,7 +130,7 @@ def solve_end_curve(
         on_blend, on_target = blend(values[:, 0], v), target.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_target)))
 
-    return fit_solved_curve(solve_curve_points, measure_error)
+    return StripCut.from_solution(fit_solved_curve(solve_curve_points, measure_error))
 
 
 def _solve_tangent_contact(
@@ -186,12 +181,13 @@ def _solve_tangent_contact(
 
 
 def plan_end_edge(
-    surface: PlannedSurface, curve: Curve, face: int | PlannedSurface
+    placement: StripPlacement, cut: StripCut, face: int | PlannedSurface
 ) -> tuple[NewEdge, tuple[PlannedVertex, PlannedVertex]]:
     """Plan the edge of an end curve, with its pcurves on the blend and on the face it ends on, and its two corners."""
-    first, last = curve(np.array([0.0, 1.0]))[:, 4:]
+    first, last = cut.ends
     corners = (PlannedVertex(first), PlannedVertex(last))
-    return plan_shared_edge("end curve", curve, corners, (surface, face)), corners
+    pcurves = (placement.plan_pcurve(cut.on_strip), PlannedPcurve(face, cut.on_other))
+    return NewEdge("end curve", cut.curve, cut.span, corners, pcurves), corners
 
 
 def plan_shared_edge(

@@ -12,7 +12,7 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan
-from cqblend.brep.shell_editing.end_curve import EndCurveStart, get_end_parameters, plan_end_edge, solve_end_curve
+from cqblend.brep.shell_editing.end_curve import EndCurveStart, plan_end_edge, solve_end_curve
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
@@ -47,14 +47,14 @@ def end_on_face(placement: StripPlacement, end: int) -> StripEnd:
     sines = np.linalg.norm(np.cross(normals, target.face_primary.evaluate_normals(uv[None])), axis=1)
     tangent_side = int(sines.argmin()) if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces else None
     start = EndCurveStart(placement.locate_edge_parameter(end), uv, locate_vertex(vertex))
-    curve = solve_end_curve(placement.strip, target.face_primary, start, tangent_side)
-    edge, corners = plan_end_edge(placement.surface, curve, number)
+    cut = solve_end_curve(placement.strip, target.face_primary, start, tangent_side)
+    edge, corners = plan_end_edge(placement, cut, number)
     trims = tuple(
         EdgeTrim(placement, end, shared, vertex, corner, (side.face, target.face))
         for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
     )
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
-    return StripEnd(edge, corners, get_end_parameters(curve), placement.keep_vertex(vertex), trims, (added,))
+    return StripEnd(edge, corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
 
 
 def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[TopoDS_Edge]:

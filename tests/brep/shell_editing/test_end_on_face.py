@@ -67,7 +67,7 @@ def test_a_piece_of_a_tangent_chain(radius):
     box = rounded_box()
     before = content(box)
     with pytest.warns(cqblend.errors.FlatEndWarning) as warned:
-        result = cqblend.blend_edges(box, top_edge(box), radius)
+        result = cqblend.blend_edges(box, top_edge(box), radius, chain=False)
     check(box, result, grows=False)
     assert content(box) == before
     assert result.certificate.angle < 1e-12
@@ -131,7 +131,7 @@ def test_what_is_no_end_is_refused():
 def test_natural_ends_raise_where_they_cannot_be():
     box = rounded_box()
     with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ at .* goes on there"):
-        cqblend.blend_edges(box, top_edge(box), 1, ends="natural")
+        cqblend.blend_edges(box, top_edge(box), 1, ends="natural", chain=False)
 
 
 # Vertices of mixed convexity: an edge of the end face must be lengthened to where the blend ends on it.
@@ -235,7 +235,7 @@ def test_a_concave_piece():
     body = cq.Workplane().box(60, 60, 6).union(cq.Workplane().box(30, 20, 20).edges("|Z").fillet(4)).val().Solids()[0]
     edge = next(e for e in body.Edges() if (e.Center() - cq.Vector(0, -10, 3)).Length < 1e-6)
     with pytest.warns(cqblend.errors.FlatEndWarning):
-        result = cqblend.blend_edges(body, edge, 2)
+        result = cqblend.blend_edges(body, edge, 2, chain=False)
     check(body, result, grows=True)
     assert result.certificate.coverage == 1
 
