@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]
-NewEdgeKind = Literal["end", "seam", "between"]
+NewEdgeKind = Literal["end", "border", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
@@ -73,7 +73,8 @@ class EndRecord:
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat"}
-        ``"natural"``: on the face across the end of the edge; ``"flat"``: in a flat cap across the edge.
+        ``"natural"``: on the face across the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
+        cap across the edge.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
@@ -98,16 +99,16 @@ class EdgeRecord:
 
     Attributes
     ----------
-    kind : {"end", "seam", "between"}
-        ``"end"``: between the blend and the face or cap that it ends on; ``"seam"``: where a closed blend meets itself;
-        ``"between"``: between two blend faces.
+    kind : {"end", "border", "seam", "between"}
+        ``"end"``: between the blend and the face or cap that it ends on; ``"border"``: an end in the border of an open
+        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces.
     edge, vertex : int
         The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
         the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
     gap : float
         Largest distance of a face from the edge's own curve, mm.
     angle : float or None
-        Largest angle between the normals, rad; None of an end, where the faces may meet at any.
+        Largest angle between the normals, rad; None of an end, where the faces may meet at any, or there is but one.
     tolerance : float
         The edge's tolerance, mm, which covers the gap.
     """
@@ -125,7 +126,12 @@ class EdgeRecord:
         return self.gap > self.tolerance
 
     def __str__(self) -> str:
-        name = {"end": f"the end at vertex {self.vertex}", "seam": "the seam", "between": "an edge between two blends"}
+        name = {
+            "end": f"the end at vertex {self.vertex}",
+            "border": f"the free end at vertex {self.vertex}",
+            "seam": "the seam",
+            "between": "an edge between two blends",
+        }
         angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
         return (
             f"edge {self.edge}: {name[self.kind]} has gap {self.gap:.1e} mm{angle}, tolerance {self.tolerance:.1e} mm"

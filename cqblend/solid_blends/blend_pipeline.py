@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend.blend_options import BlendRequest
+from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.picked_edges import FoundChain, select_chains
-from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SizeError, UnsupportedError
@@ -75,7 +75,7 @@ def blend_shape(
     Raises
     ------
     SelectionError
-        An edge is foreign, a seam, degenerate, not between two faces of one closed solid, or smooth already.
+        An edge is foreign, a seam, degenerate, not between two faces of one solid or shell, or smooth already.
     SizeError
         The size does not fit; the message names the largest that does, where that is known.
     CqblendError
@@ -113,7 +113,7 @@ def blend_shape(
                 leave_out(fault.network.edges, fault.cause, fault.network.chains[0])
                 continue
             strips |= rewritten.strips
-            result = replace_solid(result, index.solid, rewritten.solid)
+            result = replace_body(result, index.solid, rewritten.solid)
             break
     blended = [network for network in networks if network in strips]
     certificates = [_record_strip_ends(network, strips[network]) for network in blended]

@@ -148,6 +148,7 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
         grows=[not cell.joint.is_convex for cell in cells],
         tolerance=max(map(_get_edge_tolerance, cells)),
         index_before=index.faces,
+        free_edges=proposal.free_edges,
     )
     if check.crosses:
         raise SizeError("the blend runs into another boundary or face: the size is too large for it", kind="too large")

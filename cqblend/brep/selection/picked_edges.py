@@ -10,10 +10,11 @@ from typing import get_args
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.bodies import list_bodies, replace_body
 from cqblend.brep.selection.chain_building import build_chain, find_sharp_sides
 from cqblend.brep.selection.chain_tracing import TracedEdge, trace_chain
 from cqblend.brep.selection.chains import Chain
@@ -21,7 +22,7 @@ from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import ShapeReplacement, UnifiedSolid, unify_faces
-from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, is_among, replace_solid
+from cqblend.brep.topology import ShapeIndex, find_end_vertices, is_among
 from cqblend.certificate import NothingToBlend, SkippedEdges
 from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
@@ -125,8 +126,7 @@ class _PickedEdges:
             raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
         self.numbers = tuple(dict.fromkeys(numbers))
         self._oriented_picks = dict(zip(reversed(numbers), reversed(edges), strict=True))  # as the user oriented them
-        solids = explore_subshapes(shape, TopAbs_SOLID)
-        self._solids = [self._input if solid.IsEqual(shape) else SolidIndex(solid) for solid in solids]
+        self._solids = [self._input if body.IsEqual(shape) else SolidIndex(body) for body in list_bodies(shape)]
         self._may_follow = None if follow else lambda edge: bool(self.list_picks([edge]))
         # numbers of the faces that are to be side 1: the given one, and those unified with it
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
@@ -178,7 +178,7 @@ class _PickedEdges:
         edges = self._number_replacements(united.edge_replacements)
         self._replaced_faces += faces
         self._replaced_edges += edges
-        self.shape = replace_solid(self.shape, joint.solid, united.solid)
+        self.shape = replace_body(self.shape, joint.solid, united.solid)
         self._solids = [index for index in self._solids if index is not joint.index] + [SolidIndex(united.solid)]
 
     def _number_replacements(self, replacements: Sequence[ShapeReplacement]) -> list[tuple[TopoDS_Shape, list[int]]]:

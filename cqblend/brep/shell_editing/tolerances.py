@@ -26,6 +26,12 @@ class ShellEditTolerances:
     unit_speed: float = 4 * EPSILON
     """Share of a pcurve's parameters by which its length may differ from its range: rounding, at unit speed."""
 
+    free_edge_samples: int = 129
+    """Points of a rail, and of a free edge, among which the places are looked for where these are nearest."""
+
+    least_border_sine: float = 0.05
+    """Sine of the angle below which a free edge runs along a rail, rather than across it."""
+
     full_turn: float = 1e-6
     """Radians: by how much the longitude along a rail around a sphere's axis may miss a full turn."""
 
