@@ -11,6 +11,9 @@ from cqblend.splines.bernstein import EPSILON
 class ShellEditTolerances:
     """Tolerances and limits of the modules in :mod:`cqblend.brep.shell_editing`."""
 
+    at_seam: float = 1e-6
+    """mm: a point of a rail this near to a seam, or to another one on it, is there."""
+
     rail_end_at_seam: float = 1e-9
     """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
 
