@@ -181,12 +181,6 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
             f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
             "without common vertices"
         )
-    if len(chains[0].cells) > 1:
-        first, second = (cell.joint.name for cell in chains[0].cells[:2])
-        raise UnsupportedError(
-            f"{first} goes on tangentially in {second}, and chains over several faces are not built yet; chain=False "
-            "blends just what is picked"
-        )
     return chains[0]
 
 
