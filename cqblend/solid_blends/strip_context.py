@@ -101,7 +101,9 @@ class StripContext:
     def describe_rails(self) -> CellRails:
         """Return what the ribbons of a chain take of this cell."""
         joint = self.joint
-        return CellRails(joint.primaries, self.solve, self.method.targets, joint.spine.length, self.fit_light_rails)
+        return CellRails(
+            joint.primaries, self.solve, self.method.targets, joint.spine.length, self.fit_light_rails, joint.rank
+        )
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge."""

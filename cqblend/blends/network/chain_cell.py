@@ -53,6 +53,8 @@ class CellRails:
         The length (mm) of the cell's spine.
     fit_light
         What makes ribbons in lighter forms, if these may be exact.
+    rank
+        Of two like cells, the one of lower rank dictates; so the result does not depend on the sense of the chain.
     """
 
     primaries: tuple[Primary, Primary]
@@ -60,6 +62,7 @@ class CellRails:
     targets: RibbonTargets
     length: float
     fit_light: LightFit | None = None
+    rank: int = 0
 
     @property
     def jet_counts(self) -> tuple[int, int]:
