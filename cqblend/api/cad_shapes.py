@@ -4,11 +4,12 @@ A result belongs to the library of the shape that was given. The library is read
 none is imported here, and so that objects of modules that CQ-editor has reloaded are still understood.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from cqblend.argument_checks import call_user_function
 from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
 from cqblend.brep.topology import drop_duplicate_shapes
 from cqblend.errors import InputError, reason, shown, with_article
@@ -41,18 +42,15 @@ class UnrollShapes:
 
 
 def resolve_shape(thing: Any) -> Any:
-    """Return a shape as it is given, or the solid of a Workplane.
+    """Return a shape as it is given, or the solid of a Workplane, or, if there is none, the shell.
 
     Raises
     ------
     InputError
-        It is no shape, is null, or a Workplane without a solid.
+        It is no shape, is null, or a Workplane without a solid and without a shell.
     """
     if _is_workplane(thing):
-        try:
-            thing = thing.findSolid()
-        except ValueError as error:
-            raise InputError("shape is a Workplane with no solid on its stack or in its parents") from error
+        thing = _find_body(thing)
     if _find_topods(thing) is None:
         raise InputError(f"shape must be a CadQuery, build123d or TopoDS shape, not {_describe_shape(thing)}")
     return thing
@@ -94,6 +92,17 @@ def to_topods_edge(thing: Any) -> "TopoDS_Edge":
     if len(edges) > 1:
         raise InputError(f"edge must be one edge, not {len(edges)}")
     return edges[0]
+
+
+def convert_size_keys(name: str, sizes: Mapping[Any, Any]) -> "dict[TopoDS_Edge, Any]":
+    """Return a mapping from edges of any library as one from TopoDS edges; `name` is the caller's parameter."""
+    rule, found = f"{name} for each edge is a mapping from edges to sizes", {}
+    for edge, size in call_user_function(rule, list, call_user_function(rule, sizes.items)):
+        topods = _find_topods(edge)
+        if topods is None or find_shape_kind(topods) != "edge":
+            raise InputError(f"{rule}, not from {_describe_shape(edge)}")
+        found[topods] = size
+    return found
 
 
 def collect_faces(things: Any) -> "list[TopoDS_Face]":
@@ -201,6 +210,22 @@ def _find_library(thing: Any) -> str | None:
     """Return the library that defines the class of an object or one of its base classes, None if it is another one."""
     roots = {base.__module__.partition(".")[0] for base in type(thing).__mro__}
     return next((name for name in ("cadquery", "build123d") if name in roots), None)
+
+
+def _find_body(workplane: Any) -> Any:
+    """Return the solid or compound that CadQuery finds for a Workplane, else the nearest shell."""
+    try:
+        return workplane.findSolid()
+    except ValueError:
+        pass
+    place = workplane
+    while place is not None:
+        for thing in place.objects:
+            topods = _find_topods(thing)
+            if topods is not None and find_shape_kind(topods) == "shell":
+                return thing
+        place = place.parent
+    raise InputError("shape is a Workplane with no solid and no shell on its stack or in its parents")
 
 
 def _is_workplane(thing: Any) -> bool:

@@ -14,16 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend.blend_options import BlendRequest
+from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import FoundChain, select_chains
-from cqblend.brep.topology import replace_solid
+from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_chains
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SizeError, UnsupportedError
+from cqblend.solid_blends.blend_sizes import take_largest_sizes
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import record_ends
-from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method
+from cqblend.solid_blends.section_methods import choose_section_method
+from cqblend.solid_blends.size_assignment import assign_sizes, check_edge_sizes
 from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
 from cqblend.solid_blends.solid_rewriting import CertifiedStrip, DraftedNetwork, FaultyNetworkError, rewrite_solid
 from cqblend.solid_blends.strip_context import StripContext
@@ -44,22 +46,30 @@ class BlendedShape:
 class _Contexts:
     """The contexts of all joints of a call: each made once, so that contacts are solved once."""
 
-    def __init__(self, method: SectionMethod) -> None:
-        self.method = method
+    def __init__(self, request: BlendRequest) -> None:
+        self.request = request
         self._of_joint: dict[Joint, StripContext] = {}
 
-    def get(self, joint: Joint) -> StripContext:
-        """Return the context of a joint."""
-        return self._of_joint.setdefault(joint, StripContext(joint, self.method))
+    def get_chain(self, chain: Chain, picked: Sequence[int]) -> ChainContext:
+        """Return the context of a chain; ``picked`` are the numbers of those of its edges that were picked.
 
-    def get_chain(self, chain: Chain) -> ChainContext:
-        """Return the context of a chain."""
-        return ChainContext(chain, tuple(map(self.get, chain.cells)))
+        Raises
+        ------
+        InputError
+            The sizes that were asked for cannot be those of this chain.
+        """
+        requests = assign_sizes(self.request, chain, picked)
+        return ChainContext(chain, tuple(map(self._get_cell, chain.cells, requests)))
+
+    def _get_cell(self, joint: Joint, request: BlendRequest) -> StripContext:
+        if request is not self.request:  # a share of sizes that vary
+            return StripContext(joint, choose_section_method(request))
+        return self._of_joint.setdefault(joint, StripContext(joint, choose_section_method(request)))
 
     def estimate_reach(self, joint: Joint) -> float:
         """Return the largest distance (mm) of the rails from the edge; 0 where they are not found."""
         try:
-            return self.get(joint).measure_reach()
+            return self._get_cell(joint, take_largest_sizes(self.request)).measure_reach()
         except CqblendError:
             return 0.0  # whatever is wrong is raised later, about the joint as it is then
 
@@ -75,13 +85,14 @@ def blend_shape(
     Raises
     ------
     SelectionError
-        An edge is foreign, a seam, degenerate, not between two faces of one closed solid, or smooth already.
+        An edge is foreign, a seam, degenerate, not between two faces of one solid or shell, or smooth already.
     SizeError
         The size does not fit; the message names the largest that does, where that is known.
     CqblendError
         Whatever else stands in the way, by its own type. The input is never changed.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
@@ -113,7 +124,7 @@ def blend_shape(
                 leave_out(fault.network.edges, fault.cause, fault.network.chains[0])
                 continue
             strips |= rewritten.strips
-            result = replace_solid(result, index.solid, rewritten.solid)
+            result = replace_body(result, index.solid, rewritten.solid)
             break
     blended = [network for network in networks if network in strips]
     certificates = [_record_strip_ends(network, strips[network]) for network in blended]
@@ -124,10 +135,21 @@ def blend_shape(
         replace(
             certificate,
             method=certificate.method + selection.method,
+            coverage=_measure_coverage(selection, blended),
+            blended=tuple(n for network in blended for one in network.chains for n in one.chain.edge_numbers),
             validity=(partial(is_valid, result),),
             skipped=(*selection.skipped, *failures),
         ),
     )
+
+
+def _measure_coverage(selection: Selection, blended: Sequence[DraftedNetwork]) -> float:
+    """Return the blended length over that of all edges that were meant: picked, or on a chain with those."""
+    done = {network.edges for network in blended}
+    left_out = [found for found in selection.networks if tuple(n for one in found for n in one.edges) not in done]
+    uncovered = sum(one.length for found in left_out for one in found)
+    uncovered += sum(draft.uncovered for network in blended for draft in network.drafts)
+    return 1.0 - uncovered / sum(one.length for found in selection.networks for one in found)
 
 
 def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
@@ -159,7 +181,7 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
         if one.error is not None:
             raise one.error
         if one.chain is not None:
-            chains.append(contexts.get_chain(one.chain))
+            chains.append(contexts.get_chain(one.chain, one.edges))
     if len(chains) > 1:
         for chain in chains:
             try:
@@ -169,12 +191,6 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
         raise UnsupportedError(
             f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
             "without common vertices"
-        )
-    if len(chains[0].cells) > 1:
-        first, second = (cell.joint.name for cell in chains[0].cells[:2])
-        raise UnsupportedError(
-            f"{first} goes on tangentially in {second}, and chains over several faces are not built yet; chain=False "
-            "blends just what is picked"
         )
     return chains[0]
 
@@ -197,7 +213,8 @@ def make_cheap_trial(
     CqblendError
         As :func:`blend_shape`, of what no size would mend.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
     chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
     return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(

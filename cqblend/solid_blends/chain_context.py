@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+from cqblend.blends.network.chain_ribbons import fit_chain_ribbons
+from cqblend.blends.network.junction_stations import Crossings
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.chains import Chain
+from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.solid_blends.section_methods import SectionMethod
+from cqblend.solid_blends.section_methods import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 
 
@@ -46,6 +50,21 @@ class ChainContext:
         return self.cells[0].joint, self.cells[-1].joint
 
     @property
+    def largest_size(self) -> float:
+        """The largest size (mm) of a cell, anywhere along it."""
+        return max(cell.method.size for cell in self.cells)
+
+    @property
+    def varies(self) -> bool:
+        """Whether sizes vary along the chain."""
+        return any(cell.method.sizes.laws or cell.method.size != self.method.size for cell in self.cells)
+
+    @property
+    def vanishes(self) -> tuple[bool, bool]:
+        """Whether sizes go to 0 at the start and at the stop of an open chain: then the blend ends in a point there."""
+        return self.cells[0].method.sizes.vanishes[0], self.cells[-1].method.sizes.vanishes[1]
+
+    @property
     def lengths(self) -> Sequence[float]:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]
@@ -60,5 +79,19 @@ class ChainContext:
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
         last cell.
         """
-        (cell,) = self.cells
-        return [cell.make_blend(domain)]
+        sections = [cell.section for cell in self.cells]
+        if not self.chain.junctions:
+            return fill_cells(sections, [self.cells[0].fit_rails(domain)])
+        fitted = fit_chain_ribbons(
+            [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
+        )
+        return fill_cells(sections, fitted.cells)
+
+    @cached_property
+    def _crossings(self) -> list[Crossings]:
+        """What the rails cross at each junction."""
+        joints = [cell.joint for cell in self.cells]
+        return [
+            read_crossings(joints[k], joints[(k + 1) % len(joints)], junction)
+            for k, junction in enumerate(self.chain.junctions)
+        ]

@@ -28,6 +28,11 @@ class ChainDraft:
     planned: PlannedChain
     ends: EndPlan | None
 
+    @property
+    def uncovered(self) -> float:
+        """The length (mm) of the chain's edges that is not blended, beyond flat caps."""
+        return 0.0 if self.ends is None else self.ends.measure_uncovered(self.context.lengths)
+
 
 class ChainDrafts:
     """The drafts of one chain, one after the other: the next one is made if the one before does not verify."""
@@ -35,7 +40,8 @@ class ChainDrafts:
     def __init__(self, context: ChainContext) -> None:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
-        self.attempts = EndAttempts(request.ends[::-1] if first.is_backward else request.ends)
+        ends = request.ends[::-1] if first.is_backward else request.ends
+        self.attempts = EndAttempts(ends, context.vanishes)
         self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
         self._tried: tuple[EndMethod, EndMethod] | None = None
 

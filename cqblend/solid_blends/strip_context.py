@@ -13,13 +13,13 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
+from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -75,23 +75,40 @@ class StripContext:
 
         Those of an open edge run over the given range of t, those of a closed one once around.
         """
-        joint, closed, targets = self.joint, self.joint.spine.closed, self.method.targets
-        if not closed:
-            rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
-            if rails is not None:
-                return rails
-        turn = joint.spine.measure_arc_angle()
-        if turn is not None:
-            layout = ArcLayout(domain, turn, get_largest_arc(joint))
-            rails = fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
-            if rails is not None:
-                return rails
+        light = self.fit_light_rails(domain)
+        if light is not None:
+            return light
+        joint, closed = self.joint, self.joint.spine.closed
         if closed:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
-        return fit_cubic_ribbons(joint.primaries, self.solve, domain, targets, closed=closed)
+        corners = self.method.sizes.locate_corners(domain)
+        return fit_cubic_ribbons(
+            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
+        )
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge."""
-        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
-        return blend
+    def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
+        """Return straight or circular rails over a range of t, if these are exact."""
+        joint, targets = self.joint, self.method.targets
+        if not joint.spine.closed:
+            rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
+            if rails is not None:
+                return rails
+        turn = None if self.method.sizes.laws else joint.spine.measure_arc_angle()
+        if turn is None:
+            return None
+        layout = ArcLayout(domain, turn, get_largest_arc(joint))
+        return fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
+
+    def describe_rails(self) -> CellRails:
+        """Return what the ribbons of a chain take of this cell."""
+        joint, method = self.joint, self.method
+        return CellRails(
+            joint.primaries,
+            self.solve,
+            method.targets,
+            joint.spine.length,
+            self.fit_light_rails,
+            method.sizes.locate_corners,
+            joint.rank,
+        )
