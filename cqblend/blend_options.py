@@ -243,6 +243,8 @@ class BlendOptions:
         bulge = check_pair("bulge", self.bulge, check_positive)
         form = check_choice("form", self.form, FORMS)
         is_ball = continuity == ("G1", "G1") and tangents == ("perpendicular", "perpendicular") and bulge == (1.0, 1.0)
+        if section == "arc" and form == "compact":
+            raise InputError('form "compact" is for splines, and the arcs of section="arc" are exact: leave it out')
         if section == "auto" and not (is_ball and self.width is None and form != "compact"):
             section = "hermite"
         if continuity == ("G0", "G0"):
