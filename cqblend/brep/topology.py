@@ -5,7 +5,7 @@ Thin functions over OCP: no geometry is computed here, and nothing is searched b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
@@ -339,10 +339,11 @@ def make_bare_face(surface: Geom_Surface) -> TopoDS_Face:
 def replace_solid_faces(
     solid: TopoDS_Shape,
     replacements: dict[int, TopoDS_Face],
+    removed: Collection[int],
     face_index: ShapeIndex,
     new_faces: Iterable[TopoDS_Face],
 ) -> TopoDS_Solid:
-    """Return a solid with faces replaced, by their number in its face index.
+    """Return a solid with faces replaced, and others removed, by their number in its face index.
 
     New faces go into the first shell of which a face is replaced.
     """
@@ -358,7 +359,8 @@ def replace_solid_faces(
         new_shell = TopoDS_Shell()
         BUILDER.MakeShell(new_shell)
         for face, number in zip(faces, numbers, strict=True):
-            BUILDER.Add(new_shell, replacements.get(number, face))
+            if number not in removed:
+                BUILDER.Add(new_shell, replacements.get(number, face))
         for face in pending:
             BUILDER.Add(new_shell, face)
         pending = []

@@ -12,8 +12,9 @@ from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.picked_edges import select_joints
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
-from cqblend.brep.shell_editing.strip_planning import RailsTooShortError, merge_strips, plan_strip
+from cqblend.brep.shell_editing.strip_planning import merge_strips, plan_strip
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid

@@ -141,7 +141,8 @@ class StripPlan:
     """One blend face: its surface, its boundary, and the rails on both sides in the order of the spine.
 
     ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
-    ``end_edges`` of an open strip are those at the start and at the stop of its spine.
+    ``end_edges`` of an open strip are those at the start and at the stop of its spine. It takes the place of the
+    ``removed_faces``, by their numbers.
     """
 
     spine: tuple[int, ...]
@@ -149,8 +150,9 @@ class StripPlan:
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
     rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
-    end_edges: tuple[NewEdge, ...] = ()
+    end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
+    removed_faces: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -170,6 +172,11 @@ class SolidPlan:
         """Every new vertex, once."""
         ends = (vertex for edge in self.edges for vertex in edge.vertices)
         return tuple(dict.fromkeys(vertex for vertex in ends if not vertex.number))
+
+    @property
+    def removed_faces(self) -> tuple[int, ...]:
+        """The numbers of the faces of the input of which nothing remains."""
+        return tuple(number for strip in self.strips for number in strip.removed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:
@@ -193,6 +200,8 @@ class SolidPlan:
             ends = f", {len(strip.caps)} flat ends" if strip.caps else ""
             spine = ", ".join(map(str, strip.spine))
             lines.append(f"blend of edge {spine} between faces {first} and {second}, {len(strip.boundary)} sides{ends}")
+        if self.removed_faces:
+            lines.append(f"faces gone: {', '.join(map(str, self.removed_faces))}")
         for face in self.faces:
             cut = ", ".join(f"{number} in {len(pieces)}" for number, pieces in sorted(face.pieces.items()))
             roles = Counter(use.edge.role for use in face.added if isinstance(use.edge, NewEdge))

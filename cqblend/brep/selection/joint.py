@@ -19,7 +19,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
-from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine, chain_edges
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
@@ -131,35 +131,20 @@ class Joint:
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
-    def find_end_plane(self, end: int) -> tuple[Array, Array]:
-        """Return point and normal of the one face on which a blend can end at t = ``end``, 0 or 1.
+    def list_end_planes(self, end: int) -> list[tuple[Array, Array]]:
+        """Return point and normal of every face across the edge at t = ``end``, 0 or 1, where the edge ends."""
+        vertex, planes = self.spine.vertices[end], []
+        point = locate_vertex(vertex)
+        for face in find_neighbour_faces(self.index, vertex, self.sides):
+            side = read_support_face(face, point[None])
+            planes.append((point, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]))
+        return planes
 
-        Raises
-        ------
-        TopologyError
-            If there is not exactly one.
-        """
-        vertex, side = self.spine.vertices[end], self.read_end_face(end)
-        uv = find_vertex_uv(vertex, side.face)
-        return locate_vertex(vertex), side.face_primary.evaluate_normals(uv[None])[0]
-
-    @cached_property
-    def _end_faces(self) -> dict[int, SupportFace]:
-        """The faces on which a blend can end that have been read, by the end."""
-        return {}
-
-    def read_end_face(self, end: int) -> SupportFace:
-        """Return the one face on which a blend can end at t = ``end``, 0 or 1.
-
-        Raises
-        ------
-        TopologyError
-            If there is not exactly one.
-        """
-        if end not in self._end_faces:
-            across = find_end_face(self.index, self.spine, end, self.sides)
-            self._end_faces[end] = read_support_face(across, locate_vertex(self.spine.vertices[end])[None])
-        return self._end_faces[end]
+    def read_end_face(self, end: int) -> SupportFace | None:
+        """Return the one face across the edge at t = ``end``, 0 or 1; None if there is not exactly one."""
+        vertex = self.spine.vertices[end]
+        across = find_neighbour_faces(self.index, vertex, self.sides)
+        return read_support_face(across[0], locate_vertex(vertex)[None]) if len(across) == 1 else None
 
     def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
         """Check that a blend can end in a flat cap at the one t of contacts and stations, towards ``end`` (0 or 1).

@@ -144,7 +144,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    solid = replace_solid_faces(index.solid, rebuilt, index.faces, new_faces)
+    solid = replace_solid_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -185,7 +185,7 @@ def _list_other_edges(
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
         kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
-        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
 

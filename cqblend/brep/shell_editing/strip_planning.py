@@ -11,6 +11,7 @@ that several of them cut are cut once, for all of them.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -31,11 +32,11 @@ from cqblend.blends.network.edge_networks import group_networks
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
-from cqblend.brep.shell_editing.end_on_face import end_on_face
+from cqblend.brep.shell_editing.end_on_faces import end_on_faces
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import StripEnd
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -60,14 +61,6 @@ class PlannedStrip:
     def cut_edges(self) -> frozenset[int]:
         """The numbers of the seams and neighbour edges that it cuts."""
         return frozenset(number for face in self.cut_faces for number in face.pieces)
-
-
-class RailsTooShortError(GeometryError):
-    """The blend must be made over a longer range of t, ``needed_domain``, to reach the faces at its ends."""
-
-    def __init__(self, needed: tuple[float, float]) -> None:
-        super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
-        self.needed_domain = needed
 
 
 class StripConflictError(CqblendError):
@@ -131,9 +124,9 @@ def _plan_open_strip(placement: StripPlacement, caps: CapStations) -> PlannedStr
     first, second = rails
     boundary = (
         *map(EdgeUse, first.edges),
-        EdgeUse(high.edge),
+        *map(EdgeUse, high.edges),
         *reverse_path([EdgeUse(edge) for edge in second.edges]),
-        EdgeUse(low.edge).reverse(),
+        *reverse_path([EdgeUse(edge) for edge in low.edges]),
     )
     return _finish_strip(placement, boundary, (first, second), (low, high))
 
@@ -151,8 +144,9 @@ def _finish_strip(
         placement.surface,
         boundary,
         (rails[0].edges, rails[1].edges),
-        tuple(end.edge for end in ends),
+        tuple(end.edges for end in ends),
         tuple(end.cap for end in ends if end.cap is not None),
+        tuple(number for end in ends for number in end.removed_faces),
     )
     own = (*(rail.face_plan for rail in rails), *(plan for end in ends for plan in end.face_plans))
     trims = tuple(trim for end in ends for trim in end.edge_trims)
@@ -195,8 +189,10 @@ def merge_strips(index: SolidIndex, strips: Sequence[PlannedStrip]) -> SolidPlan
         except CqblendError as error:
             raise StripConflictError(group, error.cause if isinstance(error, BlendEndError) else error) from error
     own = [plan for strip in strips for plan in strip.own_faces]
+    removed = [number for strip in strips for number in strip.strip.removed_faces]
     try:
         faces = _merge_face_plans([*own, *cuts])
+        _require_unchanged(removed, faces)
     except TopologyError as error:
         raise StripConflictError(range(len(strips)), error) from error
     return SolidPlan(tuple(strip.strip for strip in strips), faces)
@@ -225,6 +221,14 @@ def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:
     return tuple(merged.values())
 
 
+def _require_unchanged(removed: Sequence[int], faces: Iterable[FacePlan]) -> None:
+    """Raise TopologyError if a face that goes is changed by another blend, or goes with two."""
+    changed = Counter([*removed, *(plan.number for plan in faces)])
+    twice = [number for number in removed if changed[number] > 1]
+    if twice:
+        raise TopologyError(f"face {twice[0]} of the solid goes with one blend, and another changes it")
+
+
 def _list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges."""
     return [vertex for edge in placement.joint.spine.edges for vertex in find_end_vertices(edge)]
@@ -239,6 +243,8 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
     """End the blend at one end of the edge: in a flat cap at t = ``cap``, or on the face across the edge."""
     try:
-        return end_on_face(placement, end) if cap is None else end_in_cap(placement, end, cap)
+        return end_on_faces(placement, end) if cap is None else end_in_cap(placement, end, cap)
+    except RailsTooShortError:
+        raise
     except (SizeError, TopologyError, GeometryError) as error:
         raise BlendEndError(end, error) from error

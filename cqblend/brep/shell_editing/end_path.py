@@ -1,0 +1,358 @@
+"""The way around the end of a blend, over whatever faces lie there: from the end of rail 1 to that of rail 2.
+
+It starts where rail 1 leaves its support face, over an edge or a vertex of that face. On the face beyond, it is the
+curve in which the blend meets that face, up to the next edge or vertex that it crosses; and so on, until it arrives
+where rail 2 leaves its own support face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.gp import gp_Pnt2d
+from OCP.TopAbs import TopAbs_OUT
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
+
+from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.brep.conversion.support_face import SupportFace, read_support_face
+from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.shell_editing.end_curve import EndCurveStart, solve_touch_point
+from cqblend.brep.shell_editing.end_tracing import Meeting, MeetingPoint
+from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
+from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
+from cqblend.brep.topology import CONFUSION, find_end_vertices, is_among, locate_vertex
+from cqblend.errors import CqblendError, GeometryError, TopologyError
+from cqblend.splines import Curve
+from cqblend.splines.bernstein import Array
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where the way crosses the boundary of a face: the point (3,), on an edge of that face or at a vertex of it."""
+
+    boundary: FaceBoundary
+    mark: BoundaryMark
+    point: Array
+
+    @property
+    def edge(self) -> TopoDS_Edge:
+        """The edge."""
+        return self.boundary.uses[self.mark.use]
+
+    @property
+    def vertex(self) -> TopoDS_Vertex | None:
+        """The vertex, where it is at one."""
+        return self.mark.vertex
+
+
+@dataclass(frozen=True)
+class PathPiece:
+    """The part of the way on one face: its curve (s, v, a, b, x, y, z) on [0, 1], and where it enters and leaves."""
+
+    side: SupportFace
+    boundary: FaceBoundary
+    curve: Curve
+    entry: BoundaryMark
+    exit: BoundaryMark
+
+
+@dataclass(frozen=True)
+class EndPath:
+    """A way around the end of a blend, and the boundaries of its two support faces.
+
+    ``crossings`` are the points at which pieces start and stop, one more than there are pieces: the first and the last
+    as the support faces have them, the others as the face before has them.
+    """
+
+    support_boundaries: tuple[FaceBoundary, FaceBoundary]
+    pieces: tuple[PathPiece, ...]
+    crossings: tuple[Crossing, ...]
+
+
+def find_end_path(placement: StripPlacement, end: int) -> EndPath:
+    """Return the way around one end (0 or 1) of a blend.
+
+    Raises
+    ------
+    RailsTooShortError
+        If a rail ends before it leaves its face.
+    TopologyError, GeometryError
+        If there is no such way.
+    """
+    return _PathWalker(placement, end).walk()
+
+
+class _PathWalker:
+    """The search for the way around one end of a blend."""
+
+    def __init__(self, placement: StripPlacement, end: int) -> None:
+        self.placement, self.end = placement, end
+        self.joint, self.index, self.strip = placement.joint, placement.index, placement.strip
+        self.outward = 1.0 if end else -1.0  # the sense of s past this end
+        at_end = np.array([placement.locate_edge_parameter(float(end))])
+        first, last = (self.strip(at_end, np.array([v]))[0] for v in (0.0, 1.0))
+        self.size = float(np.linalg.norm(last - first))
+        self.step = self.size * SHELL_EDIT_TOLERANCES.trace_step
+        speed = float(np.linalg.norm(self.strip.jet(at_end, np.array([0.5]), 1)[1, 0, 0]))
+        self.reach = placement.domain[end] + self.outward * self.size / speed
+        self.read_boundary = cache(lambda number: FaceBoundary(self.index.faces[number]))
+
+    def make_short_error(self) -> RailsTooShortError:
+        """Return the error that asks for a blend that reaches further past this end."""
+        needed = [*self.placement.domain]
+        needed[self.end] = self.reach
+        first, last = self.strip.to_rail_parameters(np.array(needed)).tolist()
+        return RailsTooShortError((first, last))
+
+    def walk(self) -> EndPath:
+        """Return the way."""
+        (first, s), (last, self.last_parameter) = (self._find_rail_exit(i) for i in (0, 1))
+        pieces: list[PathPiece] = []
+        crossings, x = [first], np.array([s, 0.0, np.nan, np.nan])
+        while not pieces or crossings[-1] is not last:
+            if len(pieces) >= SHELL_EDIT_TOLERANCES.max_end_faces:
+                raise TopologyError(f"a natural end there would run over more than {len(pieces)} faces")
+            piece, leaving, x = self._follow_over_next(crossings[-1], x, last)
+            pieces.append(piece)
+            crossings.append(leaving)
+        boundaries = tuple(map(self.read_boundary, self.placement.face_numbers))
+        return EndPath((boundaries[0], boundaries[1]), tuple(pieces), tuple(crossings))
+
+    def _find_rail_exit(self, i: int) -> tuple[Crossing, float]:
+        """Return where rail ``i`` leaves its face, on its way from the middle of the edge past its end, and s there."""
+        placement, side = self.placement, self.placement.sides[i]
+        boundary = self.read_boundary(placement.face_numbers[i])
+        stations = np.linspace(
+            placement.locate_edge_parameter(0.5), placement.domain[self.end], SHELL_EDIT_TOLERANCES.rail_chords + 1
+        )
+        passed = [k for k, use in enumerate(boundary.uses) if self._may_pass(use)]
+        path = placement.rail_pcurves[i](stations)
+        found = boundary.find_first_crossing(path, side.face_primary.periods, passed)
+        if found is None:
+            raise self.make_short_error()
+        v = np.array([float(i)])
+
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            uv, rate = boundary.evaluate(found.use, float(x[0, 1]))
+            n, h = side.face_primary.jet(uv[None]), self.strip.jet(x[:, 0], v, 1)
+            rates = np.stack([h[1, 0, 0], -(n[1, 0] * rate[0] + n[2, 0] * rate[1])], axis=1)
+            tangents = n[1:3, 0] / np.linalg.norm(n[1:3, 0], axis=1)[:, None]
+            return (
+                (tangents @ (h[0, 0, 0] - n[0, 0]))[None],
+                (tangents @ rates)[None],
+                np.linalg.norm(rates, axis=0)[None],
+            )
+
+        start = np.array([[np.interp(found.share, np.arange(len(stations)), stations), found.parameter]])
+        x, good = solve_damped_newton(evaluate_system, start, self.size, self.size)
+        if not good[0]:
+            raise TopologyError(f"the rail does not leave face {self.joint.face_numbers[i]} cleanly there")
+        point = self.strip(x[:, 0], v)[0]
+        return self._make_crossing(boundary, found.use, float(x[0, 1]), point), float(x[0, 0])
+
+    def _may_pass(self, use: TopoDS_Edge) -> bool:
+        """Whether a rail may cross a use of an edge on its way: those of blended edges, and seams."""
+        return len(self.index.faces_at_edge(use)) == 1 or is_among(use, self.joint.spine.edges)
+
+    def _make_crossing(self, boundary: FaceBoundary, use: int, parameter: float, point: Array) -> Crossing:
+        """Return a crossing of a use, or of that vertex of it which is as near as its tolerance."""
+        edge = boundary.uses[use]
+        for stops, vertex in zip((False, True), find_end_vertices(edge), strict=True):
+            if np.linalg.norm(locate_vertex(vertex) - point) <= max(BRep_Tool.Tolerance_s(vertex), CONFUSION):
+                return Crossing(boundary, boundary.mark_vertex(use, stops=stops), point)
+        return Crossing(boundary, BoundaryMark(use, parameter), point)
+
+    def _follow_over_next(self, crossing: Crossing, x: Array, last: Crossing) -> tuple[PathPiece, Crossing, Array]:
+        """Follow the blend over the face beyond a crossing; return the piece there, where it leaves, and x there."""
+        error: CqblendError | None = None
+        for side, boundary, entry in self._list_faces_beyond(crossing):
+            meeting = Meeting.at_end(self.placement, self.end, side)
+            name = self.joint.name_part(side.face)
+            try:
+                start = self._find_start(meeting, side, boundary, entry, crossing, x)
+                points, leaving, exit_mark = self._trace(meeting, side, boundary, start, entry, last)
+                piece = PathPiece(side, boundary, meeting.fit_through(points), entry, exit_mark)
+                return piece, leaving, points[-1].x
+            except RailsTooShortError:
+                raise
+            except (TopologyError, GeometryError) as failure:
+                error = error or failure.with_details(before=f"on {name}, ")
+        if error is None:
+            part = self.joint.name_part(crossing.edge if crossing.vertex is None else crossing.vertex)
+            error = TopologyError(f"there is no face to end on beyond {part}")
+        raise error
+
+    def _list_faces_beyond(self, crossing: Crossing) -> Iterator[tuple[SupportFace, FaceBoundary, BoundaryMark]]:
+        """Yield the faces that the way can go on to from a crossing, with the mark where it enters.
+
+        Beyond a seam it is the same face.
+        """
+        here = crossing.boundary.face
+        faces = (
+            self.index.faces_at_edge(crossing.edge)
+            if crossing.vertex is None
+            else self.index.faces_at_vertex(crossing.vertex)
+        )
+        for face in [face for face in faces if not face.IsSame(here)] or [here]:
+            number = self.index.faces.find_number(face)
+            if number in self.placement.face_numbers:
+                continue
+            boundary = self.read_boundary(number)
+            entry = self._find_entry(crossing, boundary)
+            if entry is not None:
+                yield read_support_face(self.index.faces[number], crossing.point[None]), boundary, entry
+
+    def _find_entry(self, crossing: Crossing, boundary: FaceBoundary) -> BoundaryMark | None:
+        """Return the mark of a crossing on the boundary of the face beyond; None if it is not there."""
+        if crossing.vertex is not None:
+            return boundary.find_vertex(crossing.vertex)
+        uses = boundary.find_uses(crossing.edge)
+        if boundary is crossing.boundary:  # which meets itself there
+            uses.remove(crossing.mark.use)
+        return BoundaryMark(uses[0], crossing.mark.parameter) if uses else None
+
+    def _find_start(
+        self,
+        meeting: Meeting,
+        side: SupportFace,
+        boundary: FaceBoundary,
+        entry: BoundaryMark,
+        crossing: Crossing,
+        x: Array,
+    ) -> MeetingPoint:
+        """Return where the curve on a face starts, at a crossing; x is the point of the curve before."""
+        uv = boundary.evaluate(entry.use, entry.parameter)[0]
+        if not x[1]:
+            return self._find_rail_end(meeting, side, crossing, np.concatenate([x[:2], uv]))
+        near = np.concatenate([x[:2], uv])
+        row = meeting.measure_scales(near) ** 2 * meeting.evaluate_rates(near)[:2]
+        found, good = meeting.solve_points(near[None], row[None], np.array([row @ x[:2]]))
+        if not good[0]:
+            raise TopologyError("the blend does not go on")
+        return MeetingPoint(found[0], meeting.evaluate_rates(found[0]))
+
+    def _find_rail_end(self, meeting: Meeting, side: SupportFace, crossing: Crossing, near: Array) -> MeetingPoint:
+        """Return the point of the curve on a face where a rail ends, near a point x with v = 0 or 1."""
+        i = round(float(near[1]))
+        on_support = self.placement.rail_pcurves[i](near[:1])
+        normals = [
+            self.placement.sides[i].face_primary.evaluate_normals(on_support)[0],
+            side.face_primary.evaluate_normals(near[None, 2:])[0],
+        ]
+        if np.linalg.norm(np.cross(*normals)) < SHELL_EDIT_TOLERANCES.tangent_faces:
+            start = EndCurveStart(self.end, float(near[0]), near[2:], crossing.point)
+            touch = solve_touch_point(meeting.blend, meeting.target, start, i, into_blend=False)
+            x = np.array([touch.t, float(i), *touch.uv])
+            return MeetingPoint(x, meeting.direct_rates(x, np.array([touch.slope, 1.0])), touches=True)
+        x, good = meeting.solve_points(near[None], np.array([[0.0, self.size]]), np.array([i * self.size]))
+        if not good[0]:
+            raise TopologyError("the blend does not meet it where its rail ends")
+        rates = meeting.evaluate_rates(x[0])
+        if rates[1] <= 0:
+            raise TopologyError("the blend would have to end on a part that this face does not have")
+        return MeetingPoint(x[0], rates)
+
+    def _trace(
+        self,
+        meeting: Meeting,
+        side: SupportFace,
+        boundary: FaceBoundary,
+        start: MeetingPoint,
+        entry: BoundaryMark,
+        last: Crossing,
+    ) -> tuple[list[MeetingPoint], Crossing, BoundaryMark]:
+        """Follow the curve over a face; return points of it up to where it leaves it, and what it crosses there."""
+        point, step, points = start, self.step, [start]
+        skipped = [entry.use] if entry.vertex is None else [entry.use, boundary.find_following(entry.use)]
+        finish = self._find_finish(meeting, side, boundary, last)
+        for _ in range(SHELL_EDIT_TOLERANCES.max_trace_steps):
+            is_near = finish is not None and np.linalg.norm(self._locate(point) - last.point) < 1.5 * step
+            following = finish[0] if finish is not None and is_near else self._advance(meeting, point)
+            path = np.stack([point.x[2:], following.x[2:]])
+            found = boundary.find_first_crossing(path, side.face_primary.periods, skipped)
+            if found is not None:
+                near = point.x + found.share * (following.x - point.x)
+                apart = np.linalg.norm(meeting.target.jet(near[None, 2:])[0, 0] - last.point)
+                if not is_near or apart > SHELL_EDIT_TOLERANCES.same_corner * step:
+                    stop, leaving = self._cross(meeting, boundary, near, found.use, found.parameter)
+                    return [*points, stop], leaving, leaving.mark
+            if finish is not None and is_near:
+                return [*points, finish[0]], last, finish[1]
+            if not 0.0 <= following.x[1] <= 1.0:
+                raise TopologyError("the blend leaves it beside its rail, not where the rail ends")
+            if skipped and self._is_outside(side, following.x[2:]):
+                raise TopologyError("the blend would have to end on a part that this face does not have")
+            if (following.x[0] - self.reach) * self.outward > 0:
+                raise self.make_short_error()
+            point, skipped = following, []
+            points.append(point)
+        raise TopologyError("the blend does not come to an end")
+
+    def _advance(self, meeting: Meeting, point: MeetingPoint) -> MeetingPoint:
+        """Return the point of the curve a step further: a smaller one where parameters turn quickly, as at a pole."""
+        step = self.step
+        while True:
+            following = meeting.advance(point, step)
+            ends = np.stack([point.x[2:], following.x[2:]])
+            first, middle, last = meeting.target.jet(np.insert(ends, 1, ends.mean(axis=0), axis=0))[0]
+            if np.linalg.norm(middle - (first + last) / 2) < SHELL_EDIT_TOLERANCES.trace_sag * step:
+                return following
+            if step < SHELL_EDIT_TOLERANCES.least_trace_step * self.step:
+                raise TopologyError("the blend runs too near to a pole of it")
+            step /= 2
+
+    def _locate(self, point: MeetingPoint) -> Array:
+        """Return a point of the curve in space (3,)."""
+        return self.strip(point.x[:1], point.x[1:2])[0]
+
+    def _find_finish(
+        self, meeting: Meeting, side: SupportFace, boundary: FaceBoundary, last: Crossing
+    ) -> tuple[MeetingPoint, BoundaryMark] | None:
+        """Return where the curve on a face would arrive at the end of rail 2; None if the face is not there."""
+        mark = self._find_entry(last, boundary)
+        if mark is None:
+            return None
+        uv = boundary.evaluate(mark.use, mark.parameter)[0]
+        try:
+            stop = self._find_rail_end(meeting, side, last, np.array([self.last_parameter, 1.0, *uv]))
+        except (TopologyError, GeometryError):
+            return None
+        apart = np.linalg.norm(self._locate(stop) - last.point)
+        return None if apart > SHELL_EDIT_TOLERANCES.same_corner * self.step else (stop, mark)
+
+    def _is_outside(self, side: SupportFace, uv: Array) -> bool:
+        """Whether parameters (2,) are outside of a face."""
+        classifier = self.index.get_classifier(side.face, SELECT_TOLERANCES.face_boundary)
+        (inside,) = side.wrap_to_window(uv[None])
+        return bool(classifier.Perform(gp_Pnt2d(*inside.tolist())) == TopAbs_OUT)
+
+    def _cross(
+        self, meeting: Meeting, boundary: FaceBoundary, near: Array, use: int, parameter: float
+    ) -> tuple[MeetingPoint, Crossing]:
+        """Return where the curve crosses a use of an edge, near a point x and at about a parameter of the edge."""
+        shift = np.zeros(2)
+        for axis, period in enumerate(meeting.target.periods):
+            if period is not None:
+                offset = near[2 + axis] - boundary.evaluate(use, parameter)[0][axis]
+                shift[axis] = period * np.round(offset / period)
+
+        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+            uv, rate = boundary.evaluate(use, float(x[0, 2]))
+            h, n = self.strip.jet(x[:, 0], x[:, 1], 1), meeting.target.jet((uv + shift)[None])
+            rates = np.stack([h[1, 0], h[0, 1], -(n[1] * rate[0] + n[2] * rate[1])], axis=2)
+            return h[0, 0] - n[0], rates, np.linalg.norm(rates, axis=1)
+
+        x, good = solve_damped_newton(evaluate_system, np.array([[*near[:2], parameter]]), self.size, self.size)
+        if not good[0]:
+            part = self.joint.name_part(boundary.uses[use])
+            raise TopologyError(f"the blend does not cross {part} cleanly")
+        at = float(x[0, 2])
+        stop = np.concatenate([x[0, :2], boundary.evaluate(use, at)[0] + shift])
+        point = self.strip(x[:, 0], x[:, 1])[0]
+        return MeetingPoint(stop, meeting.evaluate_rates(stop)), self._make_crossing(boundary, use, at, point)
