@@ -8,13 +8,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cqblend.blends.sections.blend_surface import BlendSurface
-from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import select_joints
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
-from cqblend.brep.shell_editing.strip_planning import merge_strips, plan_strip
+from cqblend.brep.shell_editing.strip_planning import merge_chains, plan_chain
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
@@ -44,16 +44,17 @@ def insert_into_shape(
     CqblendError
         The blend does not fit into the shape.
     """
-    chains = [chain for network in select_joints(shape, edges, first, None).networks for chain in network]
-    for chain in chains:
-        if chain.error is not None:
-            raise chain.error
-    joints = [chain.joint for chain in chains if chain.joint is not None]
-    if len(joints) != 1:
+    found = [one for network in select_joints(shape, edges, first, None).networks for one in network]
+    for one in found:
+        if one.error is not None:
+            raise one.error
+    chains = [one.chain for one in found if one.chain is not None]
+    if len(chains) != 1 or len(chains[0].cells) != 1:
         raise SelectionError("the edges belong to several joints: a blend takes the place of one")
-    (joint,) = joints
+    (chain,) = chains
+    (joint,) = chain.cells
     try:
-        return _insert_at_joint(shape, joint, blend)
+        return _insert_into_chain(shape, chain, blend)
     except RailsTooShortError as error:
         (low, high), (first_t, last_t) = error.needed_domain, blend.ribbons[0].c.domain
         raise GeometryError(
@@ -69,12 +70,13 @@ def insert_into_shape(
         raise error.with_details(shape=joint.name) from error
 
 
-def _insert_at_joint(shape: TopoDS_Shape, joint: Joint, blend: BlendSurface) -> BlendedShape:
-    """Put a blend in the place of a joint, and verify and certify the result."""
+def _insert_into_chain(shape: TopoDS_Shape, chain: Chain, blend: BlendSurface) -> BlendedShape:
+    """Put a blend in the place of a chain of one joint, and verify and certify the result."""
+    (joint,) = chain.cells
     aligned = align_to_joint(joint, blend)
     natural = EndPlan.natural_at_both_ends(aligned.surface.domain[0])
-    planned = plan_strip(place_strip(joint, aligned), natural.cap_stations)
-    proposal = apply_plan(joint.index, merge_strips(joint.index, [planned]))
+    planned = plan_chain([place_strip(joint, aligned)], chain, natural.cap_stations)
+    proposal = apply_plan(joint.index, merge_chains(joint.index, [planned]))
     (built,) = proposal.strips
     tolerance = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance)
     check = check_solid(
@@ -86,6 +88,6 @@ def _insert_at_joint(shape: TopoDS_Shape, joint: Joint, blend: BlendSurface) -> 
     certificate: Certificate = replace(
         certify_blend(joint, built, aligned, proposal.tolerance),
         validity=(partial(is_valid, result),),
-        ends=() if joint.spine.closed else record_ends(joint, natural),
+        ends=() if joint.spine.closed else record_ends((joint, joint), natural),
     )
     return BlendedShape(result, (built.blend_face,), certificate)

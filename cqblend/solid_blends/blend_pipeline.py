@@ -14,15 +14,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cqblend.blend_options import BlendRequest
+from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.picked_edges import FoundChain, select_joints
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SizeError, UnsupportedError
+from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import record_ends
 from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method
-from cqblend.solid_blends.size_feasibility import check_size, is_possible_size, suggest_size
+from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
 from cqblend.solid_blends.solid_rewriting import CertifiedStrip, DraftedNetwork, FaultyNetworkError, rewrite_solid
 from cqblend.solid_blends.strip_context import StripContext
 
@@ -40,7 +42,7 @@ class BlendedShape:
 
 
 class _Contexts:
-    """The context of every joint of a call: made once, so that contacts are solved once."""
+    """The contexts of all joints of a call: each made once, so that contacts are solved once."""
 
     def __init__(self, method: SectionMethod) -> None:
         self.method = method
@@ -49,6 +51,10 @@ class _Contexts:
     def get(self, joint: Joint) -> StripContext:
         """Return the context of a joint."""
         return self._of_joint.setdefault(joint, StripContext(joint, self.method))
+
+    def get_chain(self, chain: Chain) -> ChainContext:
+        """Return the context of a chain."""
+        return ChainContext(chain, tuple(map(self.get, chain.cells)))
 
     def estimate_reach(self, joint: Joint) -> float:
         """Return the largest distance (mm) of the rails from the edge; 0 where they are not found."""
@@ -80,23 +86,22 @@ def blend_shape(
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
 
-    def leave_out(picked: Sequence[int], error: CqblendError, joint: Joint | None) -> None:
+    def leave_out(picked: Sequence[int], error: CqblendError, chain: ChainContext | None) -> None:
         """Leave out a network of picked edges, or raise the error that stands in its way."""
-        if joint is not None:
-            error = _annotate_error(error, contexts.get(joint), hints=hints)
+        if chain is not None:
+            error = _annotate_error(error, chain, hints=hints)
         failures.append(SkippedEdges(tuple(picked), error.kind or type(error).__name__, error.place, str(error)))
         if request.on_error == "raise" or len(failures) == len(selection.networks):
             raise error
 
-    for chains in selection.networks:
-        picked = [number for chain in chains for number in chain.edges]
-        joint: Joint | None = None
+    for found in selection.networks:
+        picked = [number for one in found for number in one.edges]
+        chain: ChainContext | None = None
         try:
-            joints = _require_joints(chains, contexts, hints=hints)
-            joint = joints[0]
-            networks.append(DraftedNetwork(picked, list(map(contexts.get, joints))))
+            chain = _require_chain(found, contexts, hints=hints)
+            networks.append(DraftedNetwork(picked, [chain]))
         except CqblendError as error:
-            leave_out(picked, error, joint)
+            leave_out(picked, error, chain)
     result, strips = selection.shape, dict[DraftedNetwork, Sequence[CertifiedStrip]]()
     for index in dict.fromkeys(network.index for network in networks):
         own = [network for network in networks if network.index is index]
@@ -105,7 +110,7 @@ def blend_shape(
                 rewritten = rewrite_solid(index, own)
             except FaultyNetworkError as fault:
                 own.remove(fault.network)
-                leave_out(fault.network.edges, fault.cause, fault.network.contexts[0].joint)
+                leave_out(fault.network.edges, fault.cause, fault.network.chains[0])
                 continue
             strips |= rewritten.strips
             result = replace_solid(result, index.solid, rewritten.solid)
@@ -126,17 +131,19 @@ def blend_shape(
 
 
 def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
-    """Return the certificates of a network's strips with the records of their ends; warn of ends that are flat."""
-    return [
-        strip.certificate
-        if draft.ends is None
-        else replace(strip.certificate, ends=record_ends(draft.context.joint, draft.ends, source.attempts))
-        for source, draft, strip in zip(network.sources, network.drafts, strips, strict=True)
-    ]
+    """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
+    certificates = [strip.certificate for strip in strips]
+    first = 0
+    for source, draft in zip(network.sources, network.drafts, strict=True):
+        if draft.ends is not None:
+            ends = record_ends(draft.context.end_joints, draft.ends, source.attempts)
+            certificates[first] = replace(certificates[first], ends=ends)
+        first += len(draft.blends)
+    return certificates
 
 
-def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> list[Joint]:
-    """Return the joints of a network, of which there must be one.
+def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> ChainContext:
+    """Return the chain of a network, of which there must be one.
 
     Raises
     ------
@@ -147,30 +154,30 @@ def _require_joints(chains: Sequence[FoundChain], contexts: _Contexts, *, hints:
     SizeError
         There are several, but one of them is too small or too large for the size anyway.
     """
-    joints = []
-    for chain in chains:
-        if chain.error is not None:
-            raise chain.error
-        if chain.joint is not None:
-            joints.append(chain.joint)
-    if len(joints) > 1:
-        for joint in joints:
+    chains = []
+    for one in found:
+        if one.error is not None:
+            raise one.error
+        if one.chain is not None:
+            chains.append(contexts.get_chain(one.chain))
+    if len(chains) > 1:
+        for chain in chains:
             try:
-                check_size(contexts.get(joint))
+                check_chain_size(chain)
             except SizeError as error:
-                raise _annotate_error(error, contexts.get(joint), hints=hints) from error
-        first, second = chains[0].edges[0], chains[1].edges[0]
+                raise _annotate_error(error, chain, hints=hints) from error
+        first, second = found[0].edges[0], found[1].edges[0]
         raise UnsupportedError(
             f"edge {first} shares a vertex with edge {second}, and corners and chains over several faces are not built "
             "yet; pick edges without common vertices"
         )
-    return joints
+    return chains[0]
 
 
-def _annotate_error(error: CqblendError, context: StripContext, *, hints: bool) -> CqblendError:
+def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, if it is one of size, what may fit."""
     hint = suggest_size(context) if hints and isinstance(error, SizeError) else ""
-    return error.with_details(shape="" if error.shape else context.joint.name, after=hint)
+    return error.with_details(shape="" if error.shape else context.name, after=hint)
 
 
 def make_cheap_trial(
@@ -187,7 +194,7 @@ def make_cheap_trial(
     """
     contexts = _Contexts(choose_section_method(request))
     selection = select_joints(shape, edges, request.first, lambda _: np.inf)
-    joints = [joint for chains in selection.networks for joint in _require_joints(chains, contexts, hints=True)]
-    return lambda factor: all(is_possible_size(contexts.get(joint).scale(factor)) for joint in joints), min(
-        joint.extent for joint in joints
+    chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
+    return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(
+        chain.index.extent for chain in chains
     )

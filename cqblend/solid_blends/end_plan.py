@@ -6,7 +6,7 @@ planar cap across the edge: at the vertex, or some way before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -39,7 +39,10 @@ METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
 
 @dataclass(frozen=True)
 class EndPlan:
-    """How a blend ends at t = 0 and t = 1, in flat caps at these t or naturally (None), and the range of its rails."""
+    """How a chain ends: in flat caps at these t of its first and last cell, or naturally (None), and where rails reach.
+
+    ``rail_range`` is from a t of the first cell to one of the last.
+    """
 
     methods: tuple[EndMethod, EndMethod]
     cap_stations: CapStations
@@ -50,11 +53,11 @@ class EndPlan:
         """Return the plan of natural ends at both ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
-    @property
-    def coverage(self) -> float:
-        """The share of the edge that is blended."""
+    def measure_coverage(self, lengths: Sequence[float]) -> float:
+        """Return the share of the edges that is blended, of the lengths (mm) of the cells of a chain."""
         first, last = self.cap_stations
-        return (1.0 if last is None else last) - (first or 0.0)
+        uncovered = (first or 0.0) * lengths[0] + (0.0 if last is None else 1.0 - last) * lengths[-1]
+        return 1.0 - uncovered / sum(lengths)
 
 
 class EndAttempts:
@@ -88,8 +91,11 @@ class EndAttempts:
         """Return why the natural end failed at an end: there, or else in the first attempt that failed as a whole."""
         return self._failed.get((end, "natural"), (self._errors_of_both_ends or self._errors)[0])
 
-    def make_error(self, joint: Joint) -> CqblendError:
-        """Return the error to raise when all attempts failed: the first one, and why a flat end failed too."""
+    def make_error(self, joints: tuple[Joint, Joint]) -> CqblendError:
+        """Return the error to raise when all attempts failed: the first one, and why a flat end failed too.
+
+        ``joints`` are those of the cells at both ends.
+        """
         for end in (0, 1):
             failures = {method: error for (where, method), error in self._failed.items() if where == end}
             if len(failures) == len(METHODS_TO_TRY[self._wanted[end]]):
@@ -97,13 +103,15 @@ class EndAttempts:
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
                 advice = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
                 return first.with_details(
-                    before=f"the blend cannot end at {joint.name_end(end)}: ", after=f"{others_too}{advice}"
+                    before=f"the blend cannot end at {joints[end].name_end(end)}: ", after=f"{others_too}{advice}"
                 )
         return self._errors[0]
 
 
-def plan_ends(context: StripContext, methods: tuple[EndMethod, EndMethod]) -> EndPlan:
-    """Return where an open blend ends, by the given methods, and how far its rails reach.
+def plan_ends(contexts: tuple[StripContext, StripContext], methods: tuple[EndMethod, EndMethod]) -> EndPlan:
+    """Return where an open chain ends, by the given methods, and how far its rails reach.
+
+    ``contexts`` are those of its first and its last cell.
 
     They reach the planes of the faces at their ends, or of the caps, and a little more.
 
@@ -112,12 +120,11 @@ def plan_ends(context: StripContext, methods: tuple[EndMethod, EndMethod]) -> En
     BlendEndError
         One of the ends cannot be built by its method.
     """
-    joint, solve = context.joint, context.solve
-    length = joint.spine.length
-    reach = float(solve(np.array([0.5])).cross_lengths.max())
     caps: list[float | None] = []
     domain = []
-    for end, method in enumerate(methods):
+    for end, (context, method) in enumerate(zip(contexts, methods, strict=True)):
+        joint, solve = context.joint, context.solve
+        length, reach = joint.spine.length, float(solve(np.array([0.5])).cross_lengths.max())
         sign = 1.0 if end else -1.0
         try:
             if method == "natural":
@@ -133,10 +140,15 @@ def plan_ends(context: StripContext, methods: tuple[EndMethod, EndMethod]) -> En
     return EndPlan(methods, (caps[0], caps[1]), (domain[0], domain[1]))
 
 
-def record_ends(joint: Joint, plan: EndPlan, attempts: EndAttempts | None = None) -> tuple[EndRecord, ...]:
-    """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for."""
+def record_ends(
+    joints: tuple[Joint, Joint], plan: EndPlan, attempts: EndAttempts | None = None
+) -> tuple[EndRecord, ...]:
+    """Return the certificate's records of both ends, and warn of those that are flat although it was not asked for.
+
+    ``joints`` are those of the cells at both ends.
+    """
     records = []
-    for end, (method, cap) in enumerate(zip(plan.methods, plan.cap_stations, strict=True)):
+    for end, (joint, method, cap) in enumerate(zip(joints, plan.methods, plan.cap_stations, strict=True)):
         uncovered = 0.0 if cap is None else abs(end - cap) * joint.spine.length
         why = ""
         if method == "flat at the vertex" and attempts is not None:

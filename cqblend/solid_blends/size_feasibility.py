@@ -9,6 +9,7 @@ import numpy as np
 
 from cqblend.brep.selection.rail_obstacles import describe_obstacle, find_leaving_contact
 from cqblend.errors import CqblendError, SizeError
+from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SIZE_SEARCH, SOLID_BLEND_TOLERANCES
 from cqblend.splines.bracketing import bisect_interval
@@ -60,18 +61,27 @@ def check_size(context: StripContext) -> None:
         )
 
 
-def is_possible_size(context: StripContext) -> bool:
-    """Whether :func:`check_size` lets a blend pass."""
+def check_chain_size(context: ChainContext) -> None:
+    """Raise SizeError if the size does not fit at one of the cells of a chain; see :func:`check_size`."""
+    for cell in context.cells:
+        try:
+            check_size(cell)
+        except CqblendError as error:
+            raise error.with_details(shape=cell.joint.name) from error
+
+
+def is_possible_size(context: ChainContext) -> bool:
+    """Whether :func:`check_chain_size` lets a blend pass."""
     try:
-        check_size(context)
+        check_chain_size(context)
     except CqblendError:
         return False
     return True
 
 
-def suggest_size(context: StripContext) -> str:
+def suggest_size(context: ChainContext) -> str:
     """Return advice which size may fit instead, as far as contacts tell, and how to find out."""
-    advice, size, extent = context.method.size_advice, context.method.size, context.joint.extent
+    advice, size, extent = context.method.size_advice, context.method.size, context.index.extent
     if size <= extent and is_possible_size(context):
         return f"; less than {size:g} may fit: {advice}"
     largest = size * _bisect_largest(lambda factor: is_possible_size(context.scale(factor)), min(1.0, extent / size))

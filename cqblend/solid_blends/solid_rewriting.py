@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
-from cqblend.brep.shell_editing.strip_planning import StripConflictError, merge_strips
+from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, SizeError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
+from cqblend.solid_blends.chain_context import ChainContext
+from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
 from cqblend.solid_blends.strip_context import StripContext
-from cqblend.solid_blends.strip_draft import StripDraft, StripDrafts
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 if TYPE_CHECKING:
@@ -23,31 +24,31 @@ if TYPE_CHECKING:
 
 
 class DraftedNetwork:
-    """A network of edges that touch, with the present draft of each of its strips.
+    """A network of edges that touch, with the present draft of each of its chains.
 
     ``edges`` are the numbers of the picked edges in the input shape.
 
     Raises
     ------
     CqblendError
-        If a strip has no draft.
+        If a chain has no draft.
     """
 
-    def __init__(self, edges: Sequence[int], contexts: Sequence[StripContext]) -> None:
+    def __init__(self, edges: Sequence[int], chains: Sequence[ChainContext]) -> None:
         self.edges = tuple(edges)
-        self.contexts = tuple(contexts)
-        self.sources = tuple(map(StripDrafts, contexts))
+        self.chains = tuple(chains)
+        self.sources = tuple(map(ChainDrafts, chains))
         self.drafts = tuple(source.make_first() for source in self.sources)
 
     @property
     def index(self) -> SolidIndex:
         """Facts of the solid that the network is part of."""
-        return self.contexts[0].joint.index
+        return self.chains[0].index
 
     @property
     def name(self) -> str:
         """What messages call it: its first edge."""
-        return self.contexts[0].joint.name
+        return self.chains[0].name
 
     def make_next(self, failure: CqblendError) -> None:
         """Replace the drafts by the next ones, because the present ones turned out to fail.
@@ -103,21 +104,30 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
         except CqblendError as last:
             raise FaultyNetworkError(fault.network, last) from last
     strips: dict[DraftedNetwork, list[CertifiedStrip]] = {}
-    pairs = ((network, draft) for network in networks for draft in network.drafts)
-    for (network, draft), built in zip(pairs, proposal.strips, strict=True):
+    for (network, draft, k), built in zip(_list_cells(networks), proposal.strips, strict=True):
         try:
-            certificate = _certify_strip(draft, built, proposal.tolerance)
+            certificate = _certify_strip(draft, k, built, proposal.tolerance)
         except CqblendError as error:
             raise FaultyNetworkError(network, error) from error
         strips.setdefault(network, []).append(CertifiedStrip(built.blend_face, certificate))
     return RewrittenSolid(proposal.solid, strips)
 
 
-def _certify_strip(draft: StripDraft, strip: BuiltStrip, tolerance: float) -> Certificate:
-    """Measure one blend, and check that it measures up to what it promises."""
-    certificate = certify_blend(draft.context.joint, strip, draft.blend, tolerance)
-    check_promises(certificate, draft.context, draft.blend)
-    return certificate if draft.ends is None else replace(certificate, coverage=draft.ends.coverage)
+def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, int]]:
+    """Return every cell of networks, as its network, the draft of its chain, and its index there."""
+    return [(network, draft, k) for network in networks for draft in network.drafts for k in range(len(draft.blends))]
+
+
+def _certify_strip(draft: ChainDraft, k: int, strip: BuiltStrip, tolerance: float) -> Certificate:
+    """Measure the blend of cell ``k`` of a chain, and check that it measures up to what it promises."""
+    context, blend = draft.context.cells[k], draft.blends[k]
+    certificate = certify_blend(context.joint, strip, blend, tolerance)
+    check_promises(certificate, context, blend)
+    return (
+        certificate
+        if draft.ends is None
+        else replace(certificate, coverage=draft.ends.measure_coverage(draft.context.lengths))
+    )
 
 
 def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> ProposedSolid:
@@ -129,13 +139,14 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
         If the blends do not fit together, or the result does not verify.
     """
     drafts = [draft for network in networks for draft in network.drafts]
-    proposal = apply_plan(index, merge_strips(index, [draft.planned for draft in drafts]))
+    cells = [cell for draft in drafts for cell in draft.context.cells]
+    proposal = apply_plan(index, merge_chains(index, [draft.planned for draft in drafts]))
     check = check_solid(
         index.solid,
         proposal.solid,
         [strip.blend_face for strip in proposal.strips],
-        grows=[not draft.context.joint.is_convex for draft in drafts],
-        tolerance=max(_get_edge_tolerance(draft) for draft in drafts),
+        grows=[not cell.joint.is_convex for cell in cells],
+        tolerance=max(map(_get_edge_tolerance, cells)),
         index_before=index.faces,
     )
     if check.crosses:
@@ -145,17 +156,16 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     return proposal
 
 
-def _get_edge_tolerance(draft: StripDraft) -> float:
+def _get_edge_tolerance(context: StripContext) -> float:
     """Return the largest tolerance (mm) that a new edge of a strip may have."""
-    context = draft.context
     return max(SOLID_BLEND_TOLERANCES.edge, 2 * context.joint.tolerance, 2 * context.method.request.tolerance)
 
 
 def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: CqblendError) -> FaultyNetworkError:
     """Return which of some networks is to blame for an error: one that fails alone, or with those before it."""
-    if isinstance(error, StripConflictError):
+    if isinstance(error, ChainConflictError):
         owners = [network for network in networks for _ in network.drafts]
-        first, last = owners[error.strips[0]], owners[error.strips[-1]]
+        first, last = owners[error.chains[0]], owners[error.chains[-1]]
         return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if len(networks) == 1:
         return FaultyNetworkError(networks[0], error)

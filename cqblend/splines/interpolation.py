@@ -126,7 +126,7 @@ def interpolate(
     degree: int = 3,
     periodic: bool = False,
     sign: int = 1,
-    derivatives: ArrayLike | None = None,
+    derivatives: ArrayLike | tuple[ArrayLike | None, ArrayLike | None] | None = None,
 ) -> Curve:
     """Spline of odd degree 2k + 1 and continuity 2k through values at its breaks.
 
@@ -148,7 +148,8 @@ def interpolate(
         -1 with `periodic` for a function that returns with the opposite sign: derivatives match up to that sign, and so
         must the values.
     derivatives
-        Derivatives 1 .. k at both ends, (k, 2, dim); for a cubic also (2, dim). None for not-a-knot.
+        Derivatives 1 .. k at both ends, (k, 2, dim); for a cubic also one slope (dim,) for each end, None for an end
+        that is not-a-knot. None if both are.
 
     Returns
     -------
@@ -180,21 +181,39 @@ def interpolate(
     k = (degree - 1) // 2
     jets = np.concatenate([data[None], np.zeros((k, n + 1, data.shape[1]))])
     if k:
-        given = None if derivatives is None else np.array(derivatives, dtype=np.float64).reshape(-1, 2, data.shape[1])
-        if given is not None and (len(given) != k or periodic):
-            raise InputError(f"{len(given)} derivatives at the ends: degree {degree} takes {k}, and periodic ends none")
-        if given is None and not periodic and n < degree:
-            raise InputError(f"{n + 1} points are too few for not-a-knot ends of degree {degree}: give {degree + 1}")
+        ends = _read_end_derivatives(derivatives, data.shape[1])
+        counts = [len(end) for end in ends if end is not None]
+        if counts and (set(counts) != {k} or periodic):
+            raise InputError(f"{counts[0]} derivatives at the ends: degree {degree} takes {k}, and periodic ends none")
+        least = degree + 1 - k * len(counts)
+        if not periodic and n + 1 < least:
+            raise InputError(f"{n + 1} points are too few for not-a-knot ends of degree {degree}: give {least}")
         lengths = breaks[1:] - breaks[:-1]
         if k == 1:
-            jets[1] = _solve_slopes(lengths, data, sign if periodic else None, None if given is None else given[0])
+            jets[1] = _solve_slopes(lengths, data, sign if periodic else None, ends)
         else:
-            jets[1:] = _solve_break_derivatives(lengths, data, k, periodic, sign, given)
+            jets[1:] = _solve_break_derivatives(lengths, data, k, periodic, sign, ends)
     coefs = _form_hermite_coefs(breaks, _pair_ends(jets))
     return Curve._from_pieces((breaks,), coefs, False, (np.full(n - 1, 2 * k),))
 
 
-def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: Array | None) -> Array:
+_EndDerivatives = tuple[Array | None, Array | None]
+"""Derivatives 1 .. k at the first and at the last break, (k, dim) each; None where the end is not-a-knot."""
+
+
+def _read_end_derivatives(
+    derivatives: ArrayLike | tuple[ArrayLike | None, ArrayLike | None] | None, dim: int
+) -> _EndDerivatives:
+    if derivatives is None:
+        return None, None
+    if isinstance(derivatives, tuple) and len(derivatives) == 2 and any(end is None for end in derivatives):
+        first, last = (None if end is None else np.array(end, dtype=np.float64).reshape(1, dim) for end in derivatives)
+        return first, last
+    given = np.array(derivatives, dtype=np.float64).reshape(-1, 2, dim)
+    return given[:, 0], given[:, 1]
+
+
+def _solve_slopes(lengths: Array, values: Array, sign: int | None, ends: _EndDerivatives) -> Array:
     """Solve for the slopes at all breaks, (n+1, dim), that make a cubic Hermite form C2.
 
     Parameters
@@ -205,8 +224,8 @@ def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: A
         (n + 1, dim) at the breaks.
     sign
         What a periodic function returns times; None if it is not periodic.
-    end_slopes
-        (2, dim); None for not-a-knot, or periodic.
+    ends
+        The slopes (1, dim) at both ends; None for not-a-knot, or periodic.
     """
     n, dim = len(lengths), values.shape[1]
     chord = (values[1:] - values[:-1]) / lengths[:, None]
@@ -227,12 +246,17 @@ def _solve_slopes(lengths: Array, values: Array, sign: int | None, end_slopes: A
     diagonals[0, 1:-1], diagonals[1, 1:-1], diagonals[2, 1:-1] = low, 2.0, up
     right = np.empty((n + 1, dim))
     right[1:-1] = inner
-    if end_slopes is not None:
-        diagonals[1, [0, -1]] = 1.0
-        right[[0, -1]] = end_slopes
-    else:  # one cubic over the first two pieces, and one over the last two
-        diagonals[1, 0], diagonals[2, 0], diagonals[1, -1], diagonals[0, -1] = low[0], 1.0, up[-1], 1.0
+    first, last = ends
+    diagonals[1, [0, -1]] = 1.0
+    if first is not None:
+        right[:1] = first
+    else:  # one cubic over the first two pieces
+        diagonals[1, 0], diagonals[2, 0] = low[0], 1.0
         right[0] = ((2 + up[0]) * low[0]) * chord[0] + up[0] ** 2 * chord[1]
+    if last is not None:
+        right[-1:] = last
+    else:
+        diagonals[1, -1], diagonals[0, -1] = up[-1], 1.0
         right[-1] = low[-1] ** 2 * chord[-2] + ((2 + low[-1]) * up[-1]) * chord[-1]
     return solve_cyclic_tridiagonal(diagonals[0], diagonals[1], diagonals[2], right)
 
@@ -276,7 +300,7 @@ _FEWEST_SWEPT_ROWS = 32
 
 
 def _solve_break_derivatives(
-    lengths: Array, values: Array, k: int, periodic: bool, sign: int, end_derivatives: Array | None
+    lengths: Array, values: Array, k: int, periodic: bool, sign: int, ends: _EndDerivatives
 ) -> Array:
     """Solve for the derivatives 1..k at all breaks, (k, n+1, dim), that make the Hermite form C^2k.
 
@@ -288,8 +312,8 @@ def _solve_break_derivatives(
         (n + 1, dim) at the breaks.
     k, periodic, sign
         As for :func:`interpolate`.
-    end_derivatives
-        Derivatives 1..k at both ends, (k, 2, dim); None for not-a-knot, or periodic.
+    ends
+        Derivatives 1..k at both ends, (k, dim); None for not-a-knot, or periodic.
     """
     n, dim = len(lengths), values.shape[1]
     table = _tabulate_end_derivatives(k)
@@ -298,9 +322,9 @@ def _solve_break_derivatives(
     size = np.sqrt(around[:-1] * around[1:])
     powers = np.arange(1, k + 1)
     # derivative r of piece j at end e: sum over its data end d and order m of table[e, r, d, m] h^(m-r) f^(m)
-    ends = np.stack([size[:-1], size[1:]], axis=1)
-    high = (ends / lengths[:, None])[:, :, None] ** np.arange(2 * k + 2)  # (n, 2, p+1)
-    low = (lengths[:, None] / ends)[:, :, None] ** np.arange(k + 1)  # (n, 2, k+1)
+    sizes = np.stack([size[:-1], size[1:]], axis=1)
+    high = (sizes / lengths[:, None])[:, :, None] ** np.arange(2 * k + 2)  # (n, 2, p+1)
+    low = (lengths[:, None] / sizes)[:, :, None] ** np.arange(k + 1)  # (n, 2, k+1)
     piece = table[None] * high[:, :, :, None, None] * low[:, None, None]  # (n, 2, p+1, 2, k+1)
     columns = np.arange((n + 1) * k).reshape(n + 1, k)
     matrix = np.zeros(((n + 1) * k, (n + 1) * k))
@@ -324,13 +348,13 @@ def _solve_break_derivatives(
         last, first = np.array([n - 1]), np.array([0])
         add_smoothness_rows(columns[:1], last, first, slice(k + 1, 2 * k + 1), sign)
         matrix[columns[n], columns[n]], matrix[columns[n], columns[0]] = 1.0, -sign
-    elif end_derivatives is not None:
-        fixed = columns[[0, n]]
-        matrix[fixed, fixed] = 1.0
-        right[fixed] = np.swapaxes(end_derivatives, 0, 1) * (size[[0, n], None] ** powers)[..., None]
     else:
         outer = np.arange(k)
-        add_smoothness_rows(columns[0][:, None], outer, outer + 1, slice(2 * k + 1, 2 * k + 2))
-        add_smoothness_rows(columns[n][:, None], n - 2 - outer, n - 1 - outer, slice(2 * k + 1, 2 * k + 2))
+        for node, given, left in ((0, ends[0], outer), (n, ends[1], n - 2 - outer)):
+            if given is None:
+                add_smoothness_rows(columns[node][:, None], left, left + 1, slice(2 * k + 1, 2 * k + 2))
+            else:
+                matrix[columns[node], columns[node]] = 1.0
+                right[columns[node]] = given * (size[node] ** powers)[:, None]
     solution = np.linalg.solve(matrix, right).reshape(n + 1, k, dim)
     return np.asarray(np.swapaxes(solution / (size[:, None] ** powers)[..., None], 0, 1))

@@ -122,3 +122,15 @@ def test_one_sided_hermite_knows_its_continuity():
 def test_bad_data_is_named(t, values, keywords, message):
     with pytest.raises(InputError, match=message):
         interpolate(t, values, **keywords)
+
+
+def test_an_end_may_have_a_given_slope_and_the_other_none():
+    """A cubic is reproduced from its slope at one end; near the other, it is as not-a-knot ends make it."""
+    t = np.array([0.0, 0.3, 0.5, 1.1, 1.6, 2.0])
+    cubic = interpolate(t, (t**3 - t)[:, None], derivatives=(None, [11.0]))
+    assert abs(cubic(0.17) - (0.17**3 - 0.17)).max() < 1e-14
+    t = np.linspace(0, 2, 41)
+    free = interpolate(t, np.exp(t)[:, None])
+    half = interpolate(t, np.exp(t)[:, None], derivatives=([3.0], None))
+    assert half(0.0, 1)[0] == pytest.approx(3.0, abs=1e-13)
+    assert abs(half(1.97) - free(1.97)).max() < 1e-14

@@ -20,9 +20,10 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle, PlanarCircle
 from cqblend.surfaces.quadrics import Plane, Sphere
 
-EdgeRole = Literal["rail", "seam", "end curve", "cap border", "extension", "pole"]
-"""What a new edge is: a rail of a blend; where a closed face meets itself; where a blend meets the face or cap that it
-ends on; where a cap meets a support face; where two faces of the input go on meeting; a point that bounds a sphere."""
+EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
+"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
+the face or cap that it ends on; where a cap meets a support face; where two faces of the input go on meeting; a point
+that bounds a sphere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +154,13 @@ class StripPlan:
     end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
     removed_faces: tuple[int, ...] = ()
+
+    @property
+    def other_edges(self) -> tuple[NewEdge, ...]:
+        """The edges of the boundary that are no rails, each once."""
+        rails = {edge for side in self.rails for edge in side}
+        edges = dict.fromkeys(use.edge for use in self.boundary)
+        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge not in rails)
 
 
 @dataclass(frozen=True)

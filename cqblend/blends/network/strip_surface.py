@@ -35,6 +35,10 @@ class StripSurface(Protocol):
     def first_section(self) -> Curve:
         """The curve v -> H(s, v) at the start of the domain."""
 
+    @property
+    def last_section(self) -> Curve:
+        """The curve v -> H(s, v) at the end of the domain."""
+
     def __call__(self, s: Array, v: Array) -> Array:
         """Return points (n, 3) at parameters (n,)."""
 
@@ -69,6 +73,10 @@ class SplineStrip:
     @property
     def first_section(self) -> Curve:
         return self.surface.isoparametric(u=self.domain[0])
+
+    @property
+    def last_section(self) -> Curve:
+        return self.surface.isoparametric(u=self.domain[1])
 
     def __call__(self, s: Array, v: Array) -> Array:
         return self.surface(s, v)
@@ -120,6 +128,10 @@ class RevolvedStrip:
     @property
     def first_section(self) -> Curve:
         return self.section.place_profile()
+
+    @property
+    def last_section(self) -> Curve:
+        return self.section.place_profile(self.section.turn)
 
     def __call__(self, s: Array, v: Array) -> Array:
         return self.jet(s, v, 0)[0, 0]

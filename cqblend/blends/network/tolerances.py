@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class NetworkTolerances:
@@ -17,6 +19,66 @@ class NetworkTolerances:
 
     section_plane: float = 1e-15
     """Relative to the size: by how much an axis may miss a plane that a section is to lie in."""
+
+    natural_gap: float = 1e-12
+    """Distance (mm) of the end sections of two cells up to which they have one by nature."""
+
+    natural_angle: float = 1e-12
+    """Angle (rad) of their tangent planes up to which they have them in common by nature."""
+
+    section_samples: int = 33
+    """Points of a section at which two cells are compared."""
+
+    parallel_rates: float = 1e-12
+    """Relative to the largest: by how much derivatives of jets along a cell may be off a direction that they share."""
+
+    nearly_parallel_rates: float = 1e-5
+    """The same of estimated ones, which are then made parallel."""
+
+    parallel_normals: float = 1e-6
+    """Sine of the angle between the normals of both surfaces below which they do not tell the direction of a cell."""
+
+    along_edge: float = 1e-12
+    """Sine of the angle between a cross derivative and a smooth edge up to which it runs along the edge."""
+
+    largest_obliquity: float = np.pi / 4
+    """Angle (rad) by which a cross derivative is turned at most to run along a smooth edge."""
+
+    fade_width: float = 1.0
+    """Length over which bends at the end of a cell fade, as a multiple of the width of the blend."""
+
+    most_faded: float = 0.4
+    """The same length, as a share of the cell, at most."""
+
+    probe_count: int = 6
+    """Contacts from which derivatives at the end of a cell are found."""
+
+    probe_width: float = 1 / 8
+    """Distance between them, as a share of the width of the blend."""
+
+    probe_share: float = 1 / 48
+    """The same distance, as a share of the cell, at most."""
+
+    lifted_step: float = 0.05
+    """Step from an end into a cell, as a share of it, on which derivatives of lifted curves are taken."""
+
+    edge_samples: int = 65
+    """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""
+
+    station_probe: float = 1e-4
+    """Step in t for the derivative of contacts along a cell, in that search."""
+
+    station_steps: int = 40
+    """Most steps of the search."""
+
+    station_rounding: float = 1e-9
+    """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
+
+    longest_station_step: float = 0.1
+    """Longest step, in t or as a share of the edge."""
+
+    edge_slack: float = 1e-6
+    """Share of a smooth edge by which a rail may miss its end."""
 
 
 NETWORK_TOLERANCES = NetworkTolerances()

@@ -59,12 +59,13 @@ def interpolate_with_corners(
     closed: bool,
     sharp: Sequence[int] | Array = (),
     kinks: KinkData | None = None,
+    end_slopes: tuple[Array | None, Array | None] = (None, None),
 ) -> Curve:
     """Interpolate values at the nodes by a cubic spline: C2, but C1 at corners (indices of nodes, both ends included).
 
     There are two more values between neighbouring nodes, at the parameters of :func:`add_third_points`. From them come
     the slopes at the corners, of third order, and the same on both sides; at ``sharp`` corners each side has its own
-    slope, and at ``kinks``, which must be corners too, its own value besides.
+    slope, and at ``kinks``, which must be corners too, its own value besides. Slopes (k,) may be given at both ends.
     """
     steps = np.diff(nodes)
     weights = np.array([-11, 18, -9, 2]) / 2  # of the slope at the first of four equidistant values, times 3 steps
@@ -85,13 +86,19 @@ def interpolate_with_corners(
     before[even] = after[even] = (before[even] + after[even]) / 2
     if closed and even[0] and even[-1]:
         before[-1] = after[0] = (right[0] + left[-1]) / 2
+    if end_slopes[0] is not None:
+        after[0] = end_slopes[0]
+    if end_slopes[1] is not None:
+        before[-1] = end_slopes[1]
     order = np.full(len(nodes), 2)
     order[corners] = np.where(even[corners], 1, 0)
     gaps = np.abs(spans[3] - values[3::3]).max(axis=1) > RAIL_TOLERANCES.same_value_share * np.abs(values).max()
     order[corners[1:]] = np.where(gaps[np.asarray(corners[1:]) - 1], -1, order[corners[1:]])
     first, last = _solve_inner_slopes(steps, (spans[3] - spans[0]) / steps[:, None], corners, (before, after))
     coefs = np.stack([spans[0], spans[0] + first * steps[:, None] / 3, spans[3] - last * steps[:, None] / 3, spans[3]])
-    return Curve(nodes, coefs.swapaxes(1, 2), continuity=order[1:-1]).reduce(tolerance=1e-13)
+    curve = Curve(nodes, coefs.swapaxes(1, 2), continuity=order[1:-1])
+    has_given_slopes = any(slope is not None for slope in end_slopes)  # to be kept to the last digit
+    return curve if has_given_slopes else curve.reduce(tolerance=1e-13)
 
 
 def _solve_inner_slopes(

@@ -20,6 +20,7 @@ from cqblend.blends.rails.cornered_spline import KinkData, add_third_points, int
 from cqblend.blends.rails.direction_steering import Steering, SteeringPin, find_pins
 from cqblend.blends.rails.fit_exceptions import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_end import FREE_ENDS, GivenEnds
 from cqblend.blends.rails.ribbon_fit import (
     ContactSamples,
     Domain,
@@ -61,11 +62,13 @@ def fit_cubic_ribbons(
     *,
     closed: bool,
     corners: Array = NO_CORNERS,
+    ends: tuple[GivenEnds, GivenEnds] = (FREE_ENDS, FREE_ENDS),
 ) -> tuple[Ribbon, Ribbon]:
     """Return C2 cubic ribbons on about the fewest stations that meet what is wanted.
 
     The ribbons are only C1 at ``corners``, where contacts are known to be no more than C1, and where the rail crosses
     a parametric kink of its surface; if derivatives are given, also at knot lines at which the surface is less than C3.
+    Those of an open joint have the ``ends`` that are given, by side, whatever the contacts are there.
 
     Where faces are not smooth the contacts have kinks, which no C2 curve follows: there, spans get shorter down to
     1/128 of the rail for the sake of the directions, to 1/4096 for that of the position. What the directions miss then
@@ -87,9 +90,9 @@ def fit_cubic_ribbons(
         slack = RAIL_TOLERANCES.sliver_share * (domain[1] - domain[0])
         corners = _drop_near_duplicates(np.concatenate([corners, at]), slack)
         crossings = [replace(one, t=float(corners[np.abs(corners - one.t).argmin()])) for one in crossings]
-    task = _CubicFit(primaries, solve, domain, wanted, closed, corners, tuple(crossings))
+    task = _CubicFit(primaries, solve, domain, wanted, closed, corners, tuple(crossings), ends)
     moves: list[ContactMove] = []
-    unsteered = (task.no_steering, task.no_steering)
+    unsteered = task.no_steering
     breaks, ribbons = task.refine_breaks(task.choose_initial_breaks(), moves, unsteered, RAIL_TOLERANCES.spacing_rounds)
     breaks, moves = _merge_knot_crossings(ribbons, breaks, corners)
     if moves:
@@ -97,10 +100,7 @@ def fit_cubic_ribbons(
     first_pins, second_pins = (find_pins(ribbon, wanted.steer) for ribbon in ribbons)
     if first_pins or second_pins:
         breaks, moves = _add_pin_breaks(ribbons, (first_pins, second_pins), breaks, moves)
-        steering = (
-            replace(task.no_steering, pins=tuple(first_pins)),
-            replace(task.no_steering, pins=tuple(second_pins)),
-        )
+        steering = (replace(unsteered[0], pins=tuple(first_pins)), replace(unsteered[1], pins=tuple(second_pins)))
         breaks, ribbons = task.refine_breaks(breaks, moves, steering, 0)  # breaks stay where crossings brought them
     return ribbons
 
@@ -122,6 +122,7 @@ class _CubicFit:
     closed: bool
     corners: Array
     knot_crossings: tuple[ContactCrossing, ...]
+    ends: tuple[GivenEnds, GivenEnds]
 
     @property
     def length(self) -> float:
@@ -129,9 +130,12 @@ class _CubicFit:
         return self.domain[1] - self.domain[0]
 
     @property
-    def no_steering(self) -> Steering:
-        """Steering that turns nothing."""
-        return Steering((), self.domain, self.closed)
+    def no_steering(self) -> tuple[Steering, Steering]:
+        """Steering, by side, that turns nothing."""
+        first, second = (
+            Steering((), self.domain, self.closed, (start is not None, stop is not None)) for start, stop in self.ends
+        )
+        return first, second
 
     def choose_initial_breaks(self) -> Array:
         """Return the breaks to start with: equal spans, and the corners."""
@@ -217,11 +221,17 @@ class _CubicFit:
         )
         smooth = np.setdiff1d(smooth, kinked)
 
-        def make_spline(values: Array, kinks: KinkData | None, corners: Array, sharp: Array) -> Curve:
+        def make_spline(
+            values: Array, kinks: KinkData | None, row: int, ends: GivenEnds, corners: Array, sharp: Array
+        ) -> Curve:
+            slopes = None if ends[0] is None else ends[0].slopes[row], None if ends[1] is None else ends[1].slopes[row]
+            values = _put_end_values(values, ends, row)
             if not len(corners):
-                return interpolate(nodes, values[::3])
+                return interpolate(nodes, values[::3], derivatives=slopes)
             pieces = np.unique([0, *corners, len(nodes) - 1])
-            return interpolate_with_corners(nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks)
+            return interpolate_with_corners(
+                nodes, values, pieces, closed=False, sharp=sharp, kinks=kinks, end_slopes=slopes
+            )
 
         samples = ContactSamples(self.primaries, t, contacts, np.ones(len(t)))
 
@@ -229,9 +239,16 @@ class _CubicFit:
             mine = [crossing for crossing in self.knot_crossings if crossing.side == side]
             kinks = self._find_inner_nodes(nodes, [one for one in mine if one.parametric_kink])
             sharp = self._find_inner_nodes(nodes, [one for one in mine if one.below_c2 and not one.parametric_kink])
+            make_direction = partial(make_spline, ends=self.ends[side], corners=corners, sharp=sharp)
             curves = RibbonCurves(
-                partial(make_spline, corners=np.setdiff1d(corners, smooth), sharp=NO_CORNERS),
-                partial(make_spline, corners=corners, sharp=sharp),
+                partial(
+                    make_spline,
+                    row=0,
+                    ends=self.ends[side],
+                    corners=np.setdiff1d(corners, smooth),
+                    sharp=NO_CORNERS,
+                ),
+                tuple(partial(make_direction, row=1 + k) for k in range(max(self.wanted.orders[side], 1))),
                 np.setdiff1d(kinks, smooth),
                 kinks,
             )
@@ -276,6 +293,17 @@ class _CubicFit:
             return np.empty(0, dtype=int)
         offset = self._measure_offset(nodes[:, None], t)
         return np.flatnonzero(np.abs(offset).min(axis=1) < RAIL_TOLERANCES.same_node_share * self.length)
+
+
+def _put_end_values(values: Array, ends: GivenEnds, row: int) -> Array:
+    """Return lifted values (n, k) of one curve of a ribbon, with those of given ends first and last."""
+    if ends == FREE_ENDS:
+        return values
+    values = values.copy()
+    for index, end in zip((0, -1), ends, strict=True):
+        if end is not None:
+            values[index] = end.values[row]
+    return values
 
 
 def _add_pin_breaks(

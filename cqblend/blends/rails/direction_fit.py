@@ -32,12 +32,13 @@ from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_v
 class DirectionMethod:
     """How the directions of a ribbon are fitted.
 
-    ``order`` is that of the continuity, and so the number of directions; ``make_curve`` makes curves of lifted values
-    at the samples of the rail; ``steering`` turns the directions; ``kinks`` are the parametric kinks on the rail.
+    ``order`` is that of the continuity, and so the number of directions, but for one that there always is;
+    ``make_curves`` make them, one each, of lifted values at the samples of the rail; ``steering`` turns the directions;
+    ``kinks`` are the parametric kinks on the rail.
     """
 
     order: int
-    make_curve: CurveMaker
+    make_curves: tuple[CurveMaker, ...]
     steering: Steering
     kinks: ParametricKinks | None = None
 
@@ -63,12 +64,12 @@ def fit_directions(rail: SampledRail, vectors: Array, method: DirectionMethod) -
     rs = steering.zero_at_pins(to_tangent_coordinates(jet, vectors), rail.t)
     values = rail.primary.lift_directions(rail.uv, rail.lifted, rs)
     if kinks is None:
-        first = method.make_curve(values, None)
+        first = method.make_curves[0](values, None)
         fitted = rail.evaluate_tangents(first(rail.t))
     else:
         rs = steering.zero_at_pins(kinks.to_coordinates(vectors[kinks.sample_indices[1]]), kinks.t[0])
         before = rail.primary.lift_directions(kinks.uv[0], c(kinks.t[0], side="left"), rs)
-        first = kinks.fit_curve(values, before, method.make_curve, lambda d: (c, rail.primary.compose_jets(c, [d])))
+        first = kinks.fit_curve(values, before, method.make_curves[0], lambda d: (c, rail.primary.compose_jets(c, [d])))
         fitted = _evaluate_first_jet(rail.primary.compose_jets(c, [first]), rail.t)
     angles, lengths = _measure_deviations(fitted, vectors)
     return FittedDirections(add_higher_directions(rail, first, method), angles, lengths)
@@ -105,7 +106,7 @@ def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMeth
         return np.asarray(primary.lift_directions(uv, lifted, rs) + factor * lifted * primary.weight_exponents)
 
     for k in range(2, method.order + 1):
-        known = primary.compose_jets(c, directions, k)
+        known, make_curve = primary.compose_jets(c, directions, k), method.make_curves[k - 1]
         jets = np.stack([curve(rail.t) for curve in known])
         space = dehomogenise_jets(jets)
         target = np.zeros_like(space[1])
@@ -115,7 +116,7 @@ def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMeth
         rs = steering.align_second_directions(plain, rail.t)
         values = lift_without_weight(rail.uv, lifted, rs, jets)
         if kinks is None:
-            directions.append(method.make_curve(values, None))
+            directions.append(make_curve(values, None))
             continue
         limits, (before, after) = kinks.evaluate_left_limits(known), kinks.sample_indices
         rs = kinks.to_coordinates(target[after] - dehomogenise_jets(limits)[k]) + (rs - plain)[before]
@@ -125,7 +126,7 @@ def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMeth
         def compose(d: Curve, lower: tuple[Curve, ...] = tuple(directions)) -> tuple[Curve, tuple[Curve, ...]]:
             return c, primary.compose_jets(c, [*lower, d])
 
-        directions.append(kinks.fit_curve(values, values_before, method.make_curve, compose))
+        directions.append(kinks.fit_curve(values, values_before, make_curve, compose))
     return tuple(directions)
 
 
@@ -224,7 +225,8 @@ class DirectionFit:
 
         sampled = SampledRail(self.primary, self.lifted_rail, self.rail.curve(t), t, exact=True)
         break_uv = self.rail.curve(self.lifted_rail.breaks)
-        method = DirectionMethod(self.order, make_direction, steering, self._find_kinks(nodes, sampled))
+        makers = (make_direction,) * max(self.order, 1)
+        method = DirectionMethod(self.order, makers, steering, self._find_kinks(nodes, sampled))
         if self.exact_direction is not None and not steering.pins and method.kinks is None:
             r, s = self.exact_direction.coefs[:, 0], self.exact_direction.coefs[:, 1]
             first = Curve(

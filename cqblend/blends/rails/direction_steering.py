@@ -43,11 +43,15 @@ class SteeringPin:
 
 @dataclass(frozen=True)
 class Steering:
-    """The pins of one rail over ``domain``, in order; on a closed rail they repeat."""
+    """The pins of one rail over ``domain``, in order; on a closed rail they repeat.
+
+    At ``fixed_ends``, the start and the end of the domain, the directions are given and must not be turned.
+    """
 
     pins: tuple[SteeringPin, ...]
     domain: tuple[float, float]
     closed: bool
+    fixed_ends: tuple[bool, bool] = (False, False)
 
     def evaluate_angle(self, t: Array) -> Array:
         """Return the angles (n,) to turn by: those of the pins at their t, C2 in between, zero far from all pins."""
@@ -61,8 +65,12 @@ class Steering:
         angles = np.array([pin.angle for _ in laps for pin in self.pins])
         total = np.zeros_like(t)
         gaps = np.diff(nodes)
-        before = np.minimum(np.append(np.inf, gaps), RAIL_TOLERANCES.fade_length_share * period)
-        after = np.minimum(np.append(gaps, np.inf), RAIL_TOLERANCES.fade_length_share * period)
+        to_start, to_end = nodes[0] - self.domain[0], self.domain[1] - nodes[-1]
+        first, last = (
+            room if fixed else np.inf for room, fixed in zip((to_start, to_end), self.fixed_ends, strict=True)
+        )
+        before = np.minimum(np.append(first, gaps), RAIL_TOLERANCES.fade_length_share * period)
+        after = np.minimum(np.append(gaps, last), RAIL_TOLERANCES.fade_length_share * period)
         for node, angle, left, right in zip(nodes, angles, before, after, strict=True):
             total += angle * _evaluate_fade(np.where(t < node, (node - t) / left, (t - node) / right))
         return total
@@ -120,7 +128,8 @@ class Steering:
     def _find_reach(self, pin: SteeringPin) -> float:
         """Return the distance within which a pin may have influence: it ends at the next one of the same axis."""
         others = [abs(float(self._measure_offset(np.array(other.t), pin))) for other in self.pins if other is not pin]
-        return min([*others, RAIL_TOLERANCES.fade_length_share * (self.domain[1] - self.domain[0])])
+        ends = [abs(pin.t - end) for end, fixed in zip(self.domain, self.fixed_ends, strict=True) if fixed]
+        return min([*others, *ends, RAIL_TOLERANCES.fade_length_share * (self.domain[1] - self.domain[0])])
 
 
 def _evaluate_fade(x: Array) -> Array:

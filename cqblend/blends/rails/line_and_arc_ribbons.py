@@ -96,7 +96,8 @@ def _fit_exact_pair(
     ribbons = []
     no_steering = Steering((), (samples.t[0], samples.t[-1]), False)
     for side, primary in enumerate(samples.primaries):
-        ribbon, errors = fit_ribbon(samples, side, RibbonCurves(make_curve, make_curve), wanted, no_steering)
+        curves = RibbonCurves(make_curve, (make_curve,) * max(wanted.orders[side], 1))
+        ribbon, errors = fit_ribbon(samples, side, curves, wanted, no_steering)
         if errors.position.max() > RAIL_TOLERANCES.projection_residual * size:
             return None
         if ribbon.direction > RAIL_TOLERANCES.exact_deviation or ribbon.length > RAIL_TOLERANCES.exact_deviation:

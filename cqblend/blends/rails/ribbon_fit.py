@@ -93,13 +93,13 @@ class ContactSamples:
 class RibbonCurves:
     """How the curves of one ribbon are made of lifted values at the samples.
 
-    ``make_rail`` and ``make_direction`` return curves through values, but need not use all of them. The nodes, every
-    third sample, at which the surface's parametrisation has a kink are ``rail_kink_nodes`` where the rail takes it, and
-    ``direction_kink_nodes`` where the directions do.
+    ``make_rail`` and ``make_directions``, one for each direction, return curves through values, but need not use all of
+    them. The nodes, every third sample, at which the surface's parametrisation has a kink are ``rail_kink_nodes`` where
+    the rail takes it, and ``direction_kink_nodes`` where the directions do.
     """
 
     make_rail: CurveMaker
-    make_direction: CurveMaker
+    make_directions: tuple[CurveMaker, ...]
     rail_kink_nodes: Array = field(default_factory=lambda: np.empty(0, dtype=int))
     direction_kink_nodes: Array = field(default_factory=lambda: np.empty(0, dtype=int))
 
@@ -134,7 +134,7 @@ def fit_ribbon(
     else:
         point, rate = dehomogenise_jets(primary.compose_position(c).jet(t, 1))
     vectors = samples.compute_cross_derivatives(side, rate, wanted)
-    method = DirectionMethod(wanted.orders[side], curves.make_direction, steering, kinks)
+    method = DirectionMethod(wanted.orders[side], curves.make_directions, steering, kinks)
     fitted = fit_directions(rail, vectors, method)
     domain, directions = steering.domain, fitted.curves
     inside = (t >= domain[0]) & (t <= domain[1])

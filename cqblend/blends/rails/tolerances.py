@@ -96,6 +96,9 @@ class RailTolerances:
         Angle (rad) between a knot line and the rail below which a direction along the line is too near to the rail.
     folding_turn, largest_turn
         Turns of directions (rad): above the first a blend may fold, the second is the largest that can be asked for.
+    foot_steps, foot_step
+        Most steps to the foot of a point that is on the surface to a tolerance, and the length of the last one, as a
+        share of the coordinates.
     turn_margin
         Added to a turn (rad) that is proposed, since what is needed depends a little on what is turned.
     """
@@ -147,6 +150,8 @@ class RailTolerances:
     folding_turn: float = 0.8
     largest_turn: float = 1.57
     turn_margin: float = 0.01
+    foot_steps: int = 20
+    foot_step: float = 1e-16
 
 
 @dataclass(frozen=True)

@@ -73,9 +73,10 @@ class RevolvedSection:
         x = tangent / (np.sin(half) - tangent * (np.cos(half) - 1))
         return np.asarray(self.breaks[arc] + x * np.diff(self.breaks)[arc])
 
-    def place_profile(self) -> Curve:
-        """Return the profile in space, at angle 0: a curve v -> H of dim 3."""
-        x, _, z = self.frame.axes
+    def place_profile(self, angle: float = 0.0) -> Curve:
+        """Return the profile in space, turned to an angle (rad): a curve v -> H of dim 3."""
+        x, y, z = self.frame.axes
+        x = np.cos(angle) * x + np.sin(angle) * y
         homogeneous = self.profile.coefs if self.profile.rational else _append_weight(self.profile.coefs)
         radius, height, weight = (homogeneous[:, k] for k in range(3))
         xyz = (

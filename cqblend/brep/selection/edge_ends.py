@@ -9,7 +9,7 @@ from OCP.BRep import BRep_Tool
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -18,6 +18,7 @@ from cqblend.brep.topology import (
     drop_duplicate_shapes,
     explore_subshapes,
     find_end_vertices,
+    find_outgoing_tangent,
     find_seam_edges,
     is_among,
     locate_vertex,
@@ -32,6 +33,16 @@ SAME_DIRECTION = 0.15
 def find_neighbour_faces(index: SolidIndex, vertex: TopoDS_Vertex, sides: Sequence[SupportFace]) -> list[TopoDS_Face]:
     """Return the faces at a vertex of the blended edge that are none of its two sides."""
     return [face for face in index.faces_at_vertex(vertex) if not is_among(face, [side.face for side in sides])]
+
+
+def find_continuing_edge(index: SolidIndex, vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> TopoDS_Edge | None:
+    """Return another edge that leaves a vertex of an edge in the direction in which that one arrives; None if none does."""
+    arriving = -find_outgoing_tangent(vertex, edge)
+    for other in index.edges_at_vertex(vertex):
+        turn = np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving)
+        if not other.IsSame(edge) and turn < SAME_DIRECTION:
+            return TopoDS.Edge_s(other)
+    return None
 
 
 def find_edge_in_plane(

@@ -19,7 +19,7 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
-from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_neighbour_faces
+from cqblend.brep.selection.edge_ends import find_continuing_edge, find_edge_in_plane, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine, chain_edges
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
@@ -130,6 +130,10 @@ class Joint:
         others = [self.name_part(face) for face in find_neighbour_faces(self.index, vertex, self.sides)]
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
+
+    def find_continuing_edge(self, end: int) -> TopoDS_Edge | None:
+        """Return the edge that continues this one tangentially past t = ``end``, 0 or 1; None if there is none."""
+        return find_continuing_edge(self.index, self.spine.vertices[end], self.spine.edges[-end])
 
     def list_end_planes(self, end: int) -> list[tuple[Array, Array]]:
         """Return point and normal of every face across the edge at t = ``end``, 0 or 1, where the edge ends."""

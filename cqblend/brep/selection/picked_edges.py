@@ -14,6 +14,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, 
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint, find_joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
@@ -26,11 +27,16 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class FoundChain:
-    """Picked edges, by their numbers in the input, that make one joint; or the error that says why they do not."""
+    """Picked edges, by their numbers in the input, that make one chain; or the error that says why they do not."""
 
     edges: tuple[int, ...]
     joint: Joint | None
     error: SelectionError | None = None
+
+    @property
+    def chain(self) -> Chain | None:
+        """The chain."""
+        return None if self.joint is None else Chain((self.joint,), (), self.joint.spine.closed)
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,10 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:
-        raise (failure or error) from error
+        following = placement.joint.find_continuing_edge(end)
+        name = "" if following is None else placement.joint.name_part(following)
+        before = f"the joint goes on there in {name}, and " if name else ""
+        raise (failure or error).with_details(before=before) from error
 
 
 def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -> StripEnd:
@@ -104,7 +107,7 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
     )
     reach = [reaches_corner(trim) for trim in trims]
     if all(reach) and not _grows(placement, end, target, curve) and _leaves_face(placement, target, curve):
-        raise SizeError("the face there is too small for the end of the blend", kind="too large")
+        raise SizeError("the face there is too small for the end of the blend: the size is too large", kind="too large")
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
     return StripEnd((edge,), corners, get_end_parameters(curve), placement.keep_vertex(vertex), trims, (added,))
 

@@ -279,7 +279,7 @@ class _PathWalker:
             if found is not None:
                 near = point.x + found.share * (following.x - point.x)
                 apart = np.linalg.norm(meeting.target.jet(near[None, 2:])[0, 0] - last.point)
-                if not is_near or apart > SHELL_EDIT_TOLERANCES.same_corner * step:
+                if not is_near or apart > SHELL_EDIT_TOLERANCES.near_rail_end * step:
                     stop, leaving = self._cross(meeting, boundary, near, found.use, found.parameter)
                     return [*points, stop], leaving, leaving.mark
             if finish is not None and is_near:
@@ -324,7 +324,7 @@ class _PathWalker:
         except (TopologyError, GeometryError):
             return None
         apart = np.linalg.norm(self._locate(stop) - last.point)
-        return None if apart > SHELL_EDIT_TOLERANCES.same_corner * self.step else (stop, mark)
+        return None if apart > SHELL_EDIT_TOLERANCES.near_rail_end * self.step else (stop, mark)
 
     def _is_outside(self, side: SupportFace, uv: Array) -> bool:
         """Whether parameters (2,) are outside of a face."""

@@ -79,7 +79,7 @@ CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 
 @dataclass(frozen=True)
 class BuiltEdge:
-    """An edge of a blend face that is no rail, with its two sides.
+    """An edge of a blend face that is no rail, with its two sides, that of the blend face first.
 
     ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
     edge it is at, 0 or 1, if it is at one.
@@ -141,7 +141,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        others = _list_other_edges(strip, blend_faces, owners, deviations, parts)
+        others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
     solid = replace_solid_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
@@ -168,24 +168,26 @@ def _list_edge_owners(
 
 def _list_other_edges(
     strip: StripPlan,
+    blend_face: TopoDS_Face,
     blend_faces: Sequence[TopoDS_Face],
     owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their two sides."""
-    rails = {edge for side in strip.rails for edge in side}
+    """Return the edges of a blend face that are no rails, with their two sides; sections only of the cell before."""
     found = []
-    for planned in dict.fromkeys(use.edge for use in strip.boundary):
-        if planned in rails:
+    for planned in strip.other_edges:
+        edge, pair = parts.build_edge(planned), owners[planned]
+        if planned.role == "section" and not pair[0].IsSame(blend_face):
             continue
-        edge, (first, second) = parts.build_edge(planned), owners[planned]
+        first, second = pair if pair[0].IsSame(blend_face) else pair[::-1]
         deviation = deviations.get(edge)
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
-        kind: NewEdgeKind = "between" if is_among(first, blend_faces) and is_among(second, blend_faces) else "end"
+        kind: NewEdgeKind = "between" if is_among(second, blend_faces) else "end"
         end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
+        BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
 

@@ -37,12 +37,14 @@ class RailSpan:
     """The part of one rail that bounds the blend face: its range of t, and the vertices at both ends.
 
     Where the blend ends in flat caps, ``cap_borders`` are their borders in the support face at the low and at the high
-    end, from the blended edge to the rail.
+    end, from the blended edge to the rail. ``continues`` tells that another rail, or this one,
+    ends where it starts.
     """
 
     span: tuple[float, float]
     vertices: tuple[PlannedVertex, PlannedVertex]
     cap_borders: tuple[tuple[EdgeUse, ...], tuple[EdgeUse, ...]] = ((), ())
+    continues: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
         return TrimmedRail(edges, FacePlan(number, added=boundary, surface=sphere), None)
     if not any(side.face_primary.periods):  # no face without a period has seams
         return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), None)
-    if part.vertices[0] is part.vertices[1]:  # a closed rail may cross a seam where it starts
+    if part.continues:  # it may cross a seam where it starts
         crossings, between = np.array(stops[:-1]), vertices[:-1]
     directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
     at_seams = SeamCrossings(side.face, between, directions, removed.vertices)

@@ -10,7 +10,10 @@ from cqblend.errors import GeometryError
 
 
 class RailsTooShortError(GeometryError):
-    """The blend must be made over a longer range of t, ``needed_domain``, to reach the faces at its ends."""
+    """The blend must be made over a longer range, ``needed_domain``, to reach the faces at its ends.
+
+    That is from a t of the first cell of its chain to one of the last cell.
+    """
 
     def __init__(self, needed: tuple[float, float]) -> None:
         super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")

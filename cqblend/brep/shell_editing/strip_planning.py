@@ -5,8 +5,8 @@ the place of the blended edge in their wires. The blend face goes in on the same
 seams: rail and seam are split there. An open blend ends, at each end, on the face across the edge or in a flat cap: the
 end curve is solved point by point.
 
-Strips are planned one by one (:func:`plan_strip`), and then together (:func:`merge_strips`): seams and neighbour edges
-that several of them cut are cut once, for all of them.
+The cells of a chain are planned together (:func:`plan_chain`): consecutive ones share an edge. All chains are then
+put together (:func:`merge_chains`): seams and neighbour edges that several of them cut are cut once, for all of them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.cell_junctions import join_cells
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
@@ -44,14 +46,14 @@ from cqblend.splines import Curve
 
 
 @dataclass(frozen=True)
-class PlannedStrip:
-    """One strip as planned for itself: the strip, what it does to faces, and what it shares with other strips.
+class PlannedChain:
+    """The strips of one chain as planned for themselves: what they do to faces, and what they share with other chains.
 
-    ``own_faces`` are the changes that concern no other strip, but for ``edge_trims`` and ``crossings`` of seams, which
-    ``cut_faces`` has as they are if there is no other strip.
+    ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
+    ``cut_faces`` has as they are if there is no other chain.
     """
 
-    strip: StripPlan
+    strips: tuple[StripPlan, ...]
     own_faces: tuple[FacePlan, ...]
     edge_trims: tuple[EdgeTrim, ...]
     crossings: tuple[SeamCrossings, ...]
@@ -63,17 +65,19 @@ class PlannedStrip:
         return frozenset(number for face in self.cut_faces for number in face.pieces)
 
 
-class StripConflictError(CqblendError):
-    """Some strips, by their indices, cannot be in one solid, although each of them can: ``cause`` is why."""
+class ChainConflictError(CqblendError):
+    """Some chains, by their indices, cannot be in one solid, although each of them can: ``cause`` is why."""
 
-    def __init__(self, strips: Sequence[int], cause: CqblendError) -> None:
+    def __init__(self, chains: Sequence[int], cause: CqblendError) -> None:
         super().__init__(str(cause), kind=cause.kind)
-        self.strips = tuple(strips)
+        self.chains = tuple(chains)
         self.cause = cause
 
 
-def plan_strip(placement: StripPlacement, caps: CapStations) -> PlannedStrip:
-    """Plan to put a blend in the place of its edge; an open one ends in flat caps at the given t, or naturally (None).
+def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStations) -> PlannedChain:
+    """Plan to put the strips of a chain, one for each of its cells, in the place of its edges.
+
+    An open chain ends in flat caps at the given t of its first and its last cell, or naturally (None).
 
     Raises
     ------
@@ -84,30 +88,72 @@ def plan_strip(placement: StripPlacement, caps: CapStations) -> PlannedStrip:
     SizeError, TopologyError, GeometryError
         If the rails do not fit on the support faces.
     """
-    return _plan_closed_strip(placement) if placement.joint.spine.closed else _plan_open_strip(placement, caps)
+    if chain.closed and not chain.junctions:
+        (placement,) = placements
+        return _finish_chain(placement.index, [_plan_ring(placement)])
+    joined = [
+        join_cells(placements[k], placements[(k + 1) % len(placements)], junction)
+        for k, junction in enumerate(chain.junctions)
+    ]
+    starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
+    if chain.closed:
+        starts = [starts[-1], *starts[:-1]]
+    else:
+        low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
+        _check_reach(placements, (low, high))
+        starts, stops = [low, *starts], [*stops, high]
+    cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
+    cell_caps[0][0], cell_caps[-1][1] = caps
+    return _finish_chain(
+        placements[0].index,
+        [
+            _plan_cell(placement, ends, (cap[0], cap[1]))
+            for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
+        ],
+    )
 
 
-def _plan_closed_strip(placement: StripPlacement) -> PlannedStrip:
+def _check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
+    """Raise RailsTooShortError if the end curves of an open chain are past the ends of its rails."""
+    first, last = placements[0], placements[-1]
+    low, high = min(ends[0].rail_parameters), max(ends[1].rail_parameters)
+    if low < first.domain[0] or high > last.domain[1]:
+        raise RailsTooShortError(
+            (
+                float(first.strip.to_rail_parameters(np.array([low]))[0]),
+                float(last.strip.to_rail_parameters(np.array([high]))[0]),
+            )
+        )
+
+
+@dataclass(frozen=True)
+class _PlannedCell:
+    """One strip, its two rails, and its two ends, if it has any."""
+
+    strip: StripPlan
+    rails: tuple[TrimmedRail, TrimmedRail]
+    ends: tuple[StripEnd, ...] = ()
+
+
+def _plan_ring(placement: StripPlacement) -> _PlannedCell:
+    """Plan a strip that closes by itself, in a seam."""
     low, high = placement.domain
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
     removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), _list_spine_vertices(placement))
     first, second = (
-        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner)), removed)
+        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), continues=True), removed)
         for i, corner in enumerate(corners)
     )
     before, after = (Curve.bezier([(t, 0.0), (t, 1.0)]) for t in (low, high))
     pcurve = PlannedPcurve(placement.surface, after, before)
     seam = EdgeUse(NewEdge("seam", placement.strip.first_section, (0.0, 1.0), (corners[0], corners[1]), (pcurve,)))
     boundary = (*map(EdgeUse, first.edges), seam, *reverse_path([EdgeUse(e) for e in second.edges]), seam.reverse())
-    return _finish_strip(placement, boundary, (first, second), ())
+    return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ()), (first, second))
 
 
-def _plan_open_strip(placement: StripPlacement, caps: CapStations) -> PlannedStrip:
-    low, high = (_plan_end(placement, end, cap) for end, cap in enumerate(caps))
-    needed = (min(low.rail_parameters), max(high.rail_parameters))
-    if needed[0] < placement.domain[0] or needed[1] > placement.domain[1]:
-        first, last = placement.strip.to_rail_parameters(np.array(needed)).tolist()
-        raise RailsTooShortError((first, last))
+def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps: CapStations) -> _PlannedCell:
+    """Plan a strip between two ends."""
+    low, high = ends
     removed = SpineRemoval(
         plan_edge_remainders(placement, (low, high), caps),
         _list_removed_vertices(placement, caps),
@@ -120,7 +166,8 @@ def _plan_open_strip(placement: StripPlacement, caps: CapStations) -> PlannedStr
                 "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
             )
         borders = (low.cap_borders[i], high.cap_borders[i])
-        rails.append(trim_at_rail(placement, i, RailSpan(span, (low.corners[i], high.corners[i]), borders), removed))
+        part = RailSpan(span, (low.corners[i], high.corners[i]), borders, low.edges[0].role == "section")
+        rails.append(trim_at_rail(placement, i, part, removed))
     first, second = rails
     boundary = (
         *map(EdgeUse, first.edges),
@@ -128,17 +175,17 @@ def _plan_open_strip(placement: StripPlacement, caps: CapStations) -> PlannedStr
         *reverse_path([EdgeUse(edge) for edge in second.edges]),
         *reverse_path([EdgeUse(edge) for edge in low.edges]),
     )
-    return _finish_strip(placement, boundary, (first, second), (low, high))
+    return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ends), (first, second), ends)
 
 
-def _finish_strip(
+def _make_strip_plan(
     placement: StripPlacement,
     boundary: tuple[EdgeUse, ...],
     rails: tuple[TrimmedRail, TrimmedRail],
     ends: tuple[StripEnd, ...],
-) -> PlannedStrip:
-    """Return the plan of a strip, with the seams and the neighbour edges that it cuts."""
-    strip = StripPlan(
+) -> StripPlan:
+    """Return the plan of a blend face."""
+    return StripPlan(
         placement.spine_numbers,
         placement.face_numbers,
         placement.surface,
@@ -148,10 +195,18 @@ def _finish_strip(
         tuple(end.cap for end in ends if end.cap is not None),
         tuple(number for end in ends for number in end.removed_faces),
     )
-    own = (*(rail.face_plan for rail in rails), *(plan for end in ends for plan in end.face_plans))
-    trims = tuple(trim for end in ends for trim in end.edge_trims)
-    crossings = tuple(rail.crossings for rail in rails if rail.crossings is not None)
-    return PlannedStrip(strip, own, trims, crossings, tuple(_cut_shared_edges(placement.index, trims, crossings)))
+
+
+def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedChain:
+    """Return the plan of a chain, with the seams and the neighbour edges that it cuts."""
+    own: list[FacePlan] = []
+    for cell in cells:
+        own += [rail.face_plan for rail in cell.rails]
+        own += [plan for end in cell.ends for plan in end.face_plans]
+    trims = tuple(trim for cell in cells for end in cell.ends for trim in end.edge_trims)
+    crossings = tuple(rail.crossings for cell in cells for rail in cell.rails if rail.crossings is not None)
+    cuts = tuple(_cut_shared_edges(index, trims, crossings))
+    return PlannedChain(tuple(cell.strip for cell in cells), tuple(own), trims, crossings, cuts)
 
 
 def _cut_shared_edges(
@@ -165,17 +220,17 @@ def _cut_shared_edges(
     return [*trim_neighbour_edges(trims, index), *(plan for plan in seams if plan.pieces)]
 
 
-def merge_strips(index: SolidIndex, strips: Sequence[PlannedStrip]) -> SolidPlan:
-    """Return the plan of a solid with several strips.
+def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan:
+    """Return the plan of a solid with several chains of strips.
 
     Raises
     ------
-    StripConflictError
-        If strips want to cut one edge of the solid in ways that exclude each other.
+    ChainConflictError
+        If chains want to cut one edge of the solid in ways that exclude each other.
     """
     cuts: list[FacePlan] = []
-    for group in group_networks([strip.cut_edges for strip in strips]):
-        members = [strips[k] for k in group]
+    for group in group_networks([chain.cut_edges for chain in chains]):
+        members = [chains[k] for k in group]
         try:
             cuts += (
                 members[0].cut_faces
@@ -187,15 +242,15 @@ def merge_strips(index: SolidIndex, strips: Sequence[PlannedStrip]) -> SolidPlan
                 )
             )
         except CqblendError as error:
-            raise StripConflictError(group, error.cause if isinstance(error, BlendEndError) else error) from error
-    own = [plan for strip in strips for plan in strip.own_faces]
-    removed = [number for strip in strips for number in strip.strip.removed_faces]
+            raise ChainConflictError(group, error.cause if isinstance(error, BlendEndError) else error) from error
+    own = [plan for chain in chains for plan in chain.own_faces]
+    removed = [number for chain in chains for strip in chain.strips for number in strip.removed_faces]
     try:
         faces = _merge_face_plans([*own, *cuts])
         _require_unchanged(removed, faces)
     except TopologyError as error:
-        raise StripConflictError(range(len(strips)), error) from error
-    return SolidPlan(tuple(strip.strip for strip in strips), faces)
+        raise ChainConflictError(range(len(chains)), error) from error
+    return SolidPlan(tuple(strip for chain in chains for strip in chain.strips), faces)
 
 
 def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:

@@ -50,7 +50,7 @@ class ShellEditTolerances:
     max_end_faces: int = 24
     """Largest number of faces that one end of a blend runs over."""
 
-    same_corner: float = 1e-2
+    near_rail_end: float = 1e-2
     """Relative to a step in which a blend is followed: what is nearer to the end of a rail than that is there."""
 
     checked_end_points: int = 7

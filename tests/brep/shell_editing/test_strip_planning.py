@@ -12,20 +12,23 @@ from cqblend.blend_options import BlendOptions
 from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, NewEdge, PlannedVertex
 from cqblend.brep.selection.picked_edges import select_joints
 from cqblend.brep.shell_editing.plan_application import apply_plan
-from cqblend.brep.shell_editing.strip_planning import StripConflictError, _merge_face_plans, merge_strips
+from cqblend.brep.shell_editing.strip_planning import ChainConflictError, _merge_face_plans, merge_chains
 from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import TopologyError
+from cqblend.solid_blends.chain_context import ChainContext
+from cqblend.solid_blends.chain_draft import ChainDrafts
 from cqblend.solid_blends.section_methods import choose_section_method
 from cqblend.solid_blends.strip_context import StripContext
-from cqblend.solid_blends.strip_draft import StripDrafts
 
 
 def plan(body: cq.Shape, edges, radius: float):
     method = choose_section_method(BlendOptions(radius).to_request())
     selection = select_joints(body.wrapped, [edge.wrapped for edge in edges], None, None)
-    drafts = [StripDrafts(StripContext(network[0].joint, method)).make_first() for network in selection.networks]
-    index = drafts[0].context.joint.index
-    return index, merge_strips(index, [draft.planned for draft in drafts])
+    chains = [network[0].chain for network in selection.networks]
+    contexts = [ChainContext(one, tuple(StripContext(cell, method) for cell in one.cells)) for one in chains]
+    drafts = [ChainDrafts(context).make_first() for context in contexts]
+    index = drafts[0].context.index
+    return index, merge_chains(index, [draft.planned for draft in drafts])
 
 
 def plate_with_holes() -> cq.Workplane:
@@ -101,9 +104,9 @@ def test_an_edge_that_two_blends_trim_is_trimmed_once():
 
 def test_strips_that_leave_nothing_of_an_edge_between_them_are_told_apart():
     box = cq.Workplane().box(30, 20, 10)
-    with pytest.raises(StripConflictError, match="nothing would remain of edge") as caught:
+    with pytest.raises(ChainConflictError, match="nothing would remain of edge") as caught:
         plan(box.val(), box.edges("|Z and >X").vals(), 11)
-    assert caught.value.strips == (0, 1)
+    assert caught.value.chains == (0, 1)
 
 
 def test_an_edge_is_not_replaced_twice():

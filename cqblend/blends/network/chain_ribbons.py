@@ -1,0 +1,196 @@
+"""The ribbons of all cells of a chain, made so that consecutive cells share their end section exactly.
+
+A smooth edge at which one face goes on tangentially into another is crossed by the rail on that side. Both faces have
+the same second fundamental form II(s, .) along it, s its direction. So a cross derivative that runs along s there, and
+its derivative along the rail, can be the same on both faces, and the end sections of both cells, which depend on these
+jets alone, then agree with a common tangent plane all along (:mod:`cqblend.blends.network.shared_section`).
+
+Of two cells at a junction one *dictates* its jets, the other takes them: a cell whose ribbons are straight or circular
+before one whose ribbons are cubic, else the one before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.network.chain_cell import CellEnd, CellRails, ChainCell, WantedEnd
+from cqblend.blends.network.junction_stations import Crossings, locate_junction
+from cqblend.blends.network.shared_section import SectionEnd, SectionMismatch, measure_mismatch
+from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_end import EndJets
+from cqblend.blends.rails.ribbon_fit import Domain
+from cqblend.errors import SizeError
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product
+
+RibbonPair = tuple[Ribbon, Ribbon]
+
+
+@dataclass(frozen=True)
+class ChainRibbons:
+    """The ribbons of all cells of a chain, by cell and side, and what is left between the cells at its junctions."""
+
+    cells: tuple[RibbonPair, ...]
+    junctions: tuple[SectionMismatch, ...]
+
+
+def fit_chain_ribbons(
+    cells: Sequence[CellRails], junctions: Sequence[Crossings], open_domain: Domain | None
+) -> ChainRibbons:
+    """Fit the ribbons of a chain.
+
+    Parameters
+    ----------
+    cells
+        In order; of each, the sides are those of all others.
+    junctions
+        What the rails cross between consecutive cells; of a closed chain also between the last cell and the first.
+    open_domain
+        Of an open chain, where its first cell starts and its last cell ends, in the parameter t of each. None if it is
+        closed.
+
+    Raises
+    ------
+    SizeError
+        If a cell ends before it starts, since its rails cross smooth edges at both of its ends too early.
+    """
+    chain = _divide_chain(cells, junctions, open_domain)
+    links = [(k, (k + 1) % len(cells)) for k in range(len(junctions))]
+    light = _choose_light_cells(chain, links)
+    wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
+    sections: list[tuple[SectionEnd, SectionEnd]] = []
+    for before, after in links:
+        first, second = light[before], light[after]
+        if first is not None and second is not None:
+            sections.append((SectionEnd.from_ribbons(first, 1), SectionEnd.from_ribbons(second, 0)))
+        elif second is not None:
+            given = SectionEnd.from_ribbons(second, 0)
+            wanted[before][1], taken = _take_section(chain[before], 1, given)
+            sections.append((taken, given))
+        else:
+            if first is None:
+                given = _dictate_section(chain[before], 1)
+                wanted[before][1] = WantedEnd(given.jets)
+            else:
+                given = SectionEnd.from_ribbons(first, 1)
+            wanted[after][0], taken = _take_section(chain[after], 0, given)
+            sections.append((given, taken))
+    ribbons = [
+        cell.fit_to_ends((start, stop)) if pair is None else pair
+        for cell, pair, (start, stop) in zip(chain, light, wanted, strict=True)
+    ]
+    return ChainRibbons(tuple(ribbons), tuple(measure_mismatch(start, stop) for start, stop in sections))
+
+
+def _divide_chain(
+    cells: Sequence[CellRails], junctions: Sequence[Crossings], open_domain: Domain | None
+) -> list[ChainCell]:
+    """Find the ends of all cells."""
+    start, stop = (0.0, 1.0) if open_domain is None else open_domain
+    ends = [[CellEnd((start, start)), CellEnd((stop, stop))] for _ in cells]
+    for k, crossed in enumerate(junctions):
+        after = (k + 1) % len(cells)
+        ends[k][1], ends[after][0] = locate_junction(cells[k], cells[after], crossed)
+    for number, (first, last) in enumerate(ends, start=1):
+        for a, b in zip(first.stations, last.stations, strict=True):
+            if not a < b:
+                raise SizeError(
+                    f"the rails cross the smooth edge at the end of cell {number} of the chain before that at its "
+                    "start: the size is too large there",
+                    kind="short cell",
+                    value=b - a,
+                )
+    return [ChainCell(rails, (first, last)) for rails, (first, last) in zip(cells, ends, strict=True)]
+
+
+def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) -> list[RibbonPair | None]:
+    """Return the ribbons of the cells that can stay straight or circular; None for others.
+
+    At a junction they can if both have the same section by nature, or if the neighbour takes it: the cross derivatives
+    must then run along the smooth edges.
+    """
+    light = [cell.fit_light() for cell in chain]
+    changed = True
+    while changed:
+        changed = False
+        for before, after in links:
+            first, second = light[before], light[after]
+            turned = [
+                (k, pair is not None and not _runs_along_edges(SectionEnd.from_ribbons(pair, end), chain[k].ends[end]))
+                for k, pair, end in ((before, first, 1), (after, second, 0))
+            ]
+            heavy = [k for k, is_turned in turned if is_turned]
+            if not heavy and first is not None and second is not None:
+                mismatch = measure_mismatch(SectionEnd.from_ribbons(first, 1), SectionEnd.from_ribbons(second, 0))
+                heavy = [] if mismatch.is_rounding else [after]
+            for k in heavy:
+                light[k], changed = None, True
+    return light
+
+
+def _runs_along_edges(section: SectionEnd, end: CellEnd) -> bool:
+    """Whether the cross derivatives at an end run along the smooth edges there, or are too far from that."""
+    for jets, tangent in zip(section.jets, end.edge_tangents, strict=True):
+        if tangent is None:
+            continue
+        vector = jets.values[1]
+        sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
+        if NETWORK_TOLERANCES.along_edge < sine <= np.sin(NETWORK_TOLERANCES.largest_obliquity):
+            return False
+    return True
+
+
+def _dictate_section(cell: ChainCell, end: int) -> SectionEnd:
+    """Return the natural section of a cubic cell at one end.
+
+    If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
+    it exactly: then a neighbour may have others of its own in that direction.
+    """
+    jets = cell.estimate_natural_end(end)
+    first, second = (cross_product(one.rates[0], one.values[1]) for one in jets)
+    across = cross_product(first, second)
+    sine = np.linalg.norm(across) / (np.linalg.norm(first) * np.linalg.norm(second))
+    direction = across / np.linalg.norm(across) if sine > NETWORK_TOLERANCES.parallel_normals else None
+    if direction is not None and all(
+        _is_nearly_parallel(one, order, direction) for one, order in zip(jets, cell.rails.targets.orders, strict=True)
+    ):
+        section = cell.lift_end(end, _project_rates(jets, direction))[1]
+        if section.find_common_direction() is not None:
+            return section
+    return cell.lift_end(end, jets)[1]
+
+
+def _is_nearly_parallel(jets: EndJets, order: int, direction: Array) -> bool:
+    rates = jets.rates[: order + 1]
+    off = rates - np.multiply.outer(rates @ direction, direction)
+    return bool(np.abs(off).max() <= NETWORK_TOLERANCES.nearly_parallel_rates * np.abs(rates).max())
+
+
+def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[EndJets, EndJets]:
+    """Return jets whose rates are parallel to a direction."""
+    first, second = (EndJets(one.values, np.multiply.outer(one.rates @ direction, direction)) for one in jets)
+    return first, second
+
+
+def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> tuple[WantedEnd, SectionEnd]:
+    """Return what a cubic cell is to have at one end to share a given section, and the section that it then has."""
+    natural = cell.estimate_natural_end(end)
+    direction = given.find_common_direction()
+    if direction is not None:
+        own = _project_rates(natural, direction)
+        jets = tuple(EndJets(one.values, mine.rates) for one, mine in zip(given.jets, own, strict=True))
+        section = cell.lift_end(end, (jets[0], jets[1]))[1]
+        if section.find_common_direction() is not None:
+            return WantedEnd(section.jets), section
+    speeds = [
+        float(np.linalg.norm(mine.rates[0]) / np.linalg.norm(one.rates[0]))
+        for one, mine in zip(given.jets, natural, strict=True)
+    ]
+    pace = float(np.sqrt(speeds[0] * speeds[1]))
+    first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
+    section = cell.lift_end(end, (first, second))[1]
+    return WantedEnd(section.jets, (pace / speeds[0], pace / speeds[1])), section

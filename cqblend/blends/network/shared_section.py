@@ -1,0 +1,84 @@
+"""The section that two consecutive cells of a chain share: whether they have it in common, and their tangent planes.
+
+The end section of a cell and its derivative along the cell depend on the jets of both ribbons there, and on nothing
+else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
+from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_end import EndJets
+from cqblend.blends.sections.hermite_section import tabulate_hermite
+from cqblend.splines import bernstein
+from cqblend.splines.bernstein import Array
+from cqblend.surfaces.vectors import cross_product, measure_lengths
+
+
+@dataclass(frozen=True)
+class SectionEnd:
+    """The jets of both ribbons of a cell at one of its ends, and their orders of continuity."""
+
+    jets: tuple[EndJets, EndJets]
+    orders: tuple[int, int]
+
+    @classmethod
+    def from_ribbons(cls, ribbons: tuple[Ribbon, Ribbon], end: int) -> SectionEnd:
+        """Evaluate the ribbons of a cell where it starts (``end`` 0) or stops (1)."""
+        first, second = ribbons
+        return cls((EndJets.from_ribbon(first, end), EndJets.from_ribbon(second, end)), (first.order, second.order))
+
+    def evaluate_section(self, v: Array) -> Array:
+        """Return the points of the section at v (n,), its tangents, and its derivatives along the cell, (3, n, 3)."""
+        counts = self.orders[0] + 1, self.orders[1] + 1
+        degree = sum(counts) - 1
+        table = tabulate_hermite(counts, counts, degree)
+        values, rates = (
+            table @ np.concatenate([rows[:count] for rows, count in zip(pair, counts, strict=True)])
+            for pair in ([one.values for one in self.jets], [one.rates for one in self.jets])
+        )
+        basis = bernstein.evaluate_basis(degree, 1 - v, v).T
+        slopes = bernstein.evaluate_basis(degree - 1, 1 - v, v).T
+        return np.stack([basis @ values, slopes @ (degree * np.diff(values, axis=0)), basis @ rates])
+
+    def find_common_direction(self) -> Array | None:
+        """Return the unit vector (3,) to which all rates are parallel; None if there is none.
+
+        Then the derivative of the section along the cell has that direction everywhere, and so has that of any cell
+        whose rates are parallel to it, however long they are.
+        """
+        rates = np.concatenate([jets.rates[: order + 1] for jets, order in zip(self.jets, self.orders, strict=True)])
+        direction = rates[0] / np.linalg.norm(rates[0])
+        off = rates - np.multiply.outer(rates @ direction, direction)
+        limit = NETWORK_TOLERANCES.parallel_rates * np.abs(rates).max()
+        return direction if np.abs(off).max() <= limit else None
+
+
+@dataclass(frozen=True)
+class SectionMismatch:
+    """What two cells have not in common at their junction.
+
+    ``gap`` is the largest distance (mm) of their sections at equal parameters, ``angle`` the largest angle (rad)
+    between their tangent planes along them.
+    """
+
+    gap: float
+    angle: float
+
+    @property
+    def is_rounding(self) -> bool:
+        """Whether the cells meet but for rounding."""
+        return self.gap <= NETWORK_TOLERANCES.natural_gap and self.angle <= NETWORK_TOLERANCES.natural_angle
+
+
+def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
+    """Compare the end of a cell with the start of the one after it."""
+    v = np.linspace(0, 1, NETWORK_TOLERANCES.section_samples)
+    first, second = before.evaluate_section(v), after.evaluate_section(v)
+    normals = [cross_product(section[2], section[1]) for section in (first, second)]
+    sine, cosine = measure_lengths(cross_product(*normals)), (normals[0] * normals[1]).sum(axis=1)
+    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(np.arctan2(sine, cosine).max()))

@@ -1,0 +1,64 @@
+"""What the blend of one chain needs: the contexts of its cells, and the ribbons of all of them, made together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.selection.chains import Chain
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.solid_blends.section_methods import SectionMethod
+from cqblend.solid_blends.strip_context import StripContext
+
+
+@dataclass(frozen=True, eq=False)
+class ChainContext:
+    """A chain, and the context of each of its cells, in the same order."""
+
+    chain: Chain
+    cells: tuple[StripContext, ...]
+
+    @property
+    def index(self) -> SolidIndex:
+        """Facts of the solid that the chain is part of."""
+        return self.cells[0].joint.index
+
+    @property
+    def method(self) -> SectionMethod:
+        """The section method that the chain is blended with."""
+        return self.cells[0].method
+
+    @property
+    def name(self) -> str:
+        """What messages call it: its first edge."""
+        return self.cells[0].joint.name
+
+    @property
+    def end_cells(self) -> tuple[StripContext, StripContext]:
+        """The cells at the start and at the stop of an open chain."""
+        return self.cells[0], self.cells[-1]
+
+    @property
+    def end_joints(self) -> tuple[Joint, Joint]:
+        """The joints of these cells."""
+        return self.cells[0].joint, self.cells[-1].joint
+
+    @property
+    def lengths(self) -> Sequence[float]:
+        """The lengths (mm) of the edges of the cells."""
+        return [cell.joint.spine.length for cell in self.cells]
+
+    def scale(self, factor: float) -> ChainContext:
+        """Return the context of the same chain with a blend of another size: all its lengths times a factor."""
+        return ChainContext(self.chain, tuple(cell.scale(factor) for cell in self.cells))
+
+    def make_blends(self, domain: tuple[float, float]) -> list[BlendSurface]:
+        """Return the blend surfaces of all cells.
+
+        Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
+        last cell.
+        """
+        (cell,) = self.cells
+        return [cell.make_blend(domain)]

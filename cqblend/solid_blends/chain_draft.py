@@ -1,0 +1,115 @@
+"""Drafts of chains: each made and planned for itself, with the first ends, of those asked for, that can be built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from cqblend.blends.quality.creases import check_creases
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
+from cqblend.brep.shell_editing.strip_placement import CapStations, place_strip
+from cqblend.brep.shell_editing.strip_planning import PlannedChain, plan_chain
+from cqblend.errors import CqblendError, SizeError, TopologyError, VerificationError
+from cqblend.solid_blends.blend_acceptance import get_crease_limits
+from cqblend.solid_blends.chain_context import ChainContext
+from cqblend.solid_blends.end_plan import EndAttempts, EndMethod, EndPlan, plan_ends
+from cqblend.solid_blends.size_feasibility import check_chain_size
+from cqblend.solid_blends.strip_context import StripContext
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+
+
+@dataclass(frozen=True)
+class ChainDraft:
+    """A chain as it is to go into the solid: the surfaces of its cells, its plan, and, if open, that of its ends."""
+
+    context: ChainContext
+    blends: tuple[BlendSurface, ...]
+    planned: PlannedChain
+    ends: EndPlan | None
+
+
+class ChainDrafts:
+    """The drafts of one chain, one after the other: the next one is made if the one before does not verify."""
+
+    def __init__(self, context: ChainContext) -> None:
+        self.context = context
+        request, first = context.method.request, context.cells[0].joint
+        self.attempts = EndAttempts(request.ends[::-1] if first.is_backward else request.ends)
+        self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
+        self._tried: tuple[EndMethod, EndMethod] | None = None
+
+    def make_first(self) -> ChainDraft:
+        """Return the first draft.
+
+        Raises
+        ------
+        CqblendError
+            Why there is none.
+        """
+        check_chain_size(self.context)
+        return self.make_next(None)
+
+    def make_next(self, failure: CqblendError | None) -> ChainDraft:
+        """Return the next draft, after the one before, if there was one, turned out to fail.
+
+        Raises
+        ------
+        CqblendError
+            If there is none: the first failure.
+        """
+        context = self.context
+        if context.chain.closed:
+            if failure is not None:
+                raise failure
+            return ChainDraft(context, *draft_chain(context, (None, None), (0.0, 1.0)), None)
+        if failure is not None and self._tried is not None:
+            self.attempts.record_failure(self._tried, failure)
+        for methods in self._methods:
+            self._tried = methods
+            try:
+                plan = plan_ends(context.end_cells, methods)
+                return ChainDraft(context, *draft_chain(context, plan.cap_stations, plan.rail_range), plan)
+            except (BlendEndError, SizeError, TopologyError, VerificationError) as error:
+                self.attempts.record_failure(methods, error)
+        raise self.attempts.make_error(context.end_joints)
+
+
+def draft_chain(
+    context: ChainContext, caps: CapStations, domain: tuple[float, float]
+) -> tuple[tuple[BlendSurface, ...], PlannedChain]:
+    """Make the blends of a chain between given ends, over at least the given range; plan how they go into the solid.
+
+    ``domain`` is from a t of the first cell to one of the last.
+
+    Raises
+    ------
+    CqblendError
+        Why that is not possible.
+    """
+    for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
+        blends = tuple(context.make_blends(domain))
+        for cell, blend in zip(context.cells, blends, strict=True):
+            _check_blend(cell, blend)
+        placements = [place_strip(cell.joint, blend) for cell, blend in zip(context.cells, blends, strict=True)]
+        try:
+            return blends, plan_chain(placements, context.chain, caps)
+        except RailsTooShortError as short:
+            slack = 0.1 * (short.needed_domain[1] - short.needed_domain[0])
+            domain = (min(domain[0], short.needed_domain[0] - slack), max(domain[1], short.needed_domain[1] + slack))
+    raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
+
+
+def _check_blend(context: StripContext, blend: BlendSurface) -> None:
+    """Check that a blend neither folds nor has a sharper crease inside than is allowed."""
+    context.method.check(blend)
+    if all(ribbon.light for ribbon in blend.ribbons):  # these run along lines and arcs without knot lines
+        return
+    first, second = context.joint.face_numbers
+    check_creases(
+        blend,
+        get_crease_limits(context.method.request),
+        (f"face {first}", f"face {second}"),
+        steers=context.method.steers,
+    )
