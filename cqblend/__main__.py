@@ -231,6 +231,7 @@ def _build_parser() -> argparse.ArgumentParser:
         default=BLEND_DEFAULTS.on_error,
         help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
     )
+    blend.add_argument("--no-chain", dest="chain", action="store_false", help="do not go on along tangential edges")
     blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
         "--steer",

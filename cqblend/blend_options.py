@@ -16,6 +16,7 @@ from cqblend.argument_checks import (
     check_angle,
     check_choice,
     check_count_or_auto,
+    check_flag,
     check_pair,
     check_positive,
     is_default,
@@ -30,14 +31,14 @@ if TYPE_CHECKING:
 
 ContinuityName = Literal["G0", "G1", "G2", "G3"]
 TangentsName = Literal["parametric", "perpendicular", "chord"]
-SectionName = Literal["hermite", "pde", "potential"]
+SectionName = Literal["auto", "arc", "hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["natural", "flat", "auto"]
 OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
 TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
-SECTIONS: tuple[SectionName, ...] = ("hermite", "pde", "potential")
+SECTIONS: tuple[SectionName, ...] = ("auto", "arc", "hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 ENDS: tuple[EndWanted, ...] = ("natural", "flat", "auto")
 ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
@@ -116,10 +117,13 @@ class BlendOptions:
     crease : float, optional
         Largest angle of a crease inside the blend that steering leaves, rad. By default `angular_tolerance`, or the
         angle of the crease that the face itself has there.
-    section : {"hermite", "pde", "potential"}, default "hermite"
-        How the blend is filled between the rails: ``"hermite"``, by polynomials, cubic across for G1, quintic for G2;
-        ``"pde"``, by partial differential equations (You and Zhang); ``"potential"``, by the curves in which both faces
-        meet while they are moved along their normals (Lee, Bedi and Dubey), G1.
+    section : {"auto", "arc", "hermite", "pde", "potential"}, default "hermite"
+        How the blend is filled between the rails: ``"arc"``, by the arcs of the rolling ball, as a cylinder, a torus or
+        a sphere: exact where the rails are straight, or circles about one axis, and refused elsewhere; ``"hermite"``,
+        by polynomials, cubic across for G1, quintic for G2; ``"auto"``, by arcs where they are exact and go with all
+        else that is asked for (a `radius`, G1, `tangents` perpendicular, `bulge` 1, a `form` that is not compact), else
+        by polynomials; ``"pde"``, by partial differential equations (You and Zhang); ``"potential"``, by the curves in
+        which both faces meet while they are moved along their normals (Lee, Bedi and Dubey), G1.
     a, b : float, optional
         Of the potential section, mm: side 1 is moved by a, which sets the reach on side 2, side 2 by b, which sets the
         reach on side 1. One of them is both if the other is left out.
@@ -153,6 +157,9 @@ class BlendOptions:
         What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
         all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.
         If nothing is left to blend, the error is raised.
+    chain : bool, default True
+        Whether a blend goes on along edges that were not picked: past each end of an edge along the edge that continues
+        it tangentially, as long as the faces on both sides go on smoothly, too. False blends just what was picked.
     """
 
     radius: float | None = None
@@ -176,6 +183,7 @@ class BlendOptions:
     ends: str | tuple[str, str] = "natural"
     first: Any = None
     on_error: str = "raise"
+    chain: bool = True
 
     def to_request(self) -> "BlendRequest":
         """Check the options and bring them to one form; `first` must be a TopoDS face or None.
@@ -206,11 +214,19 @@ class BlendOptions:
             relation = _build_relation(self.a, self.b, self.lam)
         else:
             self._refuse_given(section, "a", "b", "lam")
+            if section == "arc":
+                self._refuse_given(section, "width", "tangents", "bulge", "steer", "crease")
             if (self.radius is None) == (self.width is None):
                 given = "neither" if self.radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
+        tangents = check_pair("tangents", self.tangents, check_tangents)
+        bulge = check_pair("bulge", self.bulge, check_positive)
+        form = check_choice("form", self.form, FORMS)
+        is_ball = continuity == ("G1", "G1") and tangents == ("perpendicular", "perpendicular") and bulge == (1.0, 1.0)
+        if section == "auto" and not (is_ball and self.width is None and form != "compact"):
+            section = "hermite"
         if continuity == ("G0", "G0"):
             refuse_ignored_options(
                 G0_HAS_NO_CROSS_FIELD,
@@ -222,8 +238,8 @@ class BlendOptions:
             radius=None if self.radius is None else _check_size("radius", self.radius),
             width=None if self.width is None else check_pair("width", self.width, _check_size),
             continuity=continuity,
-            tangents=check_pair("tangents", self.tangents, check_tangents),
-            bulge=check_pair("bulge", self.bulge, check_positive),
+            tangents=tangents,
+            bulge=bulge,
             steer=check_angle("steer", self.steer),
             crease=None if self.crease is None else check_angle("crease", self.crease),
             section=section,
@@ -231,12 +247,13 @@ class BlendOptions:
             order=orders,
             parameters=self.parameters,
             terms=check_count_or_auto("terms", self.terms, OPTION_LIMITS.max_terms),
-            form=check_choice("form", self.form, FORMS),
+            form=form,
             tolerance=check_positive("tolerance", self.tolerance),
             angular_tolerance=check_positive("angular_tolerance", self.angular_tolerance),
             ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
             first=self.first,
             on_error=check_choice("on_error", self.on_error, ON_ERROR),
+            chain=check_flag("chain", self.chain),
         )
 
     def _check_continuity(
@@ -247,10 +264,9 @@ class BlendOptions:
         if section != "pde":
             self._refuse_given(section, "order", "parameters", "terms")
             wanted = check_pair("continuity", "G1" if self.continuity is None else self.continuity, check)
-            if section == "potential" and wanted != ("G1", "G1"):
-                raise InputError(
-                    f"a potential blend is G1 on both sides, not {shown(self.continuity)}: leave continuity out"
-                )
+            if section in ("arc", "potential") and wanted != ("G1", "G1"):
+                what = "a potential blend" if section == "potential" else "a blend by arcs"
+                raise InputError(f"{what} is G1 on both sides, not {shown(self.continuity)}: leave continuity out")
             return wanted, None
         orders = check_pde_orders(4 if self.order is None else self.order)
         follows: ContinuityName = CONTINUITIES[min(orders) // 2 - 1]
@@ -272,12 +288,15 @@ class BlendOptions:
             owner = _SECTION_OF_OPTION.get(name)
             if owner is not None:
                 raise InputError(f'{name} is an option of section="{owner}", not of {section!r}')
-            way = ": a and b set how far it reaches" if name in ("radius", "width") else ": leave it out"
-            raise InputError(f"{name} is no option of section={section!r}{way}")
+            way = _SIZE_OF_SECTION[section] if name in ("radius", "width") else "leave it out"
+            raise InputError(f"{name} is no option of section={section!r}: {way}")
 
 
 BLEND_DEFAULTS = BlendOptions()
 """The options if none is given: the source of every default."""
+
+_SIZE_OF_SECTION = {"arc": "give the radius of the ball", "potential": "a and b set how far it reaches"}
+"""What to give in place of a size that a section does not have."""
 
 _SECTION_OF_OPTION: dict[str, SectionName] = {
     option.name: option.metadata["section"] for option in fields(BlendOptions) if "section" in option.metadata
@@ -289,7 +308,8 @@ class BlendRequest:
     """The options of a blend after `BlendOptions.to_request`: checked, and each in one form.
 
     Fields are documented in `BlendOptions`. What differs: pairs are always pairs, numbers are floats, `relation` stands
-    for a, b and lam, `order` has one number for each coordinate, and `terms` is None for ``"auto"``.
+    for a, b and lam, `order` has one number for each coordinate, `terms` is None for ``"auto"``, and `section` is that
+    only where arcs go with all else.
 
     Attributes
     ----------
@@ -315,6 +335,7 @@ class BlendRequest:
     ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
     on_error: OnError
+    chain: bool
 
 
 def _build_relation(a: object, b: object, lam: Any) -> "Conic":

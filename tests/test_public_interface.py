@@ -243,6 +243,7 @@ EDGE_OPTIONS = {
     "ends": "natural",
     "first": None,
     "on_error": "raise",
+    "chain": True,
 }
 
 UNROLL_OPTIONS = {

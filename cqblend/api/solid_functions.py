@@ -86,6 +86,7 @@ def blend_edges(
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
     on_error: str = BLEND_DEFAULTS.on_error,
+    chain: bool = BLEND_DEFAULTS.chain,
 ) -> BlendResult:
     """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
 

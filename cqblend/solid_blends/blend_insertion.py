@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.chains import Chain
-from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
@@ -44,7 +44,7 @@ def insert_into_shape(
     CqblendError
         The blend does not fit into the shape.
     """
-    found = [one for network in select_joints(shape, edges, first, None).networks for one in network]
+    found = [one for network in select_chains(shape, edges, first, None, follow=True).networks for one in network]
     for one in found:
         if one.error is not None:
             raise one.error

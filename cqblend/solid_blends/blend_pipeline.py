@@ -16,7 +16,7 @@ import numpy as np
 from cqblend.blend_options import BlendRequest
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import FoundChain, select_joints
+from cqblend.brep.selection.picked_edges import FoundChain, select_chains
 from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
@@ -82,7 +82,7 @@ def blend_shape(
         Whatever else stands in the way, by its own type. The input is never changed.
     """
     contexts = _Contexts(choose_section_method(request))
-    selection = select_joints(shape, edges, request.first, contexts.estimate_reach)
+    selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
 
@@ -166,10 +166,15 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
                 check_chain_size(chain)
             except SizeError as error:
                 raise _annotate_error(error, chain, hints=hints) from error
-        first, second = found[0].edges[0], found[1].edges[0]
         raise UnsupportedError(
-            f"edge {first} shares a vertex with edge {second}, and corners and chains over several faces are not built "
-            "yet; pick edges without common vertices"
+            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
+            "without common vertices"
+        )
+    if len(chains[0].cells) > 1:
+        first, second = (cell.joint.name for cell in chains[0].cells[:2])
+        raise UnsupportedError(
+            f"{first} goes on tangentially in {second}, and chains over several faces are not built yet; chain=False "
+            "blends just what is picked"
         )
     return chains[0]
 
@@ -193,7 +198,7 @@ def make_cheap_trial(
         As :func:`blend_shape`, of what no size would mend.
     """
     contexts = _Contexts(choose_section_method(request))
-    selection = select_joints(shape, edges, request.first, lambda _: np.inf)
+    selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
     chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
     return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(
         chain.index.extent for chain in chains

@@ -8,6 +8,7 @@ Nothing else asks which kind of section was wanted.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -31,11 +32,14 @@ from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.arc_blend import blend_by_arcs
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
 from cqblend.brep.selection.joint import Joint
-from cqblend.errors import GeometryError
+from cqblend.errors import GeometryError, UnsupportedError
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.quadrics import Quadric
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 from cqblend.surfaces.vectors import normalise_vectors
 
 CROSS_FIELDS = {
@@ -130,6 +134,11 @@ def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
 class SectionAtJoint(ABC):
     """What a section method does at one joint."""
 
+    @property
+    def demands_arcs(self) -> bool:
+        """Whether nothing but arcs will do."""
+        return False
+
     @abstractmethod
     def make_solver(self) -> ContactSolver:
         """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
@@ -137,6 +146,35 @@ class SectionAtJoint(ABC):
     @abstractmethod
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         """Return the blend surface between two ribbons."""
+
+    def fill_by_arcs(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        """Return the blend surface of arcs between two ribbons.
+
+        Raises
+        ------
+        UnsupportedError
+            If it is not wanted, or not exact, for a reason that it says.
+        """
+        del ribbons
+        raise UnsupportedError("its sections are not to be arcs")
+
+
+def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
+    """Return the blend surfaces of all cells of one chain: by arcs if these are exact for each of them.
+
+    Raises
+    ------
+    UnsupportedError
+        If arcs are asked for and not exact.
+    CqblendError
+        As :meth:`SectionAtJoint.fill`.
+    """
+    try:
+        return [section.fill_by_arcs(ribbons) for section, ribbons in cells]
+    except UnsupportedError as error:
+        if any(section.demands_arcs for section, _ in cells):
+            raise error.with_details(before='section="arc" is not exact here: ') from error
+    return [section.fill(ribbons) for section, ribbons in cells]
 
 
 @dataclass(frozen=True)
@@ -203,6 +241,36 @@ class _HermiteAtJoint(SectionAtJoint):
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         request = self.method.request
         return blend_ribbons(ribbons, request.form, request.tolerance, request.angular_tolerance)
+
+
+@dataclass(frozen=True)
+class BallMethod(HermiteMethod):
+    """The arcs of a rolling ball where these are exact, if nothing else is asked for; else polynomial sections."""
+
+    def bind(self, joint: Joint) -> SectionAtJoint:
+        """Return what the method does at one joint."""
+        return _BallAtJoint(self, joint)
+
+
+@dataclass(frozen=True)
+class _BallAtJoint(_HermiteAtJoint):
+    method: BallMethod
+
+    @property
+    def demands_arcs(self) -> bool:
+        return self.method.request.section == "arc"
+
+    def fill_by_arcs(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
+        joint = self.joint
+        try:
+            return blend_by_arcs(ribbons, self.method.size)
+        except UnsupportedError as error:
+            freeform = " and ".join(
+                f"face {number} is freeform"
+                for number, side in zip(joint.face_numbers, joint.sides, strict=True)
+                if not isinstance(side.primary, Quadric | RevolvedEllipse)
+            )
+            raise error.with_details(after=f" ({freeform})" if freeform else "") from error
 
 
 @dataclass(frozen=True)
@@ -340,6 +408,8 @@ class _PotentialAtJoint(SectionAtJoint):
 def choose_section_method(request: BlendRequest) -> SectionMethod:
     """Return the section method that a request asks for."""
     methods: dict[str, type[SectionMethod]] = {
+        "auto": BallMethod,
+        "arc": BallMethod,
         "hermite": HermiteMethod,
         "pde": PdeMethod,
         "potential": PotentialMethod,

@@ -19,7 +19,7 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
+from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -93,4 +93,5 @@ class StripContext:
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge."""
-        return self.section.fill(self.fit_rails(domain))
+        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
+        return blend

@@ -49,5 +49,17 @@ def multiply_quaternions(p: Array, q: Array) -> Array:
     return np.column_stack([real, p[:, :1] * q[:, 1:] + q[:, :1] * p[:, 1:] + cross_product(p[:, 1:], q[:, 1:])])
 
 
+def locate_on_rational_arcs(angles: Array, stops: Array, breaks: Array) -> Array:
+    """Return the parameters (n,) at angles (n,) of a chain of rational quadratic arcs.
+
+    The arcs end at the angles ``stops`` (m + 1,), where the parameters are ``breaks`` (m + 1,). On each of them, with
+    half its angle h and x from 0 to 1, the half-angle pair is (1 + x (cos h - 1), x sin h).
+    """
+    arc = np.clip(np.searchsorted(stops, angles, side="right") - 1, 0, len(stops) - 2)
+    half, tangent = np.diff(stops)[arc] / 2, np.tan((angles - stops[arc]) / 2)
+    x = tangent / (np.sin(half) - tangent * (np.cos(half) - 1))
+    return np.asarray(breaks[arc] + x * np.diff(breaks)[arc])
+
+
 CIRCLE_FORM = np.array([[[1, 0], [0, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1]]], float)
 """Coefficients (3, 2, 2) of the circle (a^2 - b^2, 2ab, a^2 + b^2) as a symmetric bilinear form in (a, b)."""

@@ -17,10 +17,11 @@ class Circle:
     frame: LocalFrame
     radius: float
 
-    def __call__(self, t: Array) -> Array:
-        """Return points (n, 3) at angles (n,)."""
-        x, y, _ = self.frame.axes
-        return self.frame.origin + self.radius * (np.cos(t)[:, None] * x + np.sin(t)[:, None] * y)
+    def __call__(self, t: Array, order: int = 0) -> Array:
+        """Return points, or derivatives of an order, (n, 3) at angles (n,)."""
+        (x, y, _), turned = self.frame.axes, np.asarray(t) + order * np.pi / 2
+        arms = self.radius * (np.cos(turned)[:, None] * x + np.sin(turned)[:, None] * y)
+        return arms if order else self.frame.origin + arms
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,11 @@ class RevolvedEllipse(TensorSurface):
             ellipse=ellipse,
         )
 
+    @classmethod
+    def from_radii(cls, frame: LocalFrame, major: float, minor: float) -> RevolvedEllipse:
+        """Return a torus about the frame's Z axis."""
+        return cls.from_ellipse(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
+
     def jet(self, uv: Array) -> Array:
         middle, a, b = self.ellipse
         cos, sin = np.cos(uv[:, 1:]), np.sin(uv[:, 1:])

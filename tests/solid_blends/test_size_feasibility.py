@@ -16,7 +16,7 @@ from places import CASES
 
 import cqblend
 from cqblend.blends.contacts.contact_solver import project_to_intersection, solve_ball_contacts, solve_setback_contacts
-from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.step_files import read_step
 from cqblend.errors import GeometryError, InputError, SelectionError, SizeError, UnsupportedError
 
@@ -26,7 +26,7 @@ UPRIGHT = BOX.edges("|Z and >X and >Y")
 
 
 def joint_of(body: cq.Shape, edge: cq.Edge):
-    return select_joints(body.wrapped, [edge.wrapped], None, None).networks[0][0].joint
+    return select_chains(body.wrapped, [edge.wrapped], None, None, follow=False).networks[0][0].chain.cells[0]
 
 
 def stations_of(joint, t: np.ndarray):

@@ -24,9 +24,10 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
-from cqblend.brep.measurement.edge_sides import read_pcurve
-from cqblend.brep.selection.joint import Joint, find_joint
+from cqblend.brep.measurement.edge_sides import find_edge_sides, read_pcurve
+from cqblend.brep.selection.joint import Joint, make_joint
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.topology import explore_subshapes, orient_forward
 from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method, get_largest_arc
 from cqblend.solid_blends.strip_context import StripContext
@@ -99,8 +100,12 @@ def chain_of(shape: cq.Shape, edges: Iterable[cq.Edge], first: cq.Face, **option
 
 def both_ways(index: SolidIndex, edge: TopoDS_Edge) -> list[Joint]:
     """Return the joint of an edge with either face first, and so in both senses."""
+    (face1, use1), (face2, use2) = find_edge_sides(index.solid, edge)
     number = index.edges.find_number(edge)
-    return [find_joint([index], [index.edges[number]], number, (0, 0), swap=swap) for swap in (False, True)]
+    return [
+        make_joint(index, EdgeSpine([use], closed=False), faces, number, (0, 0), index.edges.find_number)
+        for use, faces in ((use1, (face1, face2)), (use2, (face2, face1)))
+    ]
 
 
 def find_following(index: SolidIndex, joints: list[Joint], waiting: Sequence[TopoDS_Edge]) -> TopoDS_Edge | None:

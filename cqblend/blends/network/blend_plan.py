@@ -14,11 +14,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
 
+from cqblend.blends.network.strip_surface import RailCurve
+from cqblend.blends.sections.arc_section import BallSurface
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.circle import Circle, PlanarCircle
-from cqblend.surfaces.quadrics import Plane, Sphere
+from cqblend.surfaces.circle import PlanarCircle
+from cqblend.surfaces.quadrics import Plane
 
 EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
 """What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
@@ -36,11 +38,15 @@ class PlannedVertex:
     """How far (mm) the point may be from where the edges meet, beyond what the edges tell themselves."""
 
 
+SurfaceGeometry = Surface | RevolvedSection | Plane | BallSurface
+"""What a planned surface is."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedSurface:
     """The surface of a new face, or the one that a face of the input gets in place of its own."""
 
-    geometry: Surface | RevolvedSection | Plane | Sphere
+    geometry: SurfaceGeometry
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,7 @@ class NewEdge:
     """A new edge on a curve over a span of its parameter; a pole has no curve."""
 
     role: EdgeRole
-    curve: Curve | Circle | None
+    curve: RailCurve | None
     span: tuple[float, float]
     vertices: tuple[PlannedVertex, PlannedVertex]
     pcurves: tuple[PlannedPcurve, ...]
@@ -141,6 +147,9 @@ class CapPlan:
 class StripPlan:
     """One blend face: its surface, its boundary, and the rails on both sides in the order of the spine.
 
+    A boundary goes around the outward normal of the solid clockwise. Where the strip ``is_mirrored``, so does it around
+    the normal of its surface, else counter-clockwise.
+
     ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
     ``end_edges`` of an open strip are those at the start and at the stop of its spine. It takes the place of the
     ``removed_faces``, by their numbers.
@@ -154,6 +163,7 @@ class StripPlan:
     end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
     removed_faces: tuple[int, ...] = ()
+    is_mirrored: bool = False
 
     @property
     def other_edges(self) -> tuple[NewEdge, ...]:

@@ -1,7 +1,8 @@
-"""The surface of a strip as it goes into the solid: a spline, or a profile that is turned about an axis.
+"""The surface of a strip as it goes into the solid: a spline, a profile turned about an axis, or arcs of a ball.
 
-Both have v from 0 on the first rail to 1 on the second. Along a spline, the parameter is that of the rails, t; around
-an axis, it is the angle (rad) from the first section. Edges of the strip are planned in these parameters.
+All have v from 0 on the first rail to 1 on the second. Along a spline, the parameter is that of the rails, t; around an
+axis, it is the angle (rad) from the first section; along a cylinder, the length (mm) from there. Edges of the strip are
+planned in these parameters.
 """
 
 from __future__ import annotations
@@ -12,32 +13,95 @@ from typing import Protocol
 import numpy as np
 
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
+from cqblend.blends.sections.arc_section import BallSurface
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.circle import Circle
+from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.line import Line
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame
+
+RailCurve = Curve | Circle | Line
+"""A rail in space."""
+
+
+@dataclass(frozen=True)
+class StripSection:
+    """A section of a strip as a curve in space, over a span of its parameter, which is a linear function of v."""
+
+    curve: Curve | Circle
+    span: tuple[float, float] = (0.0, 1.0)
+
+    def make_pcurve(self, s: float) -> Curve:
+        """Return the line, over the same span, of the sections at s in the parameters of the strip."""
+        return Curve.bezier([(s, 0.0), (s, 1.0)], domain=self.span)
+
+
+@dataclass(frozen=True)
+class StripCut:
+    """A curve across a strip, from rail 1 to rail 2, in which it meets another surface, over a span of its parameter.
+
+    ``on_strip`` is the same curve in the parameters (s, v) of the strip, ``on_other`` in those of the other surface.
+    """
+
+    curve: Curve | Circle
+    span: tuple[float, float]
+    on_strip: Curve
+    on_other: Curve | PlanarCircle
+
+    @classmethod
+    def from_solution(cls, solution: Curve) -> StripCut:
+        """Return the cut of which a curve v -> (s, v, a, b, x, y, z) has both parameters and the points."""
+        on_strip, on_other, points = (
+            Curve(solution.breaks, solution.coefs[:, part], continuity=solution.continuity)
+            for part in (slice(0, 2), slice(2, 4), slice(4, 7))
+        )
+        return cls(points, solution.domain, on_strip, on_other)
+
+    @property
+    def rail_parameters(self) -> tuple[float, float]:
+        """The s at which it leaves rail 1 and reaches rail 2."""
+        first, last = self.on_strip(np.array(self.span))[:, 0]
+        return float(first), float(last)
+
+    def restrict(self, first: float, last: float) -> StripCut:
+        """Return the part of a cut whose parameter is a linear function of v from one v to another."""
+        low, high = self.span
+        span = (low + first * (high - low), low + last * (high - low))
+        on_other = self.on_other.clip(*span) if isinstance(self.on_other, Curve) else self.on_other
+        return StripCut(self.curve, span, self.on_strip.clip(*span), on_other)
+
+    @property
+    def ends(self) -> Array:
+        """Its ends in space, (2, 3)."""
+        return self.curve(np.array(self.span))
 
 
 class StripSurface(Protocol):
     """The surface H(s, v) of a strip over ``domain`` in s, and its boundary rows at v = 0 and v = 1."""
 
     @property
+    def geometry(self) -> Surface | RevolvedSection | BallSurface:
+        """The surface that it is built on."""
+
+    @property
     def domain(self) -> tuple[float, float]:
         """The range of s."""
 
     @property
-    def rail_curves(self) -> tuple[Curve | Circle, Curve | Circle]:
+    def rail_curves(self) -> tuple[RailCurve, RailCurve]:
         """The curves s -> H(s, 0) and s -> H(s, 1)."""
 
     @property
-    def first_section(self) -> Curve:
-        """The curve v -> H(s, v) at the start of the domain."""
+    def is_mirrored(self) -> bool:
+        """Whether (s, v) run around each other in the opposite sense to the parameters of ``geometry``."""
 
-    @property
-    def last_section(self) -> Curve:
-        """The curve v -> H(s, v) at the end of the domain."""
+    def locate_section(self, s: float) -> StripSection:
+        """Return the curve v -> H(s, v)."""
+
+    def map_to_surface(self, curve: Curve) -> Curve:
+        """Return a curve of parameters (s, v) in the parameters of the surface it is built on."""
 
     def __call__(self, s: Array, v: Array) -> Array:
         """Return points (n, 3) at parameters (n,)."""
@@ -48,10 +112,10 @@ class StripSurface(Protocol):
     def to_rail_parameters(self, s: Array) -> Array:
         """Return the parameters t (n,) of the rails at s (n,)."""
 
-    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
-        """Return the curve v -> (s, v, a, b, x, y, z) in which the strip meets a plane, a, b the plane's parameters.
+    def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
+        """Return the curve in which the strip meets a plane, the one nearest to s = ``near``.
 
-        The one nearest to s = ``near``. None if the curve has no closed form.
+        None if the curve has no closed form.
         """
 
 
@@ -60,6 +124,10 @@ class SplineStrip:
     """A strip on a spline surface."""
 
     surface: Surface
+
+    @property
+    def geometry(self) -> Surface:
+        return self.surface
 
     @property
     def domain(self) -> tuple[float, float]:
@@ -71,12 +139,14 @@ class SplineStrip:
         return self.surface.isoparametric(v=0.0), self.surface.isoparametric(v=1.0)
 
     @property
-    def first_section(self) -> Curve:
-        return self.surface.isoparametric(u=self.domain[0])
+    def is_mirrored(self) -> bool:
+        return False
 
-    @property
-    def last_section(self) -> Curve:
-        return self.surface.isoparametric(u=self.domain[1])
+    def locate_section(self, s: float) -> StripSection:
+        return StripSection(self.surface.isoparametric(u=s))
+
+    def map_to_surface(self, curve: Curve) -> Curve:
+        return curve
 
     def __call__(self, s: Array, v: Array) -> Array:
         return self.surface(s, v)
@@ -87,7 +157,7 @@ class SplineStrip:
     def to_rail_parameters(self, s: Array) -> Array:
         return s
 
-    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
+    def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the exact curve if the surface is A(v) + s B."""
         del near  # there is but one
         coefs = self.surface.coefs
@@ -113,6 +183,10 @@ class RevolvedStrip:
     section: RevolvedSection
 
     @property
+    def geometry(self) -> RevolvedSection:
+        return self.section
+
+    @property
     def domain(self) -> tuple[float, float]:
         return 0.0, self.section.turn
 
@@ -126,12 +200,14 @@ class RevolvedStrip:
         return Circle(LocalFrame(frame.origin + height * frame.axes[2], frame.axes), radius)
 
     @property
-    def first_section(self) -> Curve:
-        return self.section.place_profile()
+    def is_mirrored(self) -> bool:
+        return False
 
-    @property
-    def last_section(self) -> Curve:
-        return self.section.place_profile(self.section.turn)
+    def locate_section(self, s: float) -> StripSection:
+        return StripSection(self.section.place_profile(s))
+
+    def map_to_surface(self, curve: Curve) -> Curve:
+        return curve
 
     def __call__(self, s: Array, v: Array) -> Array:
         return self.jet(s, v, 0)[0, 0]
@@ -152,17 +228,13 @@ class RevolvedStrip:
     def to_rail_parameters(self, s: Array) -> Array:
         return self.section.map_to_parameters(s)
 
-    def cut_with_plane(self, plane: Plane, near: float) -> Curve | None:
+    def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the section in a plane that the axis lies in."""
-        frame, normal = self.section.frame, plane.frame.axes[2]
-        profile = self.first_section
-        offset = float((plane.frame.origin - frame.origin) @ normal)
+        frame, profile = self.section.frame, self.section.place_profile(0.0)
         size = float(np.abs(profile.coefs).max())
-        tilt = abs(float(frame.axes[2] @ normal)) * size
-        if profile.rational or max(tilt, abs(offset)) > NETWORK_TOLERANCES.section_plane * size:
+        angle = find_meridian_angle(frame, plane, near, size, NETWORK_TOLERANCES.section_plane)
+        if profile.rational or angle is None:
             return None
-        angle = float(np.arctan2(-(frame.axes[0] @ normal), frame.axes[1] @ normal))
-        angle += np.pi * np.round((near - angle) / np.pi)
         cos, sin = np.cos(angle), np.sin(angle)
         arms = profile.coefs - frame.origin[:, None]
         x, y, z = (np.einsum("qkn,k->qn", arms, axis) for axis in frame.axes)
@@ -171,9 +243,22 @@ class RevolvedStrip:
         return _collect_section(profile.breaks, np.full(x.shape, angle), points, plane)
 
 
-def _collect_section(breaks: Array, s: Array, points: Array, plane: Plane) -> Curve:
-    """Return the curve v -> (s, v, a, b, x, y, z) of coefficients s (q + 1, n) and points (q + 1, 3, n)."""
+def find_meridian_angle(frame: LocalFrame, plane: Plane, near: float, size: float, tolerance: float) -> float | None:
+    """Return the angle (rad) about a frame's Z axis at which a half of a plane lies, the one nearest to ``near``.
+
+    None if the axis misses the plane by more than a share ``tolerance`` of ``size`` (mm).
+    """
+    normal = plane.frame.axes[2]
+    offset, tilt = float((plane.frame.origin - frame.origin) @ normal), float(frame.axes[2] @ normal) * size
+    if max(abs(offset), abs(tilt)) > tolerance * size:
+        return None
+    angle = float(np.arctan2(-(frame.axes[0] @ normal), frame.axes[1] @ normal))
+    return float(angle + np.pi * np.round((near - angle) / np.pi))
+
+
+def _collect_section(breaks: Array, s: Array, points: Array, plane: Plane) -> StripCut:
+    """Return the cut with a plane of coefficients s (q + 1, n) and points (q + 1, 3, n)."""
     degree = len(s) - 1
     v = breaks[:-1] + np.arange(degree + 1)[:, None] / degree * np.diff(breaks)
     on_plane = np.einsum("qkn,ak->qan", points - plane.frame.origin[:, None], plane.frame.axes[:2])
-    return Curve(breaks, np.concatenate([s[:, None], v[:, None], on_plane, points], axis=1))
+    return StripCut.from_solution(Curve(breaks, np.concatenate([s[:, None], v[:, None], on_plane, points], axis=1)))

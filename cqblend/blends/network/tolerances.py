@@ -20,6 +20,10 @@ class NetworkTolerances:
     section_plane: float = 1e-15
     """Relative to the size: by how much an axis may miss a plane that a section is to lie in."""
 
+    arc_plane: float = 1e-12
+    """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
+    lie may miss its axis, or turn from it."""
+
     natural_gap: float = 1e-12
     """Distance (mm) of the end sections of two cells up to which they have one by nature."""
 

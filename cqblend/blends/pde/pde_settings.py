@@ -128,7 +128,7 @@ class PdeSettings:
         blend = blend_ribbons(ribbons, form, tolerance, angular_tolerance, interior)
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
-        return replace(blend, ribbons=(first, second), residual=max(solution.residual)), solution
+        return replace(blend, ribbons=(first, second), kind="pde", residual=max(solution.residual)), solution
 
     def pose_boundary_problem(
         self, ribbons: tuple[Ribbon, Ribbon], setup: SideSetup, *, accuracy: float

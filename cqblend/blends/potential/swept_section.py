@@ -6,7 +6,7 @@ The correction vanishes at both rails with its derivatives, so the joints stay t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
@@ -98,7 +98,8 @@ class SweptSection(FilledSection):
         CqblendError
             As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and TooManySpansError.
         """
-        return blend_ribbons(ribbons, form, min(tolerance, self.tolerance / 8), angular_tolerance, self)
+        blend = blend_ribbons(ribbons, form, min(tolerance, self.tolerance / 8), angular_tolerance, self)
+        return replace(blend, kind="potential")
 
     def measure_deviation(self, surface: Surface) -> float:
         """Return the largest distance (mm) of a blend surface from the curves, at points off those of the fit."""

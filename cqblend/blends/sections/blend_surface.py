@@ -23,6 +23,7 @@ from cqblend.blends.rails.direction_steering import RequiredTurn, find_required_
 from cqblend.blends.rails.ribbon import BREAK_SIDES, Ribbon, dehomogenise_jets, is_faded
 from cqblend.blends.rails.steering_advice import suggest_remedy
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
@@ -33,6 +34,7 @@ from cqblend.splines.breaks import align_breaks
 from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
 
 Form = Literal["exact", "compact"]
+SectionKind = Literal["arc", "hermite", "pde", "potential"]
 SectionBuilder = Callable[[tuple[Jets, Jets]], Surface]
 FOLD_SAMPLES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])
 """Where in a piece, as shares of it, folds are looked for."""
@@ -42,12 +44,15 @@ FOLD_SAMPLES = np.array([0.001, 0.2, 0.4, 0.6, 0.8, 0.999])
 class BlendSurface:
     """A blend surface H(t, v), v = 0 on the first rail and 1 on the second, and what it was made from.
 
-    ``residual`` is that of the partial differential equations that it solves, None if there are none.
+    ``kind`` is that of its sections. Of arcs, ``arc`` is the analytic surface that it is. ``residual`` is that of the
+    partial differential equations that it solves, None if there are none.
     """
 
     surface: Surface
     ribbons: tuple[Ribbon, Ribbon] = field(repr=False)
     form: Form
+    kind: SectionKind = field(default="hermite", kw_only=True)
+    arc: ArcSection | None = field(default=None, kw_only=True)
     residual: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.angles import locate_on_rational_arcs
 from cqblend.surfaces.vectors import LocalFrame, cross_product, normalise_vectors
 
 
@@ -68,12 +69,9 @@ class RevolvedSection:
 
     def map_to_parameters(self, angles: Array) -> Array:
         """Return the parameters t (n,) of the rails at angles (n,): the inverse of :meth:`map_to_angles`."""
-        arc = np.clip(np.searchsorted(self.angles, angles, side="right") - 1, 0, len(self.angles) - 2)
-        half, tangent = np.diff(self.angles)[arc] / 2, np.tan((angles - self.angles[arc]) / 2)
-        x = tangent / (np.sin(half) - tangent * (np.cos(half) - 1))
-        return np.asarray(self.breaks[arc] + x * np.diff(self.breaks)[arc])
+        return locate_on_rational_arcs(angles, self.angles, self.breaks)
 
-    def place_profile(self, angle: float = 0.0) -> Curve:
+    def place_profile(self, angle: float) -> Curve:
         """Return the profile in space, turned to an angle (rad): a curve v -> H of dim 3."""
         x, y, z = self.frame.axes
         x = np.cos(angle) * x + np.sin(angle) * y

@@ -54,6 +54,8 @@ class SectionTolerances:
     revolved_deviation
         Deviation of a blend from a turned profile, as a share of its largest coordinate about the axis, that is
         rounding.
+    arc_deviation
+        Deviation of a blend from arcs of one ball, as a share of its coordinates, that is rounding.
     revolved_gap, revolved_full_turn
         Gap between the ends of a circular rail, as a share of its size, and difference of its angle from a full turn
         (rad), up to which it is closed.
@@ -79,6 +81,7 @@ class SectionTolerances:
     most_simple_degree: int = 4
     size_samples: int = 257
     revolved_deviation: float = 1e-12
+    arc_deviation: float = 1e-12
     revolved_gap: float = 1e-9
     revolved_full_turn: float = 1e-9
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -49,6 +48,7 @@ from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.errors import GeometryError, UnsupportedError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
+from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.angles import shift_to_period, unwrap_parameters
 from cqblend.surfaces.primary_surface import KnotCrossing, Primary
 from cqblend.surfaces.quadrics import Cone, Cylinder, Plane, Quadric, Sphere
@@ -250,8 +250,7 @@ def _read_elementary_surface(surface: Geom_ElementarySurface, points: Array) -> 
         middle = points.mean(axis=0) - frame.origin
         return Sphere(frame, surface.Radius(), middle / np.linalg.norm(middle))
     if isinstance(surface, Geom_ToroidalSurface):
-        major, minor = surface.MajorRadius(), surface.MinorRadius()
-        return RevolvedEllipse.from_ellipse(frame, np.array([[major, 0.0, 0.0], [minor, 0.0, 0.0], [0.0, 0.0, minor]]))
+        return RevolvedEllipse.from_radii(frame, surface.MajorRadius(), surface.MinorRadius())
     raise UnsupportedError(f"a surface of type {surface.DynamicType().Name()} cannot be read")
 
 
@@ -342,24 +341,58 @@ def build_rail_pcurve(side: SupportFace, rail: Ribbon) -> Curve:
     if primary.has_exact_pcurves():
         return _extract_exact_pcurve(primary, c)
     position = primary.compose_position(c)
-    breaks = position.breaks
-    dense = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 257)]))
-    guide = unwrap_parameters(primary.unlift_points(c(dense), np.zeros((len(dense), 2))), primary.periods)
 
-    def solve_parameters(t: Array) -> Array:
-        near = np.stack([np.interp(t, dense, column) for column in guide.T], -1)
-        return primary.unlift_points(c(t), near)
+    def evaluate_points(t: Array, side: BreakSide) -> Array:
+        return dehomogenise_jets(position.jet(t, 2, side=side))
+
+    return fit_rail_pcurve(primary, c, position.breaks, lambda t: t, evaluate_points)
+
+
+def fit_rail_pcurve(
+    primary: Primary,
+    c: Curve,
+    breaks: Array,
+    to_rail_parameters: Callable[[Array], Array],
+    evaluate_points: Callable[[Array, BreakSide], Array],
+) -> Curve:
+    """Fit a rail as a curve (u, v)(s) in the parameters of a primary surface, continuous across seams.
+
+    Parameters
+    ----------
+    primary
+        The surface.
+    c
+        The rail in lifted parameters, a curve of t.
+    breaks
+        Ends of the first spans in s, (n + 1,), which the fit keeps.
+    to_rail_parameters
+        The map from s to t.
+    evaluate_points
+        The rail in space with two derivatives by s, (3, n, 3), at parameters (n,) on one side of the breaks.
+
+    Raises
+    ------
+    GeometryError
+        If the error stays above 1e-11.
+    """
+    dense = np.unique(np.concatenate([breaks, np.linspace(breaks[0], breaks[-1], 257)]))
+    lifted = c(to_rail_parameters(dense))
+    guide = unwrap_parameters(primary.unlift_points(lifted, np.zeros((len(dense), 2))), primary.periods)
+
+    def solve_parameters(s: Array) -> Array:
+        near = np.stack([np.interp(s, dense, column) for column in guide.T], -1)
+        return primary.unlift_points(c(to_rail_parameters(s)), near)
+
+    def solve_jets(s: Array, side: BreakSide) -> Array:
+        return _solve_parameter_jets(primary, solve_parameters(s), evaluate_points(s, side))
 
     speeds = np.linalg.norm(primary.jet(guide)[1:3], axis=2).min()
     rounding = 16 * np.finfo(float).eps * float(np.abs(primary.jet(guide)[0]).max() / speeds)
     aim = CONVERSION_TOLERANCES.rail_pcurve_share * CONVERSION_TOLERANCES.pcurve + rounding
     for _ in range(CONVERSION_TOLERANCES.pcurve_refinements):
-        uv = solve_parameters(breaks)
-        starts = _solve_parameter_jets(primary, uv[:-1], position, breaks[:-1], "right")
-        stops = _solve_parameter_jets(primary, uv[1:], position, breaks[1:], "left")
-        curve = interpolate_jets(breaks, starts, stops)
-        t = (breaks[:-1] + CHECKED_SHARES * np.diff(breaks)).ravel()
-        error = np.abs(curve(t) - solve_parameters(t)).max(axis=1)
+        curve = interpolate_jets(breaks, solve_jets(breaks[:-1], "right"), solve_jets(breaks[1:], "left"))
+        s = (breaks[:-1] + CHECKED_SHARES * np.diff(breaks)).ravel()
+        error = np.abs(curve(s) - solve_parameters(s)).max(axis=1)
         bad = (error > aim).reshape(len(CHECKED_SHARES), -1).any(axis=0)
         if not bad.any():
             return curve
@@ -381,11 +414,9 @@ def _extract_exact_pcurve(primary: Primary, c: Curve) -> Curve:
     return Curve(c.breaks, np.stack([u, v, w], 1), rational=True, continuity=c.continuity)
 
 
-def _solve_parameter_jets(
-    primary: Primary, uv: Array, position: Curve, t: Array, side: Literal["left", "right"]
-) -> Array:
-    """Return parameters and their first two derivatives (3, n, 2) along a rail with a homogeneous spline in space."""
-    _, rate, second = dehomogenise_jets(position.jet(t, 2, side=side))
+def _solve_parameter_jets(primary: Primary, uv: Array, points: Array) -> Array:
+    """Return parameters and their first two derivatives (3, n, 2) along a curve with its derivatives (3, n, 3)."""
+    _, rate, second = points
     jet = primary.jet(uv)
     du = to_tangent_coordinates(jet, rate)
     a, b = du[:, :1], du[:, 1:]

@@ -51,10 +51,16 @@ class ConversionTolerances:
     """Length of Su x Sv, relative to the largest speeds, up to which a surface has no normal."""
 
     rail_angles: int = 17
-    """Number of angles at which a circular rail is compared with its image on the face."""
+    """Number of places at which a circular or straight rail is compared with its image on the face."""
 
     circular_rail: float = 1e-13
     """Relative to the radius: largest distance between the two; a hundredth of what fitted pcurves are off."""
+
+    straight_rail: float = 1e-13
+    """The same of a straight rail, relative to its distance from the origin."""
+
+    parameter_line: float = 1e-15
+    """Relative to the parameters: by how much a rail along a parameter line may seem to leave it."""
 
     circle_position: float = 1e-14
     """Relative to the distance from the origin: how much rounding adds to it."""

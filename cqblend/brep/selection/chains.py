@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.brep.selection.joint import Joint
+
+ChainEnd = Literal["corner", "sharp edge", "fading", "unlike edge", "not picked"]
+"""Why a chain ends at a vertex.
+
+- ``"corner"``: no edge goes on tangentially there;
+- ``"sharp edge"``: one does, but on one side another sharp edge meets the chain, or the faces have a border;
+- ``"fading"``: the faces become tangent to each other there;
+- ``"unlike edge"``: the edge that goes on has not the same convexity all along, or is a knife edge or a seam;
+- ``"not picked"``: the edge that goes on was not picked, and only picked edges are to be blended.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +36,25 @@ class Junction:
 class Chain:
     """Joints that follow one another, with the same sense and the same side first.
 
-    Junction k is between cells k and k + 1; of a closed chain of several cells, the last one is between the last cell
-    and the first.
+    Junction k is between cells k and k + 1; of a closed chain, the last one is between the last cell and the first. A
+    joint that closes without a junction, such as the rim of a cylinder, is a closed chain of one cell and no junction.
+
+    Attributes
+    ----------
+    ends : tuple of ChainEnd
+        Why an open chain ends at its start and at its stop; none of a closed one.
+    origin : float
+        Arc length (mm) from the start of the first cell to the start of the edge at which the chain is said to start:
+        0 but for closed chains in which that edge lies inside the first cell.
     """
 
     cells: tuple[Joint, ...]
     junctions: tuple[Junction, ...]
     closed: bool
+    ends: tuple[ChainEnd, ...] = ()
+    origin: float = 0.0
+
+    @property
+    def edges(self) -> list[TopoDS_Edge]:
+        """The edges of all cells, in the order of the chain."""
+        return [edge for cell in self.cells for edge in cell.spine.edges]

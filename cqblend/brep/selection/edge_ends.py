@@ -36,7 +36,7 @@ def find_neighbour_faces(index: SolidIndex, vertex: TopoDS_Vertex, sides: Sequen
 
 
 def find_continuing_edge(index: SolidIndex, vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> TopoDS_Edge | None:
-    """Return another edge that leaves a vertex of an edge in the direction in which that one arrives; None if none does."""
+    """Return another edge that leaves a vertex in the direction in which this edge arrives; None if none does."""
     arriving = -find_outgoing_tangent(vertex, edge)
     for other in index.edges_at_vertex(vertex):
         turn = np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving)

@@ -1,12 +1,12 @@
-"""Find joints: edges between two faces of a solid, checked, and read as a spine and two support faces.
+"""Joints: edges between two faces of a solid, read as a spine and two support faces.
 
-A joint is the input of :mod:`cqblend.solid_blends.blend_pipeline`: which solid, which edges, which faces on which side,
-and the queries about them that need the topology.
+A joint is what one blend face takes the place of: which solid, which edges, which faces on which side, and the queries
+about them that need the topology.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,27 +15,23 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
 from cqblend.brep.selection.edge_ends import find_continuing_edge, find_edge_in_plane, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.selection.spine import EdgeSpine, chain_edges
+from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shape_kinds import find_shape_kind
 from cqblend.brep.topology import (
     CONFUSION,
-    find_end_vertices,
-    find_outgoing_tangent,
     find_vertex_uv,
-    is_among,
     locate_vertex,
 )
-from cqblend.errors import SelectionError, TopologyError
+from cqblend.errors import TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,101 +187,19 @@ class Joint:
             )
 
 
-def find_joint(
-    solids: Sequence[SolidIndex],
-    edges: Sequence[TopoDS_Edge],
+def make_joint(
+    index: SolidIndex,
+    spine: EdgeSpine,
+    faces: tuple[TopoDS_Face, TopoDS_Face],
     edge_number: int,
     face_numbers: tuple[int, int],
-    *,
-    swap: bool,
-    lookup_number: Callable[[TopoDS_Shape], int] | None = None,
+    lookup_number: Callable[[TopoDS_Shape], int],
 ) -> Joint:
-    """Return the joint of the first of some edges, with all edges that continue it between the same two faces.
+    """Read the faces at a spine, of which the first is to its left, and return the joint between them.
 
-    ``edge_number``, ``face_numbers`` and ``lookup_number`` are those of :class:`Joint`. ``swap`` makes the second face,
-    by the solid's order, side 1.
-
-    Raises
-    ------
-    SelectionError
-        If there is nothing to blend at the edge, and ``kind`` tells why: ``"degenerate"``, ``"seam"`` or ``"smooth"``.
-        Or, without a kind, if it is for another reason no sharp joint of two faces of a closed solid.
+    ``edge_number``, ``face_numbers`` and ``lookup_number`` are those of :class:`Joint`.
     """
-    name, edge = f"edge {edge_number}", edges[0]
-    owners = [index for index in solids if edge in index.edges]
-    if len(owners) != 1:
-        many = f"part of {len(owners)} solids: take them apart first" if owners else "not part of a solid"
-        raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
-    (index,) = owners
-    faces_at = index.faces_at_edge
-    pair = faces_at(edge)
-    if BRep_Tool.Degenerated_s(edge):
-        raise SelectionError(f"{name} is degenerate (a pole): it has no length to blend along", kind="degenerate")
-    if len(pair) == 1 and BRep_Tool.IsClosed_s(edge, pair[0]):
-        raise SelectionError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
-    if len(pair) != 2:
-        raise SelectionError(f"{name} has {len(pair)} face(s), not 2: the shell is open or not manifold")
-    pair.sort(key=index.faces.find_number, reverse=swap)
-    between = [one for one in edges if _is_same_pair(faces_at(one), pair)]
-    ordered, closed = chain_edges(_grow_joint(between, pair, index), pair[0])
-    spine = EdgeSpine(ordered, closed)
-    points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if closed else None])
-    edge_is_circular = closed or spine.measure_arc_angle() is not None
-    first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in pair)
-    joint = Joint(index, spine, (first, second), edge_number, face_numbers, lookup_number)
-    _check_sharp(joint, name)
-    return joint
-
-
-def _is_same_pair(faces: list[TopoDS_Face], pair: list[TopoDS_Face]) -> bool:
-    return len(faces) == 2 and all(is_among(face, pair) for face in faces)
-
-
-def _grow_joint(edges: list[TopoDS_Edge], pair: list[TopoDS_Face], index: SolidIndex) -> list[TopoDS_Edge]:
-    """Return the edges that continue the first one smoothly between the same pair of faces.
-
-    A vertex at which no other faces meet does not end the joint. The other given edges were picked as well: at their
-    vertices the joint continues along them even if other faces meet there.
-    """
-    grown, waiting = edges[:1], edges[:1]
-    while waiting:
-        for vertex in find_end_vertices(waiting.pop()):
-            is_picked = any(is_among(vertex, find_end_vertices(edge)) for edge in edges[1:])
-            face_count = len(index.faces_at_vertex(vertex))
-            if face_count > 2 and not is_picked:
-                continue
-            passable = index.edges_at_vertex(vertex) if face_count == 2 else edges
-            for edge in passable:
-                if is_among(edge, grown) or not is_among(vertex, find_end_vertices(edge)):
-                    continue
-                is_between = _is_same_pair(index.faces_at_edge(edge), pair)
-                if is_between and _is_tangent_continuation(vertex, edge, grown):
-                    grown.append(edge)
-                    waiting.append(edge)
-    return grown
-
-
-def _is_tangent_continuation(vertex: TopoDS_Vertex, edge: TopoDS_Edge, others: list[TopoDS_Edge]) -> bool:
-    """Whether an edge leaves a vertex in the direction in which one of the others arrives there."""
-    here = find_outgoing_tangent(vertex, edge)
-    before = [find_outgoing_tangent(vertex, other) for other in others if is_among(vertex, find_end_vertices(other))]
-    return any(np.linalg.norm(here + one) < SELECT_TOLERANCES.continuation_angle for one in before)
-
-
-def _check_sharp(joint: Joint, name: str) -> None:
-    """Refuse a joint that is smooth, or a knife edge, at any of some stations."""
-    stations = joint.locate_stations(np.linspace(0.02, 0.98, 17))
-    n1, n2 = (
-        side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
-    )
-    angle = np.arctan2(measure_lengths(cross_product(n1, n2)), (n1 * n2).sum(1))
-    if angle.max() < SELECT_TOLERANCES.smooth_angle:
-        raise SelectionError(
-            f"{name} is smooth already: its faces meet at {angle.max():.2g} rad",
-            kind="smooth",
-            value=float(angle.max()),
-        )
-    if angle.min() < SELECT_TOLERANCES.smooth_angle:
-        raise SelectionError(f"{name} is smooth already in part: there its faces meet at {angle.min():.2g} rad")
-    if angle.max() > np.pi - SELECT_TOLERANCES.smooth_angle:
-        raise SelectionError(f"{name} is a knife edge: its faces fold back onto each other")
+    points = spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples)[: -1 if spine.closed else None])
+    edge_is_circular = spine.closed or spine.measure_arc_angle() is not None
+    first, second = (read_support_face(face, points, edge_is_circular=edge_is_circular) for face in faces)
+    return Joint(index, spine, (first, second), edge_number, face_numbers, lookup_number)

@@ -1,10 +1,10 @@
-"""Turn picked edges into joints: which edges belong together, and which numbers they have in the input shape."""
+"""Turn picked edges into chains: which edges belong together, and which numbers they have in the input shape."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -14,11 +14,13 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, 
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.selection.chain_building import build_chain, find_sharp_sides
+from cqblend.brep.selection.chain_tracing import TracedEdge, trace_chain
 from cqblend.brep.selection.chains import Chain
-from cqblend.brep.selection.joint import Joint, find_joint
+from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
-from cqblend.brep.selection.unified_faces import UnifiedSolid, unify_faces
+from cqblend.brep.selection.unified_faces import ShapeReplacement, UnifiedSolid, unify_faces
 from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, is_among, replace_solid
 from cqblend.certificate import NothingToBlend, SkippedEdges
 from cqblend.errors import InputError, SelectionError
@@ -27,21 +29,16 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class FoundChain:
-    """Picked edges, by their numbers in the input, that make one chain; or the error that says why they do not."""
+    """Picked edges, by their numbers in the input, that are part of one chain; or why there is none."""
 
     edges: tuple[int, ...]
-    joint: Joint | None
+    chain: Chain | None
     error: SelectionError | None = None
-
-    @property
-    def chain(self) -> Chain | None:
-        """The chain."""
-        return None if self.joint is None else Chain((self.joint,), (), self.joint.spine.closed)
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What was picked of a shape: its networks of edges that touch, and the shape in which their joints are.
+    """What was picked of a shape: its networks of chains that touch, and the shape in which their joints are.
 
     That is the input but for faces near the joints that have been unified; ``method`` says which. ``skipped`` are
     picked edges at which there is nothing to blend.
@@ -53,16 +50,19 @@ class Selection:
     method: str
 
 
-def select_joints(
+def select_chains(
     shape: TopoDS_Shape,
     edges: Sequence[TopoDS_Edge],
     side1_face: TopoDS_Face | None,
     reach: Callable[[Joint], float] | None,
+    *,
+    follow: bool,
 ) -> Selection:
-    """Find the joint of every picked edge, and unify its faces with others on the same surface.
+    """Find the chain through every picked edge, and unify the faces of its cells with others on the same surface.
 
-    Only faces within ``reach`` of a joint (mm) are unified; without it, none. That is repeated, as a joint between
-    unified faces may be longer and come near to more faces.
+    With ``follow``, chains go on along edges that were not picked. Only faces within ``reach`` of a cell (mm) are
+    unified; without it, none. That is repeated, as a cell between unified faces may be longer and come near to more
+    faces.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def select_joints(
     SelectionError
         An edge, or the face that is to be side 1, does not belong there, or there is nothing to blend at any of them.
     """
-    picks = _PickedEdges(shape, edges, side1_face)
+    picks = _PickedEdges(shape, edges, side1_face, follow=follow)
     chains: list[FoundChain] = []
     nothing_to_blend: list[tuple[int, SelectionError]] = []
     covered: set[int] = set()
@@ -79,10 +79,9 @@ def select_joints(
         if number in covered:
             continue
         try:
-            joint = picks.find_joint(number)
-            while reach is not None and (united := unify_faces(joint, partial(reach, joint))) is not None:
-                picks.record_unified_faces(joint, united)
-                joint = picks.find_joint(number)
+            chain = picks.find_chain(number)
+            while reach is not None and picks.unify_faces(chain, reach):
+                chain = picks.find_chain(number)
         except SelectionError as error:
             if error.kind in get_args(NothingToBlend):
                 nothing_to_blend.append((number, error))
@@ -90,9 +89,9 @@ def select_joints(
                 chains.append(FoundChain((number,), None, error))
             covered.add(number)
             continue
-        own = picks.list_picks(joint)
+        own = picks.list_picks(chain.edges)
         covered.update(own)
-        chains.append(FoundChain(own, joint))
+        chains.append(FoundChain(own, chain))
     if not chains:
         first, *others = (error for _, error in nothing_to_blend)
         raise first.with_details(after="".join(f"; {error}" for error in others))
@@ -114,7 +113,9 @@ def select_joints(
 class _PickedEdges:
     """The picked edges of a shape, and what has become of them and of their faces by unification."""
 
-    def __init__(self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], side1_face: TopoDS_Face | None) -> None:
+    def __init__(
+        self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], side1_face: TopoDS_Face | None, *, follow: bool
+    ) -> None:
         self.shape = shape
         self._input = SolidIndex(shape)
         numbers = [self._input.edges.find_number(edge) for edge in edges]
@@ -126,112 +127,133 @@ class _PickedEdges:
         self._oriented_picks = dict(zip(reversed(numbers), reversed(edges), strict=True))  # as the user oriented them
         solids = explore_subshapes(shape, TopAbs_SOLID)
         self._solids = [self._input if solid.IsEqual(shape) else SolidIndex(solid) for solid in solids]
-        self._faces_of_edge = {
-            n: sorted(map(self._input.faces.find_number, self._input.faces_at_edge(self._input.edges[n])))
-            for n in self.numbers
-        }
+        self._may_follow = None if follow else lambda edge: bool(self.list_picks([edge]))
         # numbers of the faces that are to be side 1: the given one, and those unified with it
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
-        self._unified_faces: list[tuple[TopoDS_Face, list[int]]] = []  # each with the numbers of its parts
-        self._representatives: dict[int, int] = {}  # of faces that were unified, the least number of their parts
-        self._rebuilt_edges: dict[int, TopoDS_Edge] = {}  # picked edges that unification has replaced
-        if side1_face is not None and not any(self._side1_numbers & set(pair) for pair in self._faces_of_edge.values()):
+        self._replaced_faces: list[tuple[TopoDS_Shape, list[int]]] = []  # new ones, each with the numbers of its parts
+        self._replaced_edges: list[tuple[TopoDS_Shape, list[int]]] = []
+        if side1_face is not None and not any(self._side1_numbers & set(self._list_faces(n)) for n in self.numbers):
             raise SelectionError(f"first= is not one of the faces at edge {numbers[0]}")
 
+    def _list_faces(self, number: int) -> list[int]:
+        """Return the numbers of the faces at an edge of the input, in ascending order."""
+        return sorted(map(self._input.faces.find_number, self._input.faces_at_edge(self._input.edges[number])))
+
     def _find_current_edge(self, number: int) -> TopoDS_Edge:
-        """Return a picked edge, or what has replaced it."""
-        return self._rebuilt_edges.get(number) or self._input.edges[number]
+        """Return an edge of the input, or what has replaced it."""
+        found = (edge for edge, numbers in reversed(self._replaced_edges) if number in numbers)
+        return TopoDS.Edge_s(next(found, self._input.edges[number]))
 
-    def list_picks(self, joint: Joint) -> tuple[int, ...]:
-        """Return the numbers of the picked edges that are part of a joint."""
-        own = self._picks_between[self._find_pair(joint.edge_number)]
-        return tuple(n for n in own if is_among(self._find_current_edge(n), joint.spine.edges))
+    def list_picks(self, edges: Sequence[TopoDS_Edge]) -> tuple[int, ...]:
+        """Return the numbers of the picked edges that are among some edges, in ascending order."""
+        return tuple(sorted(set(self.numbers).intersection(self._list_edge_numbers(edges))))
 
-    @cached_property
-    def _picks_between(self) -> dict[frozenset[int], list[int]]:
-        """The picked edges between each pair of faces; of unified faces, the least number counts."""
-        picks: dict[frozenset[int], list[int]] = {}
-        for number in self.numbers:
-            picks.setdefault(self._find_pair(number), []).append(number)
-        return picks
-
-    def _find_pair(self, number: int) -> frozenset[int]:
-        """Return the faces at a picked edge, by their numbers in the input; of unified ones, by the least number."""
-        return frozenset(self._representatives.get(face, face) for face in self._faces_of_edge[number])
-
-    def list_edges(self, chain: FoundChain) -> Sequence[TopoDS_Edge]:
+    def list_edges(self, found: FoundChain) -> Sequence[TopoDS_Edge]:
         """Return the edges of a chain."""
-        if chain.joint is not None:
-            return chain.joint.spine.edges
-        return [self._find_current_edge(number) for number in chain.edges]
+        if found.chain is not None:
+            return found.chain.edges
+        return [self._find_current_edge(number) for number in found.edges]
 
-    def refresh_chain(self, chain: FoundChain) -> FoundChain:
+    def refresh_chain(self, found: FoundChain) -> FoundChain:
         """Return a chain in the shape as it is now, in which faces have been unified after the chain was found."""
-        if chain.joint is None or any(chain.joint.index is index for index in self._solids):
-            return chain
-        return replace(chain, joint=self.find_joint(chain.edges[0]))
+        if found.chain is None or any(found.chain.cells[0].index is index for index in self._solids):
+            return found
+        return replace(found, chain=self.find_chain(found.edges[0]))
 
-    def record_unified_faces(self, joint: Joint, united: UnifiedSolid) -> None:
+    def unify_faces(self, chain: Chain, reach: Callable[[Joint], float]) -> bool:
+        """Unify the faces of one cell of a chain with others, and record that; False if there is nothing to unify."""
+        for cell in chain.cells:
+            united = unify_faces(cell, partial(reach, cell))
+            if united is not None:
+                self._record_unified_faces(cell, united)
+                return True
+        return False
+
+    def _record_unified_faces(self, joint: Joint, united: UnifiedSolid) -> None:
         """Record that faces at a joint have been unified, so that numbers and side 1 are found again."""
-        for new, faces in united.face_replacements:
-            numbers = sorted({number for face in faces for number in self._find_input_numbers(face)})
-            if len(numbers) > 1:
-                self._unified_faces.append((new, numbers))
-                self._representatives |= dict.fromkeys(numbers, numbers[0])
-                if self._side1_numbers & set(numbers):
-                    self._side1_numbers |= set(numbers)
-        for new, edges in united.edge_replacements:
-            for number in self.numbers:
-                if is_among(self._find_current_edge(number), edges):
-                    self._rebuilt_edges[number] = TopoDS.Edge_s(new)
-        self.__dict__.pop("_picks_between", None)  # which is found anew when asked for
+        faces = self._number_replacements(united.face_replacements)
+        for _, numbers in faces:
+            if self._side1_numbers & set(numbers):
+                self._side1_numbers |= set(numbers)
+        edges = self._number_replacements(united.edge_replacements)
+        self._replaced_faces += faces
+        self._replaced_edges += edges
         self.shape = replace_solid(self.shape, joint.solid, united.solid)
         self._solids = [index for index in self._solids if index is not joint.index] + [SolidIndex(united.solid)]
 
+    def _number_replacements(self, replacements: Sequence[ShapeReplacement]) -> list[tuple[TopoDS_Shape, list[int]]]:
+        """Return new faces or edges, each with the numbers in the input of those that it replaces."""
+        return [
+            (one.new, sorted({number for old in one.old for number in self._find_input_numbers(old)}))
+            for one in replacements
+        ]
+
     def describe_unified_faces(self) -> str:
         """Say which faces were unified; nothing if none were."""
-        groups = [numbers for _, numbers in self._unified_faces]
+        groups = [numbers for _, numbers in self._replaced_faces if len(numbers) > 1]
         whole = [numbers for numbers in groups if not any(set(numbers) < set(other) for other in groups)]
-        return "".join(f", faces {', '.join(map(str, numbers))} taken as one" for numbers in whole)
+        unique = dict.fromkeys(map(tuple, whole))
+        return "".join(f", faces {', '.join(map(str, numbers))} taken as one" for numbers in unique)
 
-    def _find_input_numbers(self, face: TopoDS_Face) -> list[int]:
-        """Return the numbers in the input of a face, or of all those that were unified to it."""
-        parts = next((numbers for new, numbers in reversed(self._unified_faces) if new.IsSame(face)), None)
-        number = self._input.faces.find_number(face)
-        return parts or ([number] if number else [])
+    def _find_input_numbers(self, part: TopoDS_Shape) -> list[int]:
+        """Return the number in the input of a face or edge, or the numbers of all those that it has replaced."""
+        is_face = part.ShapeType() == TopAbs_FACE
+        number = (self._input.faces if is_face else self._input.edges).find_number(part)
+        if number:
+            return [number]
+        replaced = self._replaced_faces if is_face else self._replaced_edges
+        return next((numbers for new, numbers in replaced if new.IsSame(part)), [])
 
     def find_number(self, part: TopoDS_Shape) -> int:
-        """Return the number of a part in the input, the least one for unified faces; 0 if it is new."""
-        if part.ShapeType() != TopAbs_FACE:
-            return (self._input.edges if part.ShapeType() == TopAbs_EDGE else self._input.vertices).find_number(part)
-        unified = (numbers[0] for new, numbers in self._unified_faces if new.IsSame(part))
-        return self._input.faces.find_number(part) or next(unified, 0)
+        """Return the number of a part in the input, the least one for unified parts; 0 if it is new."""
+        if part.ShapeType() in (TopAbs_EDGE, TopAbs_FACE):
+            return min(self._find_input_numbers(part), default=0)
+        return self._input.vertices.find_number(part)
 
-    def find_joint(self, number: int) -> Joint:
-        """Return the joint of a picked edge, with the faces as its sides as they are numbered in the input.
+    def _list_edge_numbers(self, edges: Sequence[TopoDS_Edge]) -> list[int]:
+        """Return the numbers in the input of all edges that some edges are, or have replaced."""
+        return [number for edge in edges for number in self._find_input_numbers(edge)]
+
+    def find_chain(self, number: int) -> Chain:
+        """Return the chain through a picked edge, with the sense and sides that its lowest picked edge gives it.
 
         Raises
         ------
         SelectionError
-            It is not a joint of two faces; see :func:`cqblend.brep.selection.joint.find_joint`.
+            It is not a joint of two faces; see :func:`cqblend.brep.selection.chain_building.find_sharp_sides`.
         """
-        low, high = min(self._faces_of_edge[number], default=0), max(self._faces_of_edge[number], default=0)
-        swap = low != high and high in self._side1_numbers and low not in self._side1_numbers
-        faces = (high, low) if swap else (low, high)
-        others = (n for n in self._picks_between[self._find_pair(number)] if n != number)
-        edges = [self._find_current_edge(one) for one in (number, *others)]
-        joint = find_joint(self._solids, edges, number, faces, swap=swap, lookup_number=self.find_number)
-        if self._unified_faces and not self._is_side1_first(joint, number, faces[0]):
-            # unified faces come in another order, so that the sides are the other way round
-            joint = find_joint(self._solids, edges, number, faces, swap=not swap, lookup_number=self.find_number)
-        return replace(joint, is_backward=_is_backward(joint, self._oriented_picks[number]))
+        index, sides = find_sharp_sides(self._solids, self._find_current_edge(number), f"edge {number}")
+        trace = trace_chain(index, sides, self._may_follow)
+        start_number = self.list_picks([traced.use for traced in trace.edges])[0]
+        start = self._find_current_edge(start_number)
+        traced = trace.edges[trace.find_position(start)]
+        if not self._is_side1_left([traced, *trace.edges], self._list_faces(start_number)[0]):
+            trace = trace.reverse()
+        chain = build_chain(index, trace, start, self._number_cell, self.find_number)
+        cell = next(cell for cell in chain.cells if is_among(start, cell.spine.edges))
+        if _is_backward(cell, self._oriented_picks[start_number]):
+            return replace(chain, cells=tuple(replace(one, is_backward=True) for one in chain.cells))
+        return chain
 
-    def _is_side1_first(self, joint: Joint, number: int, face_number: int) -> bool:
-        """Whether the first side of a joint is, or contains, a face of the input at a picked edge."""
-        side = joint.sides[0]
-        side_face = side.face if side.outward > 0 else side.face.Reversed()
-        before = _find_boundary_direction(self._input.edges[number], self._input.faces[face_number])
-        return bool(before @ _find_boundary_direction(self._find_current_edge(number), side_face) >= 0)
+    def _is_side1_left(self, edges: Sequence[TracedEdge], low: int) -> bool:
+        """Whether side 1 is to the left of a chain; ``low`` is the face that counts as side 1 if none was given."""
+        for wanted in (self._side1_numbers, {low}):
+            for edge in edges:
+                left, right = (bool(wanted.intersection(self._find_input_numbers(face))) for face in edge.faces)
+                if left != right:
+                    return left
+        return True
+
+    def _number_cell(
+        self, edges: Sequence[TopoDS_Edge], faces: tuple[TopoDS_Face, TopoDS_Face]
+    ) -> tuple[int, tuple[int, int]]:
+        """Return the numbers of a cell's edge and faces: of the lowest picked edge in it, else of the lowest edge."""
+        number = min(self.list_picks(edges) or self._list_edge_numbers(edges))
+        own = self._list_faces(number)
+        first, second = (
+            next((n for n in own if n in self._find_input_numbers(face)), self.find_number(face)) for face in faces
+        )
+        return number, (first, second)
 
 
 def _is_backward(joint: Joint, edge: TopoDS_Edge) -> bool:
@@ -240,11 +262,6 @@ def _is_backward(joint: Joint, edge: TopoDS_Edge) -> bool:
     points = joint.spine.evaluate_points(np.linspace(0, 1, SELECT_TOLERANCES.spine_samples))
     i = int(np.clip(np.linalg.norm(points - middle, axis=1).argmin(), 1, len(points) - 2))
     return bool((points[i + 1] - points[i - 1]) @ direction < 0)
-
-
-def _find_boundary_direction(edge: TopoDS_Edge, face: TopoDS_Shape) -> Array:
-    """Return the direction (3,) of an edge in the boundary of a face, in the middle of the edge."""
-    return _evaluate_middle(next(use for use in explore_subshapes(face, TopAbs_EDGE) if use.IsSame(edge)))[1]
 
 
 def _evaluate_middle(use: TopoDS_Edge) -> tuple[Array, Array]:

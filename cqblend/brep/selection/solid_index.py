@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from OCP.Bnd import Bnd_Box
@@ -11,8 +12,17 @@ from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measurement.edge_sides import EdgeSide, get_two_sides
+from cqblend.brep.selection.dihedral_angles import DihedralAngles, measure_dihedral_angles
 from cqblend.brep.selection.same_surface import is_same_surface
-from cqblend.brep.topology import AncestorMap, ShapeIndex
+from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices
+
+
+class EdgeUse(NamedTuple):
+    """An edge as the boundary of a face uses it, and the numbers of the vertices at which that use starts and stops."""
+
+    edge: TopoDS_Edge
+    vertices: tuple[int, int]
 
 
 class SolidIndex:
@@ -22,6 +32,8 @@ class SolidIndex:
         self.solid = solid
         self._classifiers: dict[tuple[int, float], BRepTopAdaptor_FClass2d] = {}
         self._same_surface: dict[int, list[tuple[TopoDS_Edge, TopoDS_Face]]] = {}
+        self._angles: dict[int, DihedralAngles | None] = {}
+        self._uses: dict[int, list[EdgeUse]] = {}
 
     @cached_property
     def faces(self) -> ShapeIndex:
@@ -78,3 +90,27 @@ class SolidIndex:
                     found.append((edge, others[0]))
             self._same_surface[number] = found
         return self._same_surface[number]
+
+    def list_edge_uses(self, face: TopoDS_Face) -> list[EdgeUse]:
+        """Return the edges in the boundary of a face, each as it is used there; a seam comes twice."""
+        number = self.faces.find_number(face)
+        if number not in self._uses:
+            find = self.vertices.find_number
+            self._uses[number] = [
+                EdgeUse(use, (find(start), find(stop)))
+                for use in explore_subshapes(face, TopAbs_EDGE)
+                for start, stop in (find_end_vertices(use),)
+            ]
+        return self._uses[number]
+
+    def find_sides(self, edge: TopoDS_Edge) -> tuple[EdgeSide, EdgeSide] | None:
+        """Return the two sides of an edge, in the order of the faces; None if it is degenerate, or has not two."""
+        return get_two_sides(edge, self.faces_at_edge)
+
+    def measure_dihedral_angles(self, edge: TopoDS_Edge) -> DihedralAngles | None:
+        """Return the angles at which the faces at an edge meet; None if it has not two sides with normals."""
+        number = self.edges.find_number(edge)
+        if number not in self._angles:
+            sides = self.find_sides(edge)
+            self._angles[number] = None if sides is None else measure_dihedral_angles(sides)
+        return self._angles[number]

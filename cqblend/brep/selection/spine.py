@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_REVERSED, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.contact_solver import Stations
@@ -21,8 +21,7 @@ from cqblend.brep.measurement.bulk_curves import CurveEvaluator
 from cqblend.brep.measurement.edge_samples import read_edge_curve
 from cqblend.brep.measurement.edge_sides import read_pcurve
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
-from cqblend.brep.topology import ShapeIndex, chain_segments, find_end_vertices, orient_forward
-from cqblend.errors import SelectionError
+from cqblend.brep.topology import find_end_vertices, orient_forward
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
 
@@ -44,27 +43,6 @@ class _ArcLengthTable:
         x = (arc_length - self.arc_lengths[i]) / h
         p0, p1, m0, m1 = self.parameters[i], self.parameters[i + 1], h * self.slopes[i], h * self.slopes[i + 1]
         return p0 + x * (m0 + x * (3 * (p1 - p0) - 2 * m0 - m1 + x * (m0 + m1 - 2 * (p1 - p0))))
-
-
-def chain_edges(edges: Sequence[TopoDS_Edge], face: TopoDS_Face) -> tuple[list[TopoDS_Edge], bool]:
-    """Order edges head to tail, in the sense of the face's boundary; also tell whether they close.
-
-    Raises
-    ------
-    SelectionError
-        If they do not form one chain.
-    """
-    boundary = ShapeIndex(face, TopAbs_EDGE)  # each as the boundary uses it
-    uses = [boundary[boundary.find_number(edge)] for edge in edges]
-    if len(uses) == 1:
-        start, stop = find_end_vertices(uses[0])
-        return uses, bool(start.IsSame(stop))
-    vertices = ShapeIndex(face, TopAbs_VERTEX)
-    starts, stops = zip(*(map(vertices.find_number, find_end_vertices(use)) for use in uses), strict=True)
-    chain, *others = chain_segments(starts, stops, both_ways=True)
-    if others:
-        raise SelectionError("the edges do not form one chain; blend chains without common vertices one at a time")
-    return [uses[k] for k in chain], starts[chain[0]] == stops[chain[-1]]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,11 @@ class SelectTolerances:
     smooth_angle: float = 1e-3
     """rad: faces that meet at less are smooth already; at less from pi, a knife edge."""
     continuation_angle: float = 1e-2
-    """rad: a joint goes on past a vertex only where it turns by less."""
+    """rad: a chain goes on past a vertex only where it turns by less."""
+    dihedral_samples: int = 17
+    """Samples inside an edge at which the angle between its faces is measured."""
+    dihedral_margin: float = 0.02
+    """Part of an edge at either end in which its faces may become tangent, and none of these samples are."""
     sharpness_samples: int = 50
     """Samples along an edge that tell whether it is sharp anywhere."""
     spine_samples: int = 65
@@ -29,6 +33,8 @@ class SelectTolerances:
     """In parameters: a contact this near to its face's boundary lies on it, and leaves nothing of the face."""
     face_boundary: float = 1e-9
     """In parameters: any other point this near to a face's boundary lies on it."""
+    same_corner: float = 1e-6
+    """In parameters: corners of a face's boundary at one vertex that are not further apart are not told apart."""
     cap_probe_share: float = 0.12
     """Part of the sum of both legs of an end section: a point between them, which the cap cuts off."""
     cap_probe_step: float = 1e-3

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cqblend.blends.network.blend_plan import NewEdge, PlannedPcurve, PlannedVertex
+from cqblend.blends.network.blend_plan import NewEdge, PlannedVertex
 from cqblend.brep.selection.chains import Junction
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.errors import UnsupportedError
-from cqblend.splines import Curve
 
 
 def join_cells(before: StripPlacement, after: StripPlacement, junction: Junction) -> tuple[StripEnd, StripEnd]:
@@ -31,13 +30,11 @@ def join_cells(before: StripPlacement, after: StripPlacement, junction: Junction
         )
         for first, second in zip(before.rail_curves, after.rail_curves, strict=True)
     ]
-    pcurves = (
-        PlannedPcurve(before.surface, Curve.bezier([(stop, 0.0), (stop, 1.0)])),
-        PlannedPcurve(after.surface, Curve.bezier([(start, 0.0), (start, 1.0)])),
-    )
+    section = before.strip.locate_section(stop)
+    pcurves = (before.plan_pcurve(section.make_pcurve(stop)), after.plan_pcurve(section.make_pcurve(start)))
     order = min(1, *(ribbon.order for cell in (before, after) for ribbon in cell.blend.ribbons))
     pair = (corners[0], corners[1])
-    edge = NewEdge("section", before.strip.last_section, (0.0, 1.0), pair, pcurves, order)
+    edge = NewEdge("section", section.curve, section.span, pair, pcurves, order)
     trims = []
     for i, crossed in enumerate(junction.crossed):
         if len(crossed) > 1:

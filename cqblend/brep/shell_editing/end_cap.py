@@ -21,7 +21,6 @@ from cqblend.brep.selection.edge_ends import find_edge_in_plane
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     fit_solved_curve,
-    get_end_parameters,
     plan_end_edge,
     plan_shared_edge,
     solve_end_curve,
@@ -31,7 +30,6 @@ from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, locate_vertex, orient_forward
 from cqblend.errors import TopologyError
-from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame, normalise_vectors
@@ -62,8 +60,8 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
     """
     cap, joint = _place_cap(placement, end, t), placement.joint
     start = EndCurveStart(end, placement.locate_edge_parameter(t), np.zeros(2), cap.foot)
-    curve = solve_end_curve(placement.strip, cap.plane, start)
-    edge, corners = plan_end_edge(placement.surface, curve, cap.surface)
+    cut = solve_end_curve(placement.strip, cap.plane, start)
+    edge, corners = plan_end_edge(placement, cut, cap.surface)
     vertex, foot = joint.spine.vertices[end], _plan_foot_vertex(placement, end, t, cap.foot)
     inner_borders: list[tuple[EdgeUse, ...]] = []
     borders, trims = [], []
@@ -73,7 +71,7 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
             find_edge_in_plane(side.face, vertex, joint.spine.edges, tangent, corner.point) if t == end else None
         )
         if edge_in_plane is None:
-            border = EdgeUse(_plan_cap_border(placement, i, cap, curve, (foot, corner)))
+            border = EdgeUse(_plan_cap_border(placement, i, cap, cut.rail_parameters[i], (foot, corner)))
             inner_borders.append((border,))
         else:
             border = _trim_to_corner(placement, edge_in_plane, (foot, corner), cap)
@@ -87,7 +85,7 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
     return StripEnd(
         (edge,),
         corners,
-        get_end_parameters(curve),
+        cut.rail_parameters,
         foot,
         tuple(trims),
         cap_borders=(inner_borders[0], inner_borders[1]),
@@ -140,19 +138,21 @@ def _plan_cap_border(
     placement: StripPlacement,
     i: int,
     cap: _FlatCap,
-    end_curve: Curve,
+    at_corner: float,
     vertices: tuple[PlannedVertex, PlannedVertex],
 ) -> NewEdge:
-    """Plan the edge in which support face ``i`` meets the plane of a cap, from the foot on the edge to corner ``i``."""
+    """Plan the edge in which support face ``i`` meets the plane of a cap, from the foot on the edge to corner ``i``.
+
+    The corner is at the parameter ``at_corner`` of the rail.
+    """
     side, plane, foot = placement.joint.sides[i], cap.plane, cap.foot
     edge_uv = placement.joint.spine.evaluate_pcurves(
         np.array([cap.t]), side.face
     )  # the face's own, to the edge's tolerance
-    at_corner = end_curve(np.array([float(i)]))
-    t, corner = at_corner[0, [0]], at_corner[0, 4:]
+    corner = vertices[1].point
     start, stop = (
         side.unwrap_near(side.to_face_parameters(cap.stations.uv[i]), edge_uv),
-        side.unwrap_near(placement.rail_pcurves[i](t), edge_uv),
+        side.unwrap_near(placement.rail_pcurves[i](np.array([at_corner])), edge_uv),
     )
     chord, normal = corner - foot, plane.frame.axes[2]
     length = float(np.linalg.norm(chord))

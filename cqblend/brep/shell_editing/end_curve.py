@@ -10,7 +10,8 @@ import numpy as np
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.network.blend_plan import EdgeRole, NewEdge, PlannedPcurve, PlannedSurface, PlannedVertex
-from cqblend.blends.network.strip_surface import StripSurface
+from cqblend.blends.network.strip_surface import StripCut, StripSurface
+from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.splines import Curve, interpolation
@@ -56,12 +57,6 @@ class TouchPoint:
     slope: float  # dt/dv
 
 
-def get_end_parameters(curve: Curve) -> tuple[float, float]:
-    """Return the t of the rails at which an end curve starts and stops."""
-    first, last = curve(np.array([0.0, 1.0]))[:, 0]
-    return float(first), float(last)
-
-
 def fit_solved_curve(solve_points: PointSolver, measure_error: Callable[[Array, Array], float]) -> Curve:
     """Interpolate a curve on [0, 1]: by one cubic if that is near enough, else by C2 cubics on enough spans.
 
@@ -95,11 +90,11 @@ def _interpolate_cubic(values: Array) -> Curve:
 
 def solve_end_curve(
     blend: StripSurface, target: Primary, start: EndCurveStart, touch: TouchPoint | None = None
-) -> Curve:
+) -> StripCut:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
     It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]: in closed form on a plane that
-    cuts a straight blend, or a revolved one along a section; else solved point by point. Where a support face is
+    cuts a straight blend, or one around an axis along a section; else solved point by point. Where a support face is
     tangent to N, the blend touches N where its rail crosses over, at ``touch``.
 
     Raises
@@ -145,7 +140,7 @@ def solve_end_curve(
         on_blend, on_target = blend(values[:, 0], v), target.jet(values[:, 2:4])[0]
         return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_target)))
 
-    return fit_solved_curve(solve_curve_points, measure_error)
+    return StripCut.from_solution(fit_solved_curve(solve_curve_points, measure_error))
 
 
 def solve_touch_point(
@@ -203,12 +198,20 @@ def solve_touch_point(
 
 
 def plan_end_edge(
-    surface: PlannedSurface, curve: Curve, face: int | PlannedSurface
+    placement: StripPlacement, cut: StripCut, face: int | PlannedSurface
 ) -> tuple[NewEdge, tuple[PlannedVertex, PlannedVertex]]:
     """Plan the edge of an end curve, with its pcurves on the blend and on the face it ends on, and its two corners."""
-    first, last = curve(np.array([0.0, 1.0]))[:, 4:]
+    first, last = cut.ends
     corners = (PlannedVertex(first), PlannedVertex(last))
-    return plan_shared_edge("end curve", curve, corners, (surface, face)), corners
+    return plan_cut_edge(placement, cut, corners, face), corners
+
+
+def plan_cut_edge(
+    placement: StripPlacement, cut: StripCut, vertices: tuple[PlannedVertex, PlannedVertex], face: int | PlannedSurface
+) -> NewEdge:
+    """Plan the edge of an end curve between given vertices."""
+    pcurves = (placement.plan_pcurve(cut.on_strip), PlannedPcurve(face, cut.on_other))
+    return NewEdge("end curve", cut.curve, cut.span, vertices, pcurves)
 
 
 def plan_shared_edge(

@@ -15,13 +15,13 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
+from cqblend.blends.network.strip_surface import StripCut
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
-    get_end_parameters,
+    plan_cut_edge,
     plan_end_edge,
-    plan_shared_edge,
     solve_end_curve,
     solve_touch_point,
 )
@@ -41,8 +41,6 @@ from cqblend.brep.topology import (
     locate_vertex,
 )
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
-from cqblend.splines import Curve
-from cqblend.splines.bernstein import Array
 
 
 def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
@@ -99,31 +97,31 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
         at = placement.rail_curves[side](np.array([start.t]))[0]
         grows = is_corner_behind(shared_edges[side], vertex, at)
         touch = solve_touch_point(placement.strip, target.face_primary, start, side, into_blend=grows)
-    curve = solve_end_curve(placement.strip, target.face_primary, start, touch)
-    edge, corners = plan_end_edge(placement.surface, curve, number)
+    cut = solve_end_curve(placement.strip, target.face_primary, start, touch)
+    edge, corners = plan_end_edge(placement, cut, number)
     trims = tuple(
         EdgeTrim(placement, end, shared, vertex, corner, (side.face, target.face))
         for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
     )
     reach = [reaches_corner(trim) for trim in trims]
-    if all(reach) and not _grows(placement, end, target, curve) and _leaves_face(placement, target, curve):
+    if all(reach) and not _grows(placement, end, target, cut) and _leaves_face(placement, target, cut):
         raise SizeError("the face there is too small for the end of the blend: the size is too large", kind="too large")
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
-    return StripEnd((edge,), corners, get_end_parameters(curve), placement.keep_vertex(vertex), trims, (added,))
+    return StripEnd((edge,), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
 
 
-def _grows(placement: StripPlacement, end: int, target: SupportFace, curve: Curve) -> bool:
+def _grows(placement: StripPlacement, end: int, target: SupportFace, cut: StripCut) -> bool:
     """Whether the face that a blend ends on is to get more of its surface there, not less."""
-    s, v, *uv = curve(np.array([0.5]))[0, :4]
-    meeting = Meeting.at_end(placement, end, target)
-    return bool(meeting.evaluate_rates(np.array([s, v, *uv]))[1] < 0)
+    middle = np.array([sum(cut.span) / 2])
+    x = np.concatenate([cut.on_strip(middle)[0], cut.on_other(middle)[0]])
+    return bool(Meeting.at_end(placement, end, target).evaluate_rates(x)[1] < 0)
 
 
-def _leaves_face(placement: StripPlacement, target: SupportFace, curve: Curve) -> bool:
+def _leaves_face(placement: StripPlacement, target: SupportFace, cut: StripCut) -> bool:
     """Whether an end curve runs outside of the face that it is on."""
     shares = (np.arange(SHELL_EDIT_TOLERANCES.checked_end_points) + 0.5) / SHELL_EDIT_TOLERANCES.checked_end_points
     classifier = placement.index.get_classifier(target.face, SELECT_TOLERANCES.face_boundary)
-    inside = target.wrap_to_window(curve(shares)[:, 2:4])
+    inside = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
     return any(classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT for uv in inside.tolist())
 
 
@@ -156,15 +154,9 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
     SizeError, TopologyError
         If what the way cuts off is not just what lies around the end of the edge.
     """
-    starts, stops = ([piece.curve(np.array([share]))[0] for piece in path.pieces] for share in (0.0, 1.0))
-    vertices = _plan_corners(placement, path, starts, stops)
+    vertices = _plan_corners(placement, path)
     edges = tuple(
-        plan_shared_edge(
-            "end curve",
-            piece.curve,
-            (vertices[k], vertices[k + 1]),
-            (placement.surface, placement.number_face(piece.side.face)),
-        )
+        plan_cut_edge(placement, piece.cut, (vertices[k], vertices[k + 1]), placement.number_face(piece.side.face))
         for k, piece in enumerate(path.pieces)
     )
     cuts = _FaceCuts(placement, end)
@@ -188,7 +180,7 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
     return StripEnd(
         edges,
         (vertices[0], vertices[-1]),
-        (float(starts[0][0]), float(stops[-1][0])),
+        (path.pieces[0].cut.rail_parameters[0], path.pieces[-1].cut.rail_parameters[1]),
         placement.keep_vertex(placement.joint.spine.vertices[end]),
         trims,
         plans,
@@ -196,19 +188,19 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
     )
 
 
-def _plan_corners(
-    placement: StripPlacement, path: EndPath, starts: Sequence[Array], stops: Sequence[Array]
-) -> list[PlannedVertex]:
-    """Return the vertices at the crossings of a way, from the points (s, v, a, b, x, y, z) where pieces start and stop.
+def _plan_corners(placement: StripPlacement, path: EndPath) -> list[PlannedVertex]:
+    """Return the vertices at the crossings of a way.
 
-    On two faces whose edge is off their surfaces, these differ.
+    Where an edge is off the surfaces of its two faces, the ends of the pieces there differ.
     """
-    arriving, leaving = [starts[0], *stops], [*starts, stops[-1]]
+    ends = [piece.cut.ends for piece in path.pieces]
+    arriving, leaving = [ends[0][0], *(one[1] for one in ends)], [*(one[0] for one in ends), ends[-1][1]]
     vertices = []
-    for crossing, one, other in zip(path.crossings, arriving, leaving, strict=True):
-        gap = float(np.linalg.norm(one[4:] - other[4:]))
-        new = PlannedVertex(one[4:], gap=gap)
-        vertices.append(new if crossing.vertex is None else placement.keep_vertex(crossing.vertex))
+    for crossing, point, other in zip(path.crossings, arriving, leaving, strict=True):
+        if crossing.vertex is None:
+            vertices.append(PlannedVertex(point, gap=float(np.linalg.norm(point - other))))
+        else:
+            vertices.append(placement.keep_vertex(crossing.vertex))
     return vertices
 
 

@@ -18,6 +18,7 @@ from OCP.TopAbs import TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.contacts.newton import solve_damped_newton
+from cqblend.blends.network.strip_surface import StripCut
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shell_editing.end_curve import EndCurveStart, solve_touch_point
@@ -28,7 +29,6 @@ from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import CONFUSION, find_end_vertices, is_among, locate_vertex
 from cqblend.errors import CqblendError, GeometryError, TopologyError
-from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
 
@@ -53,11 +53,11 @@ class Crossing:
 
 @dataclass(frozen=True)
 class PathPiece:
-    """The part of the way on one face: its curve (s, v, a, b, x, y, z) on [0, 1], and where it enters and leaves."""
+    """The part of the way on one face: the curve in which the blend meets it, and where that enters and leaves."""
 
     side: SupportFace
     boundary: FaceBoundary
-    curve: Curve
+    cut: StripCut
     entry: BoundaryMark
     exit: BoundaryMark
 

@@ -13,13 +13,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from cqblend.blends.contacts.newton import solve_damped_newton
-from cqblend.blends.network.strip_surface import StripSurface
+from cqblend.blends.network.strip_surface import StripCut, StripSurface
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.shell_editing.end_curve import fit_solved_curve
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import GeometryError, TopologyError
-from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.quadrics import Plane
@@ -114,8 +113,8 @@ class Meeting:
             raise TopologyError("the blend cannot be followed: it is too large for what lies there")
         return MeetingPoint(x[0], self.evaluate_rates(x[0]))
 
-    def fit_through(self, points: Sequence[MeetingPoint]) -> Curve:
-        """Return the curve (s, v, a, b, x, y, z) on [0, 1] from the first to the last of its points.
+    def fit_through(self, points: Sequence[MeetingPoint]) -> StripCut:
+        """Return the curve from the first to the last of its points.
 
         In closed form where the blend has one with the plane that it ends on, else solved across a polynomial near the
         points.
@@ -129,7 +128,7 @@ class Meeting:
         if isinstance(self.target, Plane) and not (first.touches or last.touches) and first.x[1] < last.x[1]:
             section = self.blend.cut_with_plane(self.target, float(first.x[0]))
             if section is not None:
-                return section.clip(float(first.x[1]), float(last.x[1])).reparametrized(0.0, 1.0)
+                return section.restrict(float(first.x[1]), float(last.x[1]))
         scales = self.measure_scales((first.x + last.x) / 2)
         guide = _fit_guide(points, scales)
         length = float(np.linalg.norm(scales * (last.x - first.x)[:2]))
@@ -151,7 +150,7 @@ class Meeting:
             on_blend, on_target = self.blend(values[:, 0], values[:, 1]), self.target.jet(values[:, 2:4])[0]
             return float(max(np.abs(p - values[:, 4:]).max() for p in (on_blend, on_target)))
 
-        return fit_solved_curve(solve_curve_points, measure_error)
+        return StripCut.from_solution(fit_solved_curve(solve_curve_points, measure_error))
 
 
 def _fit_guide(points: Sequence[MeetingPoint], scales: Array) -> tuple[list[Polynomial], list[Polynomial]]:

@@ -15,10 +15,13 @@ from OCP.BRep import BRep_Tool
 from OCP.Geom import (
     Geom_Circle,
     Geom_Curve,
+    Geom_CylindricalSurface,
+    Geom_Line,
     Geom_Plane,
     Geom_SphericalSurface,
     Geom_Surface,
     Geom_SurfaceOfRevolution,
+    Geom_ToroidalSurface,
 )
 from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
@@ -39,7 +42,10 @@ from cqblend.blends.network.blend_plan import (
     PlannedVertex,
     SolidPlan,
     StripPlan,
+    SurfaceGeometry,
+    reverse_path,
 )
+from cqblend.blends.network.strip_surface import RailCurve
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
@@ -70,7 +76,9 @@ from cqblend.certificate import NewEdgeKind
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve, Surface
 from cqblend.surfaces.circle import Circle, PlanarCircle
-from cqblend.surfaces.quadrics import Plane, Sphere
+from cqblend.surfaces.line import Line
+from cqblend.surfaces.quadrics import Cylinder, Plane
+from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 from cqblend.surfaces.vectors import LocalFrame
 
 CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
@@ -96,7 +104,7 @@ class BuiltStrip:
     """A blend face in a rewritten solid, the support faces, trimmed at its rails, and its edges: rails and others."""
 
     blend_face: TopoDS_Face
-    geometry: Surface | RevolvedSection | Plane | Sphere  # of the blend face
+    geometry: SurfaceGeometry  # of the blend face
     trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
     other_edges: tuple[BuiltEdge, ...]
@@ -128,8 +136,9 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         rebuilt[face_plan.number] = _rebuild_face(face_plan, parts)
     blend_faces, caps = [], []
     for strip in plan.strips:
-        forward = parts.bound_face(strip.surface, strip.boundary)
-        blend_faces.append(TopoDS.Face_s(forward.Reversed()))
+        boundary = tuple(reverse_path(strip.boundary)) if strip.is_mirrored else strip.boundary
+        forward = parts.bound_face(strip.surface, boundary)
+        blend_faces.append(forward if strip.is_mirrored else TopoDS.Face_s(forward.Reversed()))
         caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
     new_faces = [*blend_faces, *chain.from_iterable(caps)]
     deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
@@ -258,8 +267,10 @@ class _PartBuilder:
         return edge
 
 
-def _make_curve(curve: Curve | Circle) -> Geom_Curve:
+def _make_curve(curve: RailCurve) -> Geom_Curve:
     """Return a curve as one of OCCT's."""
+    if isinstance(curve, Line):
+        return Geom_Line(gp_Pnt(*curve.origin.tolist()), gp_Dir(*curve.direction.tolist()))
     if isinstance(curve, Circle):
         origin, x, _, z = _to_points(curve.frame)
         return Geom_Circle(gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x)), curve.radius)
@@ -273,10 +284,14 @@ def _make_surface(surface: PlannedSurface) -> Geom_Surface:
         return spline_arrays.surface_from_arrays(*geometry.to_bspline())
     origin, x, y, z = _to_points(geometry.frame)
     if isinstance(geometry, RevolvedSection):
-        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile()), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
+        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile(0.0)), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
     position = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
     if np.cross(x, y) @ z < 0:
         position.YReverse()
+    if isinstance(geometry, RevolvedEllipse):
+        return Geom_ToroidalSurface(position, geometry.ellipse[0, 0], geometry.ellipse[1, 0])
+    if isinstance(geometry, Cylinder):
+        return Geom_CylindricalSurface(position, geometry.radius)
     return Geom_Plane(position) if isinstance(geometry, Plane) else Geom_SphericalSurface(position, geometry.radius)
 
 
@@ -298,13 +313,11 @@ def _make_pcurve(curve: Curve | PlanarCircle) -> Geom2d_Curve:
     degree, knots, poles, weights = curve.to_bspline()
     if degree == 1 and len(poles) == 2 and weights is None:
         (low, high), step = curve.domain, poles[1] - poles[0]
-        axis = int(np.abs(step).argmax())
         slack = SHELL_EDIT_TOLERANCES.unit_speed * (np.abs(poles).max(axis=0) + high - low)
-        off = np.abs(step)
-        off[axis] -= high - low
-        if np.all(np.abs(off) <= slack):  # along an axis, at unit speed
-            direction = np.zeros(2)
-            direction[axis] = np.sign(step[axis])
+        direction = np.where(np.abs(step) <= slack, 0.0, step)
+        length = float(np.linalg.norm(direction))
+        if abs(length - (high - low)) <= slack.max():
+            direction /= length
             return Geom2d_Line(gp_Pnt2d(*(poles[0] - low * direction).tolist()), gp_Dir2d(*direction.tolist()))
     return spline_arrays.curve2d_from_arrays(degree, knots, poles, weights)
 

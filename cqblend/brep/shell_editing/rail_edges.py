@@ -115,7 +115,7 @@ def _plan_rail_edge(
         curve = curve + shift if shift.any() else curve
     pcurves = (
         PlannedPcurve(placement.get_support(i), curve),
-        PlannedPcurve(placement.surface, Curve.bezier([(span[0], i), (span[1], i)], domain=span)),
+        placement.plan_pcurve(Curve.bezier([(span[0], i), (span[1], i)], domain=span)),
     )
     order = placement.blend.ribbons[i].order
     return NewEdge("rail", placement.rail_curves[i], span, vertices, pcurves, min(order, 2))

@@ -7,19 +7,20 @@ from functools import cached_property
 
 from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
 
-from cqblend.blends.network.blend_plan import PlannedSurface, PlannedVertex
-from cqblend.blends.network.strip_surface import RevolvedStrip, SplineStrip, StripSurface
+from cqblend.blends.network.arc_strip import ArcStrip
+from cqblend.blends.network.blend_plan import PlannedPcurve, PlannedSurface, PlannedVertex
+from cqblend.blends.network.strip_surface import RailCurve, RevolvedStrip, SplineStrip, StripSurface
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.blends.sections.revolved_section import find_revolved_section
-from cqblend.brep.conversion.circular_pcurve import find_circular_pcurve
+from cqblend.brep.conversion.analytic_pcurves import find_analytic_pcurve, find_circular_pcurve
 from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
 from cqblend.brep.topology import locate_vertex
 from cqblend.splines import Curve
-from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.circle import PlanarCircle
 from cqblend.surfaces.quadrics import Sphere
 
 CapStations = tuple[float | None, float | None]
@@ -36,7 +37,7 @@ class StripPlacement:
     spheres: tuple[PlannedSurface | None, PlannedSurface | None]  # which of these are spheres that get a new axis
     strip: StripSurface  # the blend surface, in the parameters in which it goes into the solid
     surface: PlannedSurface  # the same, to be built
-    rail_curves: tuple[Curve | Circle, Curve | Circle]  # its rows v = 0 and v = 1
+    rail_curves: tuple[RailCurve, RailCurve]  # its rows v = 0 and v = 1
     rail_pcurves: tuple[Curve | PlanarCircle, Curve | PlanarCircle]  # s -> parameters on the support faces
 
     @property
@@ -66,6 +67,17 @@ class StripPlacement:
         """The numbers of the support faces in the solid."""
         first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
         return first, second
+
+    def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
+        """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
+
+        ``reversed_curve`` is that of its second use, if it is a seam.
+        """
+        own = self.strip.map_to_surface(curve)
+        if reversed_curve is None:
+            return PlannedPcurve(self.surface, own)
+        other = self.strip.map_to_surface(reversed_curve)
+        return PlannedPcurve(self.surface, *((other, own) if self.strip.is_mirrored else (own, other)))
 
     def get_support(self, i: int) -> int | PlannedSurface:
         """Return what pcurves on support face ``i`` refer to: its number, or the sphere that it gets."""
@@ -97,7 +109,7 @@ def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
         sides=sides,
         spheres=(sphere1, sphere2),
         strip=strip,
-        surface=PlannedSurface(strip.surface if isinstance(strip, SplineStrip) else strip.section),
+        surface=PlannedSurface(strip.geometry),
         rail_curves=strip.rail_curves,
         rail_pcurves=pcurves,
     )
@@ -105,8 +117,15 @@ def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
 
 def _describe_strip(
     blend: BlendSurface, sides: tuple[SupportFace, SupportFace]
-) -> tuple[SplineStrip | RevolvedStrip, tuple[Curve | PlanarCircle, Curve | PlanarCircle]]:
+) -> tuple[SplineStrip | RevolvedStrip | ArcStrip, tuple[Curve | PlanarCircle, Curve | PlanarCircle]]:
     """Return the surface of a strip and its rails on the support faces, around an axis if all of it is so."""
+    if blend.arc is not None:
+        strip = ArcStrip(blend.arc)
+        one, other = (
+            find_analytic_pcurve(side, ribbon, rail, blend.arc.stops, blend.arc.map_to_parameters)
+            for side, ribbon, rail in zip(sides, blend.ribbons, strip.rail_curves, strict=True)
+        )
+        return strip, (one, other)
     section = None if any(ribbon.fades for ribbon in blend.ribbons) else find_revolved_section(blend)
     if section is not None:
         revolved = RevolvedStrip(section)

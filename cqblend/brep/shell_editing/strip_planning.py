@@ -22,7 +22,6 @@ from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
     NewEdge,
-    PlannedPcurve,
     PlannedVertex,
     SolidPlan,
     StripPlan,
@@ -42,7 +41,6 @@ from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
-from cqblend.splines import Curve
 
 
 @dataclass(frozen=True)
@@ -144,9 +142,9 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
         trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), continues=True), removed)
         for i, corner in enumerate(corners)
     )
-    before, after = (Curve.bezier([(t, 0.0), (t, 1.0)]) for t in (low, high))
-    pcurve = PlannedPcurve(placement.surface, after, before)
-    seam = EdgeUse(NewEdge("seam", placement.strip.first_section, (0.0, 1.0), (corners[0], corners[1]), (pcurve,)))
+    section = placement.strip.locate_section(low)
+    pcurve = placement.plan_pcurve(section.make_pcurve(high), section.make_pcurve(low))
+    seam = EdgeUse(NewEdge("seam", section.curve, section.span, (corners[0], corners[1]), (pcurve,)))
     boundary = (*map(EdgeUse, first.edges), seam, *reverse_path([EdgeUse(e) for e in second.edges]), seam.reverse())
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ()), (first, second))
 
@@ -194,6 +192,7 @@ def _make_strip_plan(
         tuple(end.edges for end in ends),
         tuple(end.cap for end in ends if end.cap is not None),
         tuple(number for end in ends for number in end.removed_faces),
+        placement.strip.is_mirrored,
     )
 
 

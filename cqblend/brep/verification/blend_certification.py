@@ -27,6 +27,7 @@ from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.arc_joints import prove_arc_strip
 from cqblend.brep.verification.circular_joints import prove_revolved_strip
 from cqblend.brep.verification.edge_certification import certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
@@ -99,6 +100,8 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
 def _choose_proof(joint: Joint, strip: BuiltStrip, blend: BlendSurface) -> Callable[[], Proof]:
     """Return what proves the surface that is in the solid."""
     first, second = blend.ribbons
+    if blend.arc is not None:
+        return partial(prove_arc_strip, strip, blend, blend.arc)
     if isinstance(strip.geometry, RevolvedSection):
         return partial(prove_revolved_strip, strip, (first.order, second.order))
     # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
@@ -160,14 +163,17 @@ def _measure_faded_share(ribbon: Ribbon) -> float:
     )
 
 
-def _measure_bending_energy(surface: Surface, strip: BuiltStrip | None) -> float:
+def _measure_bending_energy(blend: BlendSurface, strip: BuiltStrip | None) -> float:
     """Return the bending energy of a blend within the boundary of its face, or over its whole domain."""
     if strip is None:
-        return bending_energy(surface)
-    outline = sample_outline(strip.blend_face)
-    if isinstance(strip.geometry, RevolvedSection):
+        return bending_energy(blend.surface)
+    outline, arc = sample_outline(strip.blend_face), blend.arc
+    if arc is not None:
+        s, v = arc.map_from_surface(outline.reshape(-1, 2))
+        outline = np.stack([arc.map_to_parameters(s), arc.map_to_arc_parameter(v)], axis=-1).reshape(outline.shape)
+    elif isinstance(strip.geometry, RevolvedSection):
         outline[..., 0] = strip.geometry.map_to_parameters(outline[..., 0].ravel()).reshape(outline.shape[:2])
-    return bending_energy(surface, outline)
+    return bending_energy(blend.surface, outline)
 
 
 def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certificate:
@@ -192,5 +198,5 @@ def _build_certificate(blend: BlendSurface, measured: _Measurements) -> Certific
         edges=measured.edges,
         residual=blend.residual,
         proofs=(measured.prove or partial(prove_blend, blend),),
-        energies=(partial(_measure_bending_energy, surface, measured.outlined),),
+        energies=(partial(_measure_bending_energy, blend, measured.outlined),),
     )

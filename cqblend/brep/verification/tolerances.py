@@ -24,6 +24,10 @@ class VerificationTolerances:
     analysis_epsilon: float = 1e-12
     """Values (mm, radians) that OCCT's analysis of continuity takes for zero; its default of 1e-3 would hide gaps."""
 
+    proof_samples: int = 33
+    """Number of places at which a rail edge of arcs is compared with its rail; what is found counts twice, for what
+    lies between."""
+
     step_deviation: float = 1e-7
     """mm, radians: by how much the gap and the angle of a smooth edge may grow in a STEP file, beside a tenth."""
 

@@ -22,7 +22,7 @@ def test_points_are_those_of_the_profile_turned():
     """Turned by CadQuery."""
     s, v = np.array([0.0, 0.7, 2.0, 4.0]), np.array([0.0, 0.3, 0.8, 1.0])
     origin, axis = cq.Vector(*FRAME.origin), cq.Vector(*FRAME.axes[2])
-    for point, angle, start in zip(STRIP(s, v), s, STRIP.first_section(v), strict=True):
+    for point, angle, start in zip(STRIP(s, v), s, STRIP.locate_section(0.0).curve(v), strict=True):
         vertex = cq.Vertex.makeVertex(*start).rotate(origin, origin + axis, float(np.degrees(angle)))
         assert np.linalg.norm(point - vertex.toTuple()) < 1e-13
 

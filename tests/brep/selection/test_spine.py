@@ -11,8 +11,7 @@ from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GCPnts import GCPnts_AbscissaPoint
 
 from cqblend.brep.conversion.support_face import read_support_face
-from cqblend.brep.selection.spine import EdgeSpine, chain_edges
-from cqblend.errors import SelectionError
+from cqblend.brep.selection.spine import EdgeSpine
 
 V = cq.Vector
 
@@ -77,34 +76,12 @@ def top_of(body: cq.Shape) -> cq.Face:
     return max(body.Faces(), key=lambda face: face.Center().z)
 
 
-def test_chain_runs_as_the_face_does_whatever_order_it_is_given_in():
-    face = top_of(prism())
-    edges = face.Edges()
-    for start in range(len(edges)):
-        ordered, closed = chain_edges([e.wrapped for e in edges[start:] + edges[:start]], face.wrapped)
-        assert closed
-        assert len(ordered) == len(edges)
-        spine = EdgeSpine(ordered, closed)
-        points = spine.evaluate_points(np.linspace(0, 1, 400))
-        x, y = points[:, 0], points[:, 1]
-        area = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
-        assert area == pytest.approx(face.Area(), rel=1e-2)  # seen from outside, the face lies to the left
-
-
-def test_edges_apart_are_no_chain():
-    face = top_of(cq.Solid.makeBox(4, 4, 4))
-    picked = sorted(face.Edges(), key=lambda e: e.Center().x)
-    with pytest.raises(SelectionError, match="do not form one chain"):
-        chain_edges([picked[0].wrapped, picked[-1].wrapped], face.wrapped)
-
-
 def test_stations_past_the_ends_lie_on_the_tangents():
     body = prism()
     face = top_of(body)
     edge = next(e for e in face.Edges() if e.geomType() == "CIRCLE")
     side = next(f for f in edge.ancestors(body, "Face").Faces() if not f.isSame(face))
-    ordered, closed = chain_edges([edge.wrapped], face.wrapped)
-    spine = EdgeSpine(ordered, closed)
+    spine = EdgeSpine([edge.wrapped], closed=False)
     points = spine.evaluate_points(np.linspace(0, 1, 33))
     sides = (read_support_face(face.wrapped, points), read_support_face(side.wrapped, points))
     t = np.array([-0.1, 0.0, 0.3, 1.0, 1.2])

@@ -10,7 +10,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
 
 from cqblend.blend_options import BlendOptions
 from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, NewEdge, PlannedVertex
-from cqblend.brep.selection.picked_edges import select_joints
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, _merge_face_plans, merge_chains
 from cqblend.brep.topology import ShapeIndex
@@ -23,7 +23,7 @@ from cqblend.solid_blends.strip_context import StripContext
 
 def plan(body: cq.Shape, edges, radius: float):
     method = choose_section_method(BlendOptions(radius).to_request())
-    selection = select_joints(body.wrapped, [edge.wrapped for edge in edges], None, None)
+    selection = select_chains(body.wrapped, [edge.wrapped for edge in edges], None, None, follow=False)
     chains = [network[0].chain for network in selection.networks]
     contexts = [ChainContext(one, tuple(StripContext(cell, method) for cell in one.cells)) for one in chains]
     drafts = [ChainDrafts(context).make_first() for context in contexts]
