@@ -25,7 +25,14 @@ from cqblend.brep.shell_editing.end_curve import (
     solve_end_curve,
     solve_touch_point,
 )
-from cqblend.brep.shell_editing.end_path import Crossing, EndPath, PathPiece, find_end_path
+from cqblend.brep.shell_editing.end_path import (
+    Crossing,
+    EndPath,
+    PathPiece,
+    find_end_path,
+    leaves_support,
+    list_cut_uses,
+)
 from cqblend.brep.shell_editing.end_tracing import Meeting
 from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, is_corner_behind, reaches_corner
@@ -37,7 +44,6 @@ from cqblend.brep.topology import (
     find_end_uv,
     find_end_vertices,
     find_vertex_uv,
-    is_among,
     locate_vertex,
 )
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -160,8 +166,8 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
         for k, piece in enumerate(path.pieces)
     )
     cuts = _FaceCuts(placement, end)
-    for i, boundary in enumerate(path.support_boundaries):
-        cuts.cut_support(i, boundary, path.crossings[-i].mark)
+    for i, crossing in enumerate((path.crossings[0], path.crossings[-1])):
+        cuts.cut_support(i, crossing)
     for piece, edge in zip(path.pieces, edges, strict=True):
         cuts.cut_piece(piece, edge)
     plans, removed_faces = cuts.list_face_plans()
@@ -219,13 +225,10 @@ class _FaceCuts:
         self._added: dict[int, list[EdgeUse]] = {}
         self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
 
-    def cut_support(self, i: int, boundary: FaceBoundary, mark: BoundaryMark) -> None:
-        """Cut a support face between the blended edge and the mark where its rail leaves it."""
-        runs_with_boundary = (self.placement.sides[i].outward > 0) == (i == 0)
-        returns = runs_with_boundary == (self.end == 1)
-        own = [k for k, use in enumerate(boundary.uses) if is_among(use, self.placement.joint.spine.edges)]
-        self._cut(boundary, boundary.list_until(mark, own, backward=returns))
-        self._lose_end(boundary, mark, leaves=not returns)
+    def cut_support(self, i: int, crossing: Crossing) -> None:
+        """Cut support face ``i`` between the blended edge and the crossing where its rail leaves it."""
+        self._cut(crossing.boundary, list_cut_uses(self.placement, self.end, i, crossing))
+        self._lose_end(crossing.boundary, crossing.mark, leaves=leaves_support(self.placement, self.end, i))
 
     def cut_piece(self, piece: PathPiece, edge: NewEdge) -> None:
         """Cut a face along one piece of the way, which becomes an edge."""

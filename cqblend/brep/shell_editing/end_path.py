@@ -64,13 +64,12 @@ class PathPiece:
 
 @dataclass(frozen=True)
 class EndPath:
-    """A way around the end of a blend, and the boundaries of its two support faces.
+    """A way around the end of a blend.
 
     ``crossings`` are the points at which pieces start and stop, one more than there are pieces: the first and the last
     as the support faces have them, the others as the face before has them.
     """
 
-    support_boundaries: tuple[FaceBoundary, FaceBoundary]
     pieces: tuple[PathPiece, ...]
     crossings: tuple[Crossing, ...]
 
@@ -88,6 +87,29 @@ def find_end_path(placement: StripPlacement, end: int) -> EndPath:
     return _PathWalker(placement, end).walk()
 
 
+def list_cut_uses(placement: StripPlacement, end: int, i: int, crossing: Crossing) -> list[int]:
+    """Return the uses of support face ``i`` between the blended edge and where its rail leaves it past an end.
+
+    Raises
+    ------
+    TopologyError
+        If the rail leaves it over another boundary.
+    """
+    own = [k for k, use in enumerate(crossing.boundary.uses) if is_among(use, placement.joint.spine.edges)]
+    found = crossing.boundary.list_until(crossing.mark, own, backward=not leaves_support(placement, end, i))
+    if found is None:
+        raise TopologyError(f"the rail on face {placement.joint.face_numbers[i]} runs into a hole of it")
+    return found
+
+
+def leaves_support(placement: StripPlacement, end: int, i: int) -> bool:
+    """Whether the boundary of support face ``i``, FORWARD, leaves its new one where the rail ends, or comes back to it.
+
+    Rail 1 has what remains of its face to its left, seen from outside, and rail 2 to its right.
+    """
+    return ((placement.sides[i].outward > 0) == (i == 0)) != (end == 1)
+
+
 class _PathWalker:
     """The search for the way around one end of a blend."""
 
@@ -101,6 +123,7 @@ class _PathWalker:
         self.step = self.size * SHELL_EDIT_TOLERANCES.trace_step
         speed = float(np.linalg.norm(self.strip.jet(at_end, np.array([0.5]), 1)[1, 0, 0]))
         self.reach = placement.domain[end] + self.outward * self.size / speed
+        self.attempts = 0
         self.read_boundary = cache(lambda number: FaceBoundary(self.index.faces[number]))
 
     def make_short_error(self) -> RailsTooShortError:
@@ -111,18 +134,45 @@ class _PathWalker:
         return RailsTooShortError((first, last))
 
     def walk(self) -> EndPath:
-        """Return the way."""
+        """Return the way: the first that arrives, of those that go on at every crossing as they can."""
         (first, s), (last, self.last_parameter) = (self._find_rail_exit(i) for i in (0, 1))
-        pieces: list[PathPiece] = []
-        crossings, x = [first], np.array([s, 0.0, np.nan, np.nan])
-        while not pieces or crossings[-1] is not last:
-            if len(pieces) >= SHELL_EDIT_TOLERANCES.max_end_faces:
-                raise TopologyError(f"a natural end there would run over more than {len(pieces)} faces")
-            piece, leaving, x = self._follow_over_next(crossings[-1], x, last)
-            pieces.append(piece)
-            crossings.append(leaving)
-        boundaries = tuple(map(self.read_boundary, self.placement.face_numbers))
-        return EndPath((boundaries[0], boundaries[1]), tuple(pieces), tuple(crossings))
+        self.cut_edges = {
+            self.index.edges.find_number(crossing.boundary.uses[k])
+            for i, crossing in enumerate((first, last))
+            for k in list_cut_uses(self.placement, self.end, i, crossing)
+        }
+        return self._walk_on(EndPath((), (first,)), np.array([s, 0.0, np.nan, np.nan]), last)
+
+    def _walk_on(self, path: EndPath, x: Array, last: Crossing) -> EndPath:
+        """Return a way that begins with a given one and arrives; x is the point of the curve where that stops."""
+        crossing = path.crossings[-1]
+        if path.pieces and crossing is last:
+            return path
+        failures: list[CqblendError] = []
+        for side, boundary, entry in self._list_faces_beyond(crossing):
+            for follow in (self._trace, self._grow):
+                self.attempts += 1
+                if self.attempts > SHELL_EDIT_TOLERANCES.max_end_faces:
+                    raise TopologyError("a natural end there would run over too many faces")
+                try:
+                    meeting = Meeting.at_end(self.placement, self.end, side)
+                    start = self._find_start(meeting, side, boundary, entry, crossing, x)
+                    points, leaving, exit_mark = follow(meeting, side, boundary, start, entry, last)
+                    piece = PathPiece(side, boundary, meeting.fit_through(points), entry, exit_mark)
+                except (TopologyError, GeometryError) as failure:
+                    is_short = isinstance(failure, RailsTooShortError)
+                    name = self.joint.name_part(side.face)
+                    failures.append(failure if is_short else failure.with_details(before=f"on {name}, "))
+                    continue
+                longer = EndPath((*path.pieces, piece), (*path.crossings, leaving))
+                try:
+                    return self._walk_on(longer, points[-1].x, last)
+                except (TopologyError, GeometryError) as failure:
+                    failures.append(failure)
+        if not failures:
+            part = self.joint.name_part(crossing.edge if crossing.vertex is None else crossing.vertex)
+            raise TopologyError(f"there is no face to end on beyond {part}")
+        raise next((one for one in failures if isinstance(one, RailsTooShortError)), failures[0])
 
     def _find_rail_exit(self, i: int) -> tuple[Crossing, float]:
         """Return where rail ``i`` leaves its face, on its way from the middle of the edge past its end, and s there."""
@@ -167,26 +217,6 @@ class _PathWalker:
             if np.linalg.norm(locate_vertex(vertex) - point) <= max(BRep_Tool.Tolerance_s(vertex), CONFUSION):
                 return Crossing(boundary, boundary.mark_vertex(use, stops=stops), point)
         return Crossing(boundary, BoundaryMark(use, parameter), point)
-
-    def _follow_over_next(self, crossing: Crossing, x: Array, last: Crossing) -> tuple[PathPiece, Crossing, Array]:
-        """Follow the blend over the face beyond a crossing; return the piece there, where it leaves, and x there."""
-        error: CqblendError | None = None
-        for side, boundary, entry in self._list_faces_beyond(crossing):
-            meeting = Meeting.at_end(self.placement, self.end, side)
-            name = self.joint.name_part(side.face)
-            try:
-                start = self._find_start(meeting, side, boundary, entry, crossing, x)
-                points, leaving, exit_mark = self._trace(meeting, side, boundary, start, entry, last)
-                piece = PathPiece(side, boundary, meeting.fit_through(points), entry, exit_mark)
-                return piece, leaving, points[-1].x
-            except RailsTooShortError:
-                raise
-            except (TopologyError, GeometryError) as failure:
-                error = error or failure.with_details(before=f"on {name}, ")
-        if error is None:
-            part = self.joint.name_part(crossing.edge if crossing.vertex is None else crossing.vertex)
-            error = TopologyError(f"there is no face to end on beyond {part}")
-        raise error
 
     def _list_faces_beyond(self, crossing: Crossing) -> Iterator[tuple[SupportFace, FaceBoundary, BoundaryMark]]:
         """Yield the faces that the way can go on to from a crossing, with the mark where it enters.
@@ -253,10 +283,7 @@ class _PathWalker:
         x, good = meeting.solve_points(near[None], np.array([[0.0, self.size]]), np.array([i * self.size]))
         if not good[0]:
             raise TopologyError("the blend does not meet it where its rail ends")
-        rates = meeting.evaluate_rates(x[0])
-        if rates[1] <= 0:
-            raise TopologyError("the blend would have to end on a part that this face does not have")
-        return MeetingPoint(x[0], rates)
+        return MeetingPoint(x[0], meeting.evaluate_rates(x[0]))
 
     def _trace(
         self,
@@ -268,6 +295,8 @@ class _PathWalker:
         last: Crossing,
     ) -> tuple[list[MeetingPoint], Crossing, BoundaryMark]:
         """Follow the curve over a face; return points of it up to where it leaves it, and what it crosses there."""
+        if not start.x[1] and start.rates[1] <= 0:
+            raise TopologyError("the blend does not go over it")
         point, step, points = start, self.step, [start]
         skipped = [entry.use] if entry.vertex is None else [entry.use, boundary.find_following(entry.use)]
         finish = self._find_finish(meeting, side, boundary, last)
@@ -287,12 +316,44 @@ class _PathWalker:
             if not 0.0 <= following.x[1] <= 1.0:
                 raise TopologyError("the blend leaves it beside its rail, not where the rail ends")
             if skipped and self._is_outside(side, following.x[2:]):
-                raise TopologyError("the blend would have to end on a part that this face does not have")
+                raise TopologyError("the blend does not go over it")
             if (following.x[0] - self.reach) * self.outward > 0:
                 raise self.make_short_error()
             point, skipped = following, []
             points.append(point)
         raise TopologyError("the blend does not come to an end")
+
+    def _grow(
+        self,
+        meeting: Meeting,
+        side: SupportFace,
+        boundary: FaceBoundary,
+        start: MeetingPoint,
+        entry: BoundaryMark,
+        last: Crossing,
+    ) -> tuple[list[MeetingPoint], Crossing, BoundaryMark]:
+        """Follow the curve beside a face, which then gets more of its surface; return the same as for one on it.
+
+        That is so where a wall stands in the way of the blend, or the blend fills a corner up to a wall's end. It goes
+        on up to the edge, or past its vertex, that follows in the face's boundary on what is cut off the sides.
+        """
+        forward = self.runs_forward(side)
+        at = boundary.find_following(entry.use) if forward else boundary.find_preceding(entry)
+        while self.index.edges.find_number(boundary.uses[at]) in self.cut_edges:
+            at = boundary.find_following(at) if forward else boundary.find_preceding(BoundaryMark(at, 0.0))
+        finish = self._find_finish(meeting, side, boundary, last)
+        if finish is not None and finish[1].use == at:
+            return [start.reverse(), finish[0].reverse()], last, finish[1]
+        near_vertex = boundary.mark_vertex(at, stops=not forward)
+        near = np.concatenate([start.x[:2], boundary.evaluate(at, near_vertex.parameter)[0]])
+        stop, leaving = self._cross(meeting, boundary, near, at, near_vertex.parameter)
+        if not 0.0 <= stop.x[1] <= 1.0:
+            raise TopologyError("the blend would have to end on a part that this face does not have")
+        return [start.reverse(), stop.reverse()], leaving, leaving.mark
+
+    def runs_forward(self, side: SupportFace) -> bool:
+        """Whether the way runs along the new boundary of a FORWARD face, not against it."""
+        return (self.end == 1) == (side.outward > 0)
 
     def _advance(self, meeting: Meeting, point: MeetingPoint) -> MeetingPoint:
         """Return the point of the curve a step further: a smaller one where parameters turn quickly, as at a pole."""

@@ -7,7 +7,7 @@ blend is on the side of the curve where the edge is blended: that, and nothing e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -32,6 +32,10 @@ class MeetingPoint:
     x: Array
     rates: Array
     touches: bool = False
+
+    def reverse(self) -> MeetingPoint:
+        """Return the point with the curve in the opposite sense."""
+        return replace(self, rates=-self.rates)
 
 
 @dataclass(frozen=True)

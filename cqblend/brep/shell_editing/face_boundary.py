@@ -86,6 +86,10 @@ class FaceBoundary:
         """Return the use that follows another one."""
         return self._following[use]
 
+    def find_preceding(self, mark: BoundaryMark) -> int:
+        """Return the use before a mark: before the marked one, or that one if the mark is at its end."""
+        return mark.use if mark.vertex is not None else self._following.index(mark.use)
+
     def list_between(self, leaves: BoundaryMark, returns: BoundaryMark) -> list[int] | None:
         """Return the whole uses from one mark forward to another.
 
@@ -103,7 +107,7 @@ class FaceBoundary:
         if not backward:
             return self._walk(self._following[mark.use], stops, self._following)
         preceding = [self._following.index(k) for k in range(len(self.uses))]
-        return self._walk(mark.use if mark.vertex is not None else preceding[mark.use], stops, preceding)
+        return self._walk(self.find_preceding(mark), stops, preceding)
 
     def _walk(self, start: int, stops: Collection[int], step: Sequence[int]) -> list[int] | None:
         """Return the uses from one up to one of some stops, exclusively; None if there is none in its wire."""

@@ -337,6 +337,29 @@ def test_faces_under_the_end_go():
     assert cut_off(body, result) == pytest.approx(removed, rel=4e-3)
 
 
+def test_a_rib_that_a_rail_runs_into():
+    """The foot of a rib on a tapered face, which the blend would reach: the rib stays, and stands on the blend."""
+    rib = cq.Workplane().box(2, 8, 14, centered=(True, True, False)).translate((11, 12, 0))
+    body = cq.Workplane().rect(32, 22).extrude(20, taper=7).union(rib).val()
+    edge = edge_near(body, 16 - 10 * math.tan(math.radians(7)), 11 - 10 * math.tan(math.radians(7)), 10)
+    result = cqblend.blend_edges(body, edge, 5)
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == len(body.Faces()) + 1
+    assert abs(result.shape.intersect(rib.val()).Volume() - rib.val().Volume()) < 1e-6
+
+
+def test_a_rib_that_a_concave_blend_runs_over():
+    """A rib at the foot of a wall, lower than the blend: it stops the blend below, and carries it on its top."""
+    wall = cq.Workplane().box(30, 4, 20).translate((0, -8, 8))
+    rib = cq.Workplane().box(3, 8, 3).translate((13.5, -3, 3))
+    body = cq.Workplane().box(30, 20, 4).union(wall).union(rib).val()
+    result = cqblend.blend_edges(body, edge_near(body, -1.5, -6, 2), 4)
+    check(body, result, grows=True, flat=False)
+    whole = cq.Workplane().box(30, 20, 4).union(wall).val()
+    plain = cqblend.blend_edges(whole, edge_near(whole, 0, -6, 2), 4)
+    assert result.shape.Volume() == pytest.approx(plain.shape.fuse(rib.val()).Volume(), rel=1e-6)
+
+
 def test_a_vertex_of_many_faces():
     body = apex()
     edge = max(body.Edges(), key=lambda e: e.Center().z if e.Length() > 1 else -1)
