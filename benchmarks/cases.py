@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cadquery as cq
 import numpy as np
-from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
 from benchmarks.bodies import Case, Rng, draw
-from cqblend.brep.step_files import read_step
-from cqblend.brep.topology import ShapeIndex
+from benchmarks.real_edges import read_listed_edges
 
 
 @dataclass(frozen=True)
@@ -39,35 +34,9 @@ def draw_family(family: Callable[[Rng], Case], draws: int) -> Iterator[Trial]:
 
 
 def real(folder: Path) -> Iterator[Trial]:
-    """Yield the listed edges of real parts: of ``edges.json`` at both radii, of ``edges_more.json`` at one."""
-    for file, edges in json.loads((folder / "edges.json").read_text()).items():
-        radii = {listed["edge"]: sorted({trial["radius"] for trial in listed["trials"]}) for listed in edges}
-        yield from _of_file(folder / file, [(listed, radius) for listed in edges for radius in radii[listed["edge"]]])
-    more = json.loads((folder / "edges_more.json").read_text())
-    for file in dict.fromkeys(listed["file"] for listed in more):
-        yield from _of_file(folder / file, [(listed, listed["radius"]) for listed in more if listed["file"] == file])
-
-
-def _of_file(path: Path, wanted: Sequence[tuple[dict[str, Any], float]]) -> Iterator[Trial]:
-    """Yield listed edges of a file, each with a radius."""
-    shape = read_step(path)
-    present = list(ShapeIndex(shape, TopAbs_EDGE))
-    part = path.stem.split("__")[-1].removeprefix("nist_")[:8]
-    for listed, radius in wanted:
-        edge = _found(present, listed["edge"], listed.get("mid"))
-        yield Trial(f"{part} {listed['edge']}", shape, [edge], radius, "BSplineSurface" in listed["faces"])
-
-
-def _found(edges: Sequence[TopoDS_Edge], number: int, middle: Sequence[float] | None) -> TopoDS_Edge:
-    """Return the edge of that number if it has that middle or none is known, else the one nearest to it."""
-    if middle is None or (number <= len(edges) and np.linalg.norm(_middle(edges[number - 1]) - middle) < 1e-3):
-        return edges[number - 1]
-    return min(edges, key=lambda edge: float(np.linalg.norm(_middle(edge) - middle)))
-
-
-def _middle(edge: TopoDS_Edge) -> np.ndarray:
-    curve = BRepAdaptor_Curve(edge)
-    return np.array(curve.Value((curve.FirstParameter() + curve.LastParameter()) / 2).Coord())
+    """Yield the listed edges of real parts."""
+    for listed in read_listed_edges(folder):
+        yield Trial(listed.name, listed.shape, [listed.edge], listed.radius, listed.freeform)
 
 
 def failing() -> Iterator[Trial]:

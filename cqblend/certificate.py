@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 EndKind = Literal["natural", "flat"]
-NewEdgeKind = Literal["end", "seam", "between"]
+NewEdgeKind = Literal["end", "border", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
@@ -73,7 +73,8 @@ class EndRecord:
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat"}
-        ``"natural"``: on the faces around the end of the edge; ``"flat"``: in a flat cap across the edge.
+        ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
+        cap across the edge.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
@@ -98,16 +99,16 @@ class EdgeRecord:
 
     Attributes
     ----------
-    kind : {"end", "seam", "between"}
-        ``"end"``: between the blend and the face or cap that it ends on; ``"seam"``: where a closed blend meets itself;
-        ``"between"``: between two blend faces.
+    kind : {"end", "border", "seam", "between"}
+        ``"end"``: between the blend and the face or cap that it ends on; ``"border"``: an end in the border of an open
+        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces.
     edge, vertex : int
         The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
         the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
     gap : float
         Largest distance of a face from the edge's own curve, mm.
     angle : float or None
-        Largest angle between the normals, rad; None of an end, where the faces may meet at any.
+        Largest angle between the normals, rad; None of an end, where the faces may meet at any, or there is but one.
     tolerance : float
         The edge's tolerance, mm, which covers the gap.
     """
@@ -125,7 +126,12 @@ class EdgeRecord:
         return self.gap > self.tolerance
 
     def __str__(self) -> str:
-        name = {"end": f"the end at vertex {self.vertex}", "seam": "the seam", "between": "an edge between two blends"}
+        name = {
+            "end": f"the end at vertex {self.vertex}",
+            "border": f"the free end at vertex {self.vertex}",
+            "seam": "the seam",
+            "between": "an edge between two blends",
+        }
         angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
         return (
             f"edge {self.edge}: {name[self.kind]} has gap {self.gap:.1e} mm{angle}, tolerance {self.tolerance:.1e} mm"
@@ -201,7 +207,8 @@ class Certificate:
     stations : int
         Points at which each rail was measured, least over the rails.
     coverage : float
-        Blended length over the length of the edge, at most 1; the least over all blends.
+        Blended length over the length of all edges that were meant: picked, but for those with nothing to blend, or on
+        a chain with those. At most 1.
     ends : tuple of EndRecord
         Two for each open edge.
     edge_tolerance : float
@@ -216,6 +223,9 @@ class Certificate:
         Picked edges that were not blended, and why.
     edges : tuple of EdgeRecord
         All edges of the blend faces that are no rails.
+    blended : tuple of int
+        The blended edges, picked or on a chain with those: 1-based indices in the edge map of the *input* shape, in the
+        order of the blend faces.
 
     Examples
     --------
@@ -246,6 +256,7 @@ class Certificate:
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
     skipped: tuple[SkippedEdges, ...] = ()
     edges: tuple[EdgeRecord, ...] = ()
+    blended: tuple[int, ...] = ()
 
     @cached_property
     def valid(self) -> bool:
@@ -336,6 +347,7 @@ class Certificate:
             energies=tuple(energy for one in certificates for energy in one.energies),
             skipped=tuple(edge for one in certificates for edge in one.skipped),
             edges=tuple(edge for one in certificates for edge in one.edges),
+            blended=tuple(edge for one in certificates for edge in one.blended),
         )
 
     def __str__(self) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from OCP.BinTools import BinTools
 from OCP.BRep import BRep_Tool
-from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD
 from OCP.TopExp import TopExp
 from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
@@ -228,14 +228,16 @@ def bad_shape(draw: random.Random) -> Call:
 
 
 def not_solid(draw: random.Random) -> Call:
-    """Edges of a shape that has them, but is no closed solid."""
+    """Edges of a shape that has them, but of fewer than two faces, or of two that are oriented against each other."""
     part = draw.choice(
         [
-            lambda: body("open box"),
             lambda: body("box").Faces()[0],
             lambda: body("box").Wires()[0],
             lambda: body("box").Edges()[0],
-            lambda: cq.Compound.makeCompound(body("open box").Faces()),
+            lambda: cq.Compound.makeCompound(body("open box").Faces()[:1]),
+            lambda: cq.Compound.makeCompound(
+                [cq.Face(f.wrapped.Oriented(TopAbs_FORWARD)) for f in body("box").Faces()]
+            ),
         ]
     )
     share = draw.random()

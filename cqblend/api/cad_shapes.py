@@ -41,18 +41,15 @@ class UnrollShapes:
 
 
 def resolve_shape(thing: Any) -> Any:
-    """Return a shape as it is given, or the solid of a Workplane.
+    """Return a shape as it is given, or the solid of a Workplane, or, if there is none, the shell.
 
     Raises
     ------
     InputError
-        It is no shape, is null, or a Workplane without a solid.
+        It is no shape, is null, or a Workplane without a solid and without a shell.
     """
     if _is_workplane(thing):
-        try:
-            thing = thing.findSolid()
-        except ValueError as error:
-            raise InputError("shape is a Workplane with no solid on its stack or in its parents") from error
+        thing = _find_body(thing)
     if _find_topods(thing) is None:
         raise InputError(f"shape must be a CadQuery, build123d or TopoDS shape, not {_describe_shape(thing)}")
     return thing
@@ -201,6 +198,22 @@ def _find_library(thing: Any) -> str | None:
     """Return the library that defines the class of an object or one of its base classes, None if it is another one."""
     roots = {base.__module__.partition(".")[0] for base in type(thing).__mro__}
     return next((name for name in ("cadquery", "build123d") if name in roots), None)
+
+
+def _find_body(workplane: Any) -> Any:
+    """Return the solid or compound that CadQuery finds for a Workplane, else the nearest shell."""
+    try:
+        return workplane.findSolid()
+    except ValueError:
+        pass
+    place = workplane
+    while place is not None:
+        for thing in place.objects:
+            topods = _find_topods(thing)
+            if topods is not None and find_shape_kind(topods) == "shell":
+                return thing
+        place = place.parent
+    raise InputError("shape is a Workplane with no solid and no shell on its stack or in its parents")
 
 
 def _is_workplane(thing: Any) -> bool:

@@ -88,14 +88,14 @@ def blend_edges(
     on_error: str = BLEND_DEFAULTS.on_error,
     chain: bool = BLEND_DEFAULTS.chain,
 ) -> BlendResult:
-    """Replace sharp edges of a solid by blend faces that meet their neighbours with exact continuity, tangent or more.
+    """Replace sharp edges of a solid or shell by blend faces that meet their neighbours with exact continuity or more.
 
     The result is verified before it is returned. The input is left as it was.
 
     Parameters
     ----------
     shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
-        The solid, or a compound of solids.
+        The solid or the shell, which may be open, or a compound of solids, shells and faces.
     edges : an edge, or an iterable of edges
         Edges of that very shape. A Workplane with edges on its stack, a ShapeList and a compound of edges will do.
     ... : the options of `BlendOptions`
@@ -316,7 +316,7 @@ def continuity(shape: Any, edge: Any) -> "Continuity":
 
 
 def verify(shape: Any, faces: Any = None) -> "Verification":
-    """Check a solid harder than ``isValid`` does.
+    """Check a solid, or a shell that bounds none, harder than ``isValid`` does.
 
     Exact BRepCheck, OCCT's own analysis of continuity around the faces, a cut and a common with a box that add up, and
     a round trip through STEP.
@@ -324,7 +324,7 @@ def verify(shape: Any, faces: Any = None) -> "Verification":
     Parameters
     ----------
     shape : cadquery.Shape, cadquery.Workplane, build123d.Shape or TopoDS_Shape
-        The solid.
+        The solid, the shell, or a compound of them.
     faces : a face or an iterable of faces, optional
         The blend faces of it, as in ``BlendResult.faces``.
 

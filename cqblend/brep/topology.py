@@ -5,12 +5,11 @@ Thin functions over OCP: no geometry is computed here, and nothing is searched b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.BRepTools import BRepTools_ReShape
 from OCP.Geom import Geom_Curve, Geom_Surface
 from OCP.Geom2d import Geom2d_Curve
 from OCP.gp import gp_Pnt
@@ -32,8 +31,6 @@ from OCP.TopoDS import (
     TopoDS_Edge,
     TopoDS_Face,
     TopoDS_Shape,
-    TopoDS_Shell,
-    TopoDS_Solid,
     TopoDS_Vertex,
     TopoDS_Wire,
 )
@@ -334,48 +331,6 @@ def make_bare_face(surface: Geom_Surface) -> TopoDS_Face:
     face = TopoDS_Face()
     BUILDER.MakeFace(face, surface, CONFUSION)
     return face
-
-
-def replace_solid_faces(
-    solid: TopoDS_Shape,
-    replacements: dict[int, TopoDS_Face],
-    removed: Collection[int],
-    face_index: ShapeIndex,
-    new_faces: Iterable[TopoDS_Face],
-) -> TopoDS_Solid:
-    """Return a solid with faces replaced, and others removed, by their number in its face index.
-
-    New faces go into the first shell of which a face is replaced.
-    """
-    out = TopoDS_Solid()
-    BUILDER.MakeSolid(out)
-    pending = list(new_faces)
-    for shell in explore_subshapes(orient_forward(solid), TopAbs_SHELL):
-        faces = list(explore_subshapes(shell, TopAbs_FACE))
-        numbers = [face_index.find_number(face) for face in faces]
-        if not any(number in replacements for number in numbers):
-            BUILDER.Add(out, shell)
-            continue
-        new_shell = TopoDS_Shell()
-        BUILDER.MakeShell(new_shell)
-        for face, number in zip(faces, numbers, strict=True):
-            if number not in removed:
-                BUILDER.Add(new_shell, replacements.get(number, face))
-        for face in pending:
-            BUILDER.Add(new_shell, face)
-        pending = []
-        new_shell.Closed(BRep_Tool.IsClosed_s(new_shell))
-        BUILDER.Add(out, new_shell)
-    return out
-
-
-def replace_solid(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) -> TopoDS_Shape:
-    """Return the shape with one of its solids replaced."""
-    if shape.IsSame(old):
-        return new
-    reshape = BRepTools_ReShape()
-    reshape.Replace(old, new)
-    return reshape.Apply(shape)
 
 
 def make_compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:

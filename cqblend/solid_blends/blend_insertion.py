@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -15,7 +16,6 @@ from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
 from cqblend.brep.shell_editing.strip_planning import merge_chains, plan_chain
-from cqblend.brep.topology import replace_solid
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.solid_verification import check_solid
@@ -80,14 +80,20 @@ def _insert_into_chain(shape: TopoDS_Shape, chain: Chain, blend: BlendSurface) -
     (built,) = proposal.strips
     tolerance = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance)
     check = check_solid(
-        joint.solid, proposal.solid, [built.blend_face], grows=[not joint.is_convex], tolerance=tolerance
+        joint.solid,
+        proposal.solid,
+        [built.blend_face],
+        grows=[not joint.is_convex],
+        tolerance=tolerance,
+        free_edges=proposal.free_edges,
     )
     if check.problems:
         raise VerificationError("the solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
-    result = replace_solid(shape, joint.solid, proposal.solid)
+    result = replace_body(shape, joint.solid, proposal.solid)
     certificate: Certificate = replace(
         certify_blend(joint, built, aligned, proposal.tolerance),
         validity=(partial(is_valid, result),),
+        blended=chain.edge_numbers,
         ends=() if joint.spine.closed else record_ends((joint, joint), natural),
     )
     return BlendedShape(result, (built.blend_face,), certificate)

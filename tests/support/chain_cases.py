@@ -28,7 +28,7 @@ from cqblend.brep.measurement.edge_sides import find_edge_sides, read_pcurve
 from cqblend.brep.selection.joint import Joint, make_joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
-from cqblend.brep.topology import explore_subshapes, orient_forward
+from cqblend.brep.topology import explore_subshapes, is_among, orient_forward
 from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method, get_largest_arc
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.splines import Surface
@@ -79,14 +79,10 @@ def chain_of(shape: cq.Shape, edges: Iterable[cq.Edge], first: cq.Face, **option
     method = choose_section_method(BlendOptions(**options).to_request())
     waiting = [edge.wrapped for edge in edges]
     start = next(edge for edge in waiting if any(face.IsSame(first.wrapped) for face in index.faces_at_edge(edge)))
-    waiting.remove(start)
-    joint = next(one for one in both_ways(index, start) if one.sides[0].face.IsSame(first.wrapped))
-    joints = [joint]
-    while waiting:
-        following = find_following(index, joints, waiting)
-        if following is None:
+    joints = [next(one for one in both_ways(index, start) if one.sides[0].face.IsSame(first.wrapped))]
+    while waiting := [edge for edge in waiting if not any(is_among(edge, joint.spine.edges) for joint in joints)]:
+        if not add_following(index, joints, waiting):
             raise ValueError("the edges are no chain")
-        waiting.remove(following)
     closed = len(joints) > 1 and joints[-1].spine.vertices[1].IsSame(joints[0].spine.vertices[0])
     contexts = [StripContext(one, method) for one in joints]
     pairs = list(zip(joints, joints[1:] + joints[:1], strict=True))[: None if closed else -1]
@@ -108,17 +104,17 @@ def both_ways(index: SolidIndex, edge: TopoDS_Edge) -> list[Joint]:
     ]
 
 
-def find_following(index: SolidIndex, joints: list[Joint], waiting: Sequence[TopoDS_Edge]) -> TopoDS_Edge | None:
-    """Add the joint of one of some edges to either end of a chain; return the edge."""
+def add_following(index: SolidIndex, joints: list[Joint], waiting: Sequence[TopoDS_Edge]) -> bool:
+    """Add the joint of one of some edges to either end of a chain; return whether there is one."""
     for edge in waiting:
         for joint in both_ways(index, edge):
             if joint.spine.vertices[0].IsSame(joints[-1].spine.vertices[1]):
                 joints.append(joint)
-                return edge
+                return True
             if joint.spine.vertices[1].IsSame(joints[0].spine.vertices[0]):
                 joints.insert(0, joint)
-                return edge
-    return None
+                return True
+    return False
 
 
 def cell_of(context: StripContext, method: SectionMethod) -> CellRails:

@@ -68,37 +68,19 @@ class BentContacts:
 
     def __call__(self, t: Array) -> Contacts:
         """Return the bent contacts at ascending t (n,)."""
-        first = self._solve_shifted(t, 0)
-        second = self._solve_shifted(t, 1) if any(self.shifts) else first
-        first_uv, second_uv = (
-            contacts.uv[side] + sum_fades(self.moves[side], t) for side, contacts in enumerate((first, second))
-        )
-        return Contacts(
-            t,
-            (first.edge_points + second.edge_points) / 2,
-            (first_uv, second_uv),
-            np.stack([first.cross_lengths[0], second.cross_lengths[1]]),
-            None
-            if first.cross_vectors is None
-            else np.stack([first.get_cross_vectors(0), second.get_cross_vectors(1)]),
-        )
-
-    def _solve_shifted(self, t: Array, side: int) -> Contacts:
-        """Return the contacts of one side before they are moved, of the same run as those at the start of the domain.
-
-        They are solved together with stations all over the domain, which tell the run.
-        """
-        stations = t + sum_fades(self.shifts[side], t)
-        together = np.union1d(self._skeleton, stations)
+        stations = [t + sum_fades(shifts, t) for shifts in self.shifts]
+        together = np.unique(np.concatenate([self._skeleton, *stations]))
         contacts = self.solve(together)
-        start, uv = np.searchsorted(together, self._skeleton[0]), []
-        for primary, found, first in zip(self.primaries, contacts.uv, self._start_parameters, strict=True):
-            laps = np.zeros(2)
-            for axis, period in enumerate(primary.periods):
-                if period is not None:
-                    laps[axis] = period * np.round((first[axis] - found[start, axis]) / period)
-            uv.append(found + laps)
-        return replace(contacts, uv=(uv[0], uv[1])).select_stations(np.searchsorted(together, stations))
+        start = np.searchsorted(together, self._skeleton[0])
+        first, second = (
+            contacts.uv[side]
+            + _measure_laps(self.primaries[side], self._start_parameters[side] - contacts.uv[side][start])
+            for side in (0, 1)
+        )
+        contacts = replace(contacts, uv=(first, second))
+        both = merge_sides(*(contacts.select_stations(np.searchsorted(together, at)) for at in stations))
+        moved = tuple(uv + sum_fades(moves, t) for uv, moves in zip(both.uv, self.moves, strict=True))
+        return replace(both, t=t, uv=(moved[0], moved[1]))
 
     @cached_property
     def _skeleton(self) -> Array:
@@ -110,6 +92,26 @@ class BentContacts:
         """The native parameters (2,) of both contacts at the start of the domain."""
         first, second = self.solve(self._skeleton).uv
         return first[0], second[0]
+
+
+def _measure_laps(primary: Primary, offset: Array) -> Array:
+    """Return the whole periods of a surface next to an offset of native parameters, (2,)."""
+    laps = np.zeros(2)
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            laps[axis] = period * np.round(offset[axis] / period)
+    return laps
+
+
+def merge_sides(first: Contacts, second: Contacts) -> Contacts:
+    """Return contacts of which the first side is that of some, and the second one that of others, in the same order."""
+    return Contacts(
+        first.t,
+        (first.edge_points + second.edge_points) / 2,
+        (first.uv[0], second.uv[1]),
+        np.stack([first.cross_lengths[0], second.cross_lengths[1]]),
+        None if first.cross_vectors is None else np.stack([first.get_cross_vectors(0), second.get_cross_vectors(1)]),
+    )
 
 
 def turn_field(field: CrossField, turns: Fades) -> CrossField:

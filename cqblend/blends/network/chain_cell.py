@@ -12,8 +12,16 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import ContactSolver
-from cqblend.blends.network.bent_contacts import BentContacts, EndFade, Fades, stretch_lengths, turn_field
+from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
+from cqblend.blends.network.bent_contacts import (
+    BentContacts,
+    EndFade,
+    Fades,
+    merge_sides,
+    stretch_lengths,
+    sum_fades,
+    turn_field,
+)
 from cqblend.blends.network.shared_section import SectionEnd
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
@@ -65,11 +73,12 @@ class CellEnd:
     """Where a cell ends: the stations of the contacts of both sides.
 
     Of a side that crosses a smooth edge there, ``edge_tangents`` has the unit vector (3,) along that edge, if the cross
-    derivative is to run along it.
+    derivative is to run along it. ``roughness`` (rad) is the largest angle between the faces at such edges.
     """
 
     stations: tuple[float, float]
     edge_tangents: tuple[Array | None, Array | None] = (None, None)
+    roughness: float = 0.0
 
     @property
     def t(self) -> float:
@@ -79,29 +88,76 @@ class CellEnd:
 
 @dataclass(frozen=True)
 class WantedEnd:
-    """What the ribbons of a cell are to have at one end, by side: jets, and the pace at which stations are passed."""
+    """What the ribbons of a cell are to have at one end.
 
-    jets: tuple[EndJets, EndJets]
-    paces: tuple[float, float] = (1.0, 1.0)
+    ``section`` has their jets, and ``lifted``, by side, what curves have these jets. Stations are passed at ``paces``,
+    by side: derivatives of the stations by the parameter of the rails.
+    """
+
+    section: SectionEnd
+    lifted: tuple[RibbonEnd, RibbonEnd]
+    paces: tuple[float, float]
+
+
+WantedEnds = tuple[WantedEnd | None, WantedEnd | None]
+"""Those at the start and at the stop of a cell; None where its ribbons are free."""
+
+
+@dataclass(frozen=True)
+class _EndProbe:
+    """Natural contacts beside an end of a cell, those of the end first, at the same ``offsets`` (n,) on both sides.
+
+    The offsets are from the station of each side, so that stations may differ. In between, contacts are polynomials.
+    """
+
+    offsets: Array
+    contacts: Contacts
+
+    @cached_property
+    def differentiate(self) -> Array:
+        """The matrix (n, n) that takes values at the offsets to their derivatives there."""
+        gaps = self.offsets[:, None] - self.offsets
+        np.fill_diagonal(gaps, 1.0)
+        weights = 1 / gaps.prod(axis=1)
+        matrix = weights / weights[:, None] / gaps
+        np.fill_diagonal(matrix, 0.0)
+        np.fill_diagonal(matrix, -matrix.sum(axis=1))
+        return matrix
+
+    def bend(self, t: Array, shifts: tuple[Array, Array], moves: tuple[Array, Array]) -> Contacts:
+        """Return contacts at t (n,), whose stations are shifted (n,), and native parameters moved (n, 2), by side."""
+        natural = self.contacts
+        tables = [self._tabulate_interpolation(self.offsets + shift - shift[0]) for shift in shifts]
+        first, second = (table @ uv + move for table, uv, move in zip(tables, natural.uv, moves, strict=True))
+        return Contacts(
+            t,
+            natural.edge_points,
+            (first, second),
+            np.stack([table @ lengths for table, lengths in zip(tables, natural.cross_lengths, strict=True)]),
+            None
+            if natural.cross_vectors is None
+            else np.stack([table @ vectors for table, vectors in zip(tables, natural.cross_vectors, strict=True)]),
+        )
+
+    def _tabulate_interpolation(self, at: Array) -> Array:
+        """Return the matrix (m, n) that takes values at the offsets to those of their polynomial at (m,)."""
+        nodes, others = self.offsets, ~np.eye(len(self.offsets), dtype=bool)
+        ratios = (at[:, None, None] - nodes) / np.where(others, nodes[:, None] - nodes, 1.0)
+        return np.asarray(np.where(others, ratios, 1.0).prod(axis=2))
 
 
 @dataclass(frozen=True)
 class _SideSamples:
-    """Contacts of one side at some parameters beside an end, that of the end first.
+    """Contacts of one side beside an end of a cell, that of the end first.
 
-    ``points`` are native parameters (n, 2), ``jet`` the native jet there, and ``vectors`` (n, 3) cross derivatives;
-    ``differentiate`` (n,) are the weights of the values in their derivative at the end.
+    ``uv`` are native parameters (n, 2), ``jet`` the native jet there, and ``vectors`` (n, 3) cross derivatives;
+    ``differentiate`` (n,) are the weights of values in their derivative at the end.
     """
 
     uv: Array
     jet: Array
     vectors: Array
     differentiate: Array
-
-    @property
-    def rate(self) -> Array:
-        """The derivative of the native parameters at the end, (2,)."""
-        return self.differentiate @ self.uv
 
     @property
     def normals(self) -> Array:
@@ -114,7 +170,8 @@ class _SideSamples:
         r, s, normals = rs[:, :1], rs[:, 1:], self.normals
         bending = (normals * (self.jet[3] * r**2 + 2 * self.jet[4] * r * s + self.jet[5] * s**2)).sum(axis=1)
         slowing = self.vectors * (bending**2 / (self.vectors**2).sum(axis=1))[:, None]
-        along = self.rate[0] * self.jet[1, 0] + self.rate[1] * self.jet[2, 0]
+        rate = self.differentiate @ self.uv
+        along = rate[0] * self.jet[1, 0] + rate[1] * self.jet[2, 0]
         higher = np.stack([self.vectors, normals * bending[:, None], -slowing])
         values = np.stack([self.jet[0, 0], self.vectors[0], np.zeros(3), -slowing[0]])
         rates = np.concatenate([along[None], np.einsum("n,knd->kd", self.differentiate, higher)])
@@ -150,134 +207,176 @@ class ChainCell:
         return self.rails.fit_light(self.domain)
 
     @cached_property
+    def _natural(self) -> BentContacts:
+        """The natural contacts, of one run over the domain."""
+        return BentContacts(self.rails.primaries, self.rails.solve, self.domain)
+
+    @cached_property
     def _widths(self) -> tuple[float, float]:
         """How far (mm) the rails are from the edge at both ends."""
-        contacts = self.rails.solve(np.array(self.domain))
+        contacts = self._natural(np.array(self.domain))
         points = [primary.jet(uv)[0] for primary, uv in zip(self.rails.primaries, contacts.uv, strict=True)]
         first, last = np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2).max(axis=0)
         return float(first), float(last)
 
-    def _measure_fade(self, end: int) -> float:
-        """Return the length, in the parameter, over which bends at an end fade."""
-        wanted = NETWORK_TOLERANCES.fade_width * self._widths[end] / self.rails.length
-        return min(wanted, NETWORK_TOLERANCES.most_faded * self.span)
+    @cached_property
+    def _probes(self) -> tuple[_EndProbe, _EndProbe]:
+        """Natural contacts beside both ends."""
+        numbers = np.arange(NETWORK_TOLERANCES.probe_count)
+        offsets = [
+            inward
+            * numbers
+            * min(
+                NETWORK_TOLERANCES.probe_width * width / self.rails.length, NETWORK_TOLERANCES.probe_share * self.span
+            )
+            for inward, width in zip((1, -1), self._widths, strict=True)
+        ]
+        stations = np.stack(
+            [np.add.outer(end.stations, steps) for end, steps in zip(self.ends, offsets, strict=True)]
+        )  # (ends, sides, n)
+        t, index = np.unique(stations, return_inverse=True)
+        found, index = self._natural(t), index.reshape(stations.shape)
 
-    def _fade(self, end: int, value: Array, rate: Array) -> EndFade:
-        return EndFade(self.domain[end], 1 - 2 * end, self._measure_fade(end), value, rate)
+        def probe_end(end: int) -> _EndProbe:
+            first, second = (found.select_stations(index[end, side]) for side in (0, 1))
+            return _EndProbe(offsets[end], merge_sides(first, second))
 
-    def _bend_contacts(self, wanted: tuple[WantedEnd | None, WantedEnd | None]) -> BentContacts:
-        """Return contacts whose rails have the wanted positions and rates at the ends."""
+        return probe_end(0), probe_end(1)
 
-        def shift_side(side: int) -> Fades:
-            fades = []
-            for i, (end, given) in enumerate(zip(self.ends, wanted, strict=True)):
-                shift = end.stations[side] - end.t
-                pace = 1.0 if given is None else given.paces[side]
-                if shift or pace != 1.0:
-                    fades.append(self._fade(i, np.array(shift), np.array(pace - 1.0)))
-            return tuple(fades)
+    def _make_fade(self, end: int, value: Array, rate: Array, *, widths: float) -> EndFade:
+        """Return what is added to a function at one end: ``value``, with a slope ``rate``. It fades out."""
+        wanted = widths * self._widths[end] / self.rails.length
+        length = min(wanted, NETWORK_TOLERANCES.most_faded * self.span)
+        return EndFade(self.domain[end], 1 - 2 * end, length, value, rate)
 
-        unmoved = BentContacts(self.rails.primaries, self.rails.solve, self.domain, (shift_side(0), shift_side(1)))
-        moves: list[list[EndFade]] = [[], []]
-        for i, given in enumerate(wanted):
-            if given is None:
-                continue
-            for side, samples in enumerate(self._sample_end(unmoved, self.rails.targets, i)):
-                jets, primary = given.jets[side], self.rails.primaries[side]
-                uv = find_foot(primary, jets.values[0], samples.uv[0])
-                rate = to_tangent_coordinates(primary.jet(uv[None]), jets.rates[:1])[0]
-                moves[side].append(self._fade(i, uv - samples.uv[0], rate - samples.rate))
-        return replace(unmoved, moves=(tuple(moves[0]), tuple(moves[1])))
+    def _make_number_fade(self, end: int, value: float, rate: float = 0.0) -> EndFade:
+        """Return what is added to a station, an angle or a relative length."""
+        return self._make_fade(end, np.array(value), np.array(rate), widths=NETWORK_TOLERANCES.turning_widths)
+
+    def _shift_stations(self, end: int, paces: tuple[float, float]) -> tuple[Fades, Fades]:
+        """Return what is added to stations at an end so that they are those of both sides, passed at these paces."""
+        first, second = (
+            (self._make_number_fade(end, station - self.ends[end].t, pace - 1.0),)
+            if station != self.ends[end].t or pace != 1.0
+            else ()
+            for station, pace in zip(self.ends[end].stations, paces, strict=True)
+        )
+        return first, second
 
     def _sample_end(
-        self, contacts: BentContacts, targets: RibbonTargets, end: int
+        self, end: int, shifts: tuple[Fades, Fades], moves: tuple[Fades, Fades], targets: RibbonTargets
     ) -> tuple[_SideSamples, _SideSamples]:
-        """Sample contacts beside an end, inside the cell."""
-        step = min(
-            NETWORK_TOLERANCES.probe_width * self._widths[end] / self.rails.length,
-            NETWORK_TOLERANCES.probe_share * self.span,
+        """Sample bent contacts beside an end, inside the cell, and cross derivatives there."""
+        probe = self._probes[end]
+        t, flat = self.domain[end] + probe.offsets, np.zeros((len(probe.offsets), 2))
+        contacts = probe.bend(
+            t,
+            (flat[:, 0] + sum_fades(shifts[0], t), flat[:, 0] + sum_fades(shifts[1], t)),
+            (flat + sum_fades(moves[0], t), flat + sum_fades(moves[1], t)),
         )
-        offsets = (1 - 2 * end) * step * np.arange(NETWORK_TOLERANCES.probe_count)
-        order = np.argsort(offsets)
-        t = self.domain[end] + offsets
-        found = contacts(t[order]).select_stations(np.argsort(order))
-        samples = ContactSamples(self.rails.primaries, t, replace(found, t=t), np.ones(len(t)))
-        derivatives = _differentiate_at_nodes(offsets)
+        samples = ContactSamples(self.rails.primaries, t, contacts, np.ones(len(t)))
         sides = []
-        for side, (uv, jet) in enumerate(zip(found.uv, samples.jets, strict=True)):
-            rs = derivatives @ uv
+        for side, (uv, jet) in enumerate(zip(contacts.uv, samples.jets, strict=True)):
+            rs = probe.differentiate @ uv
             rates = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
             vectors = samples.compute_cross_derivatives(side, rates, targets)
-            sides.append(_SideSamples(uv, jet, vectors, derivatives[0]))
+            sides.append(_SideSamples(uv, jet, vectors, probe.differentiate[0]))
         return sides[0], sides[1]
+
+    def must_turn(self, end: int, section: SectionEnd) -> bool:
+        """Whether the cross derivatives of a section at an end are to run along smooth edges, and do not."""
+        for jets, tangent in zip(section.jets, self.ends[end].edge_tangents, strict=True):
+            if tangent is not None:
+                vector = jets.values[1]
+                sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
+                if NETWORK_TOLERANCES.along_edge < sine <= np.sin(NETWORK_TOLERANCES.largest_obliquity):
+                    return True
+        return False
 
     def estimate_natural_end(self, end: int) -> tuple[EndJets, EndJets]:
         """Return what the jets at an end are by nature, by side, but that cross derivatives run along smooth edges.
 
         Only what of them is tangent to the surfaces counts.
         """
-        contacts, targets = self._bend_contacts((None, None)), self.rails.targets
-        turns: list[Fades] = []
-        for samples, tangent in zip(
-            self._sample_end(contacts, targets, end), self.ends[end].edge_tangents, strict=True
-        ):
-            angle = 0.0 if tangent is None else _measure_turn(samples, tangent)
-            turns.append((self._fade(end, np.array(angle), np.array(0.0)),) if angle else ())
-        fields = turn_field(targets.fields[0], turns[0]), turn_field(targets.fields[1], turns[1])
-        first, second = self._sample_end(contacts, replace(targets, fields=fields), end)
+        shifts, targets = self._shift_stations(end, (1.0, 1.0)), self.rails.targets
+        natural = self._sample_end(end, shifts, ((), ()), targets)
+        angles = [
+            0.0 if tangent is None else _measure_turn(samples, tangent)
+            for samples, tangent in zip(natural, self.ends[end].edge_tangents, strict=True)
+        ]
+        if any(angles):
+            turns = [[self._make_number_fade(end, angle)] for angle in angles]
+            natural = self._sample_end(end, shifts, ((), ()), _bend_targets(targets, turns, ((), ())))
         counts = self.rails.jet_counts
-        return first.estimate_jets(counts[0]), second.estimate_jets(counts[1])
+        return natural[0].estimate_jets(counts[0]), natural[1].estimate_jets(counts[1])
 
-    def lift_end(self, end: int, jets: tuple[EndJets, EndJets]) -> tuple[tuple[RibbonEnd, RibbonEnd], SectionEnd]:
-        """Return ends of ribbons with the tangent parts of wanted jets, by side, and the jets that they have."""
-        near = self._bend_contacts((None, None))(np.array([self.domain[end]])).uv
+    def lift_end(self, end: int, jets: tuple[EndJets, EndJets], paces: tuple[float, float] = (1.0, 1.0)) -> WantedEnd:
+        """Return an end of ribbons with the tangent parts of wanted jets, by side."""
         step = (1 - 2 * end) * NETWORK_TOLERANCES.lifted_step * self.span
         (first, first_jets), (second, second_jets) = (
             lift_end(primary, find_foot(primary, one.values[0], uv[0]), one, step)
-            for primary, one, uv in zip(self.rails.primaries, jets, near, strict=True)
+            for primary, one, uv in zip(self.rails.primaries, jets, self._probes[end].contacts.uv, strict=True)
         )
-        return (first, second), SectionEnd((first_jets, second_jets), self.rails.targets.orders)
+        return WantedEnd(SectionEnd((first_jets, second_jets), self.rails.targets.orders), (first, second), paces)
 
-    def fit_to_ends(self, wanted: tuple[WantedEnd | None, WantedEnd | None]) -> tuple[Ribbon, Ribbon]:
+    def fit_to_ends(self, wanted: WantedEnds) -> tuple[Ribbon, Ribbon]:
         """Fit cubic ribbons with wanted jets at the ends of the cell, free ones where nothing is wanted."""
         rails = self.rails
         if wanted == (None, None):
             return fit_cubic_ribbons(rails.primaries, rails.solve, self.domain, rails.targets, closed=False)
-        contacts = self._bend_contacts(wanted)
-        targets = self._turn_targets(contacts, wanted)
-        first, second = (None if one is None else self.lift_end(i, one.jets)[0] for i, one in enumerate(wanted))
-        ends: tuple[GivenEnds, GivenEnds] = (
-            (None if first is None else first[0], None if second is None else second[0]),
-            (None if first is None else first[1], None if second is None else second[1]),
-        )
+        shifts, moves = self._bend_contacts(wanted)
+        targets = self._turn_targets(wanted, shifts, moves)
+        contacts = replace(self._natural, shifts=shifts, moves=moves)
+        first, second = (tuple(None if one is None else one.lifted[side] for one in wanted) for side in (0, 1))
+        ends: tuple[GivenEnds, GivenEnds] = ((first[0], first[1]), (second[0], second[1]))
         return fit_cubic_ribbons(rails.primaries, contacts, self.domain, targets, closed=False, ends=ends)
 
-    def _turn_targets(self, contacts: BentContacts, wanted: tuple[WantedEnd | None, WantedEnd | None]) -> RibbonTargets:
+    def _bend_contacts(self, wanted: WantedEnds) -> tuple[tuple[Fades, Fades], tuple[Fades, Fades]]:
+        """Return shifts of stations and moves of native parameters, by side, that lead to wanted ends."""
+        shifts: list[list[EndFade]] = [[], []]
+        moves: list[list[EndFade]] = [[], []]
+        for end, given in enumerate(wanted):
+            if given is None:
+                continue
+            probe = self._probes[end]
+            for side, fades in enumerate(self._shift_stations(end, given.paces)):
+                uv, primary = probe.contacts.uv[side], self.rails.primaries[side]
+                at = given.lifted[side].uv
+                rate = to_tangent_coordinates(primary.jet(at[None]), given.section.jets[side].rates[:1])[0]
+                natural = given.paces[side] * (probe.differentiate[0] @ uv)
+                shifts[side] += fades
+                bend = self._make_fade(end, at - uv[0], rate - natural, widths=NETWORK_TOLERANCES.bending_widths)
+                moves[side].append(bend)
+        return (tuple(shifts[0]), tuple(shifts[1])), (tuple(moves[0]), tuple(moves[1]))
+
+    def _turn_targets(
+        self, wanted: WantedEnds, shifts: tuple[Fades, Fades], moves: tuple[Fades, Fades]
+    ) -> RibbonTargets:
         """Return targets whose cross derivatives, and the rates of these, are the wanted ones at the ends."""
         targets = self.rails.targets
         turns: list[list[EndFade]] = [[], []]
         stretches: list[list[EndFade]] = [[], []]
-        for i, given in enumerate(wanted):
+        for end, given in enumerate(wanted):
             if given is None:
                 continue
+            jets = given.section.jets
             values = [
-                _compare_vectors(samples.vectors[0], jets.values[1], samples.normals[0])
-                for samples, jets in zip(self._sample_end(contacts, targets, i), given.jets, strict=True)
+                _compare_vectors(samples.vectors[0], one.values[1], samples.normals[0])
+                for samples, one in zip(self._sample_end(end, shifts, moves, targets), jets, strict=True)
             ]
-            still = np.array(0.0)
-            unslanted = _bend_targets(
+            steady = _bend_targets(
                 targets,
-                [[self._fade(i, np.array(angle), still)] for angle, _ in values],
-                [[self._fade(i, np.array(stretch), still)] for _, stretch in values],
+                [[self._make_number_fade(end, angle)] for angle, _ in values],
+                [[self._make_number_fade(end, stretch)] for _, stretch in values],
             )
-            for side, samples in enumerate(self._sample_end(contacts, unslanted, i)):
+            for side, samples in enumerate(self._sample_end(end, shifts, moves, steady)):
                 vector, (angle, stretch) = samples.vectors[0], values[side]
-                missing = given.jets[side].rates[1] - samples.differentiate @ samples.vectors
+                missing = jets[side].rates[1] - samples.differentiate @ samples.vectors
                 square = vector @ vector
                 turning = float(missing @ cross_product(samples.normals[0], vector) / square)
                 growth = float(missing @ vector / square) * (1.0 + stretch)
-                turns[side].append(self._fade(i, np.array(angle), np.array(turning)))
-                stretches[side].append(self._fade(i, np.array(stretch), np.array(growth)))
+                turns[side].append(self._make_number_fade(end, angle, turning))
+                stretches[side].append(self._make_number_fade(end, stretch, growth))
         return _bend_targets(targets, turns, stretches)
 
 
@@ -307,14 +406,3 @@ def _measure_turn(samples: _SideSamples, tangent: Array) -> float:
     vector = samples.vectors[0]
     angle, _ = _compare_vectors(vector, tangent * np.sign(tangent @ vector), samples.normals[0])
     return angle if abs(angle) <= NETWORK_TOLERANCES.largest_obliquity else 0.0
-
-
-def _differentiate_at_nodes(nodes: Array) -> Array:
-    """Return the matrix (n, n) that takes values at nodes (n,) to the derivatives there of their polynomial."""
-    gaps = nodes[:, None] - nodes
-    np.fill_diagonal(gaps, 1.0)
-    weights = 1 / gaps.prod(axis=1)
-    matrix = weights / weights[:, None] / gaps
-    np.fill_diagonal(matrix, 0.0)
-    np.fill_diagonal(matrix, -matrix.sum(axis=1))
-    return matrix

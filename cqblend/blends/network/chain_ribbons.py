@@ -62,28 +62,24 @@ def fit_chain_ribbons(
     links = [(k, (k + 1) % len(cells)) for k in range(len(junctions))]
     light = _choose_light_cells(chain, links)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
-    sections: list[tuple[SectionEnd, SectionEnd]] = []
+    mismatches: list[SectionMismatch] = []
     for before, after in links:
         first, second = light[before], light[after]
-        if first is not None and second is not None:
-            sections.append((SectionEnd.from_ribbons(first, 1), SectionEnd.from_ribbons(second, 0)))
-        elif second is not None:
-            given = SectionEnd.from_ribbons(second, 0)
-            wanted[before][1], taken = _take_section(chain[before], 1, given)
-            sections.append((taken, given))
-        else:
-            if first is None:
-                given = _dictate_section(chain[before], 1)
-                wanted[before][1] = WantedEnd(given.jets)
-            else:
-                given = SectionEnd.from_ribbons(first, 1)
-            wanted[after][0], taken = _take_section(chain[after], 0, given)
-            sections.append((given, taken))
+        start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
+        if start is None:
+            wanted[before][1] = own = (
+                _dictate_section(chain[before], 1) if stop is None else _take_section(chain[before], 1, stop)
+            )
+            start = own.section
+        if stop is None:
+            wanted[after][0] = own = _take_section(chain[after], 0, start)
+            stop = own.section
+        mismatches.append(measure_mismatch(start, stop))
     ribbons = [
-        cell.fit_to_ends((start, stop)) if pair is None else pair
-        for cell, pair, (start, stop) in zip(chain, light, wanted, strict=True)
+        cell.fit_to_ends((start, stop)) if one is None else one.ribbons
+        for cell, one, (start, stop) in zip(chain, light, wanted, strict=True)
     ]
-    return ChainRibbons(tuple(ribbons), tuple(measure_mismatch(start, stop) for start, stop in sections))
+    return ChainRibbons(tuple(ribbons), tuple(mismatches))
 
 
 def _divide_chain(
@@ -107,44 +103,44 @@ def _divide_chain(
     return [ChainCell(rails, (first, last)) for rails, (first, last) in zip(cells, ends, strict=True)]
 
 
-def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) -> list[RibbonPair | None]:
-    """Return the ribbons of the cells that can stay straight or circular; None for others.
+@dataclass(frozen=True)
+class _LightCell:
+    """The ribbons of a straight or circular cell, and the sections at its start and at its stop."""
+
+    ribbons: RibbonPair
+    sections: tuple[SectionEnd, SectionEnd]
+
+
+def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) -> list[_LightCell | None]:
+    """Return the cells that can stay straight or circular; None for others.
 
     At a junction they can if both have the same section by nature, or if the neighbour takes it: the cross derivatives
     must then run along the smooth edges.
     """
-    light = [cell.fit_light() for cell in chain]
+    pairs = [cell.fit_light() for cell in chain]
+    light = [
+        None if pair is None else _LightCell(pair, (SectionEnd.from_ribbons(pair, 0), SectionEnd.from_ribbons(pair, 1)))
+        for pair in pairs
+    ]
     changed = True
     while changed:
         changed = False
         for before, after in links:
             first, second = light[before], light[after]
-            turned = [
-                (k, pair is not None and not _runs_along_edges(SectionEnd.from_ribbons(pair, end), chain[k].ends[end]))
-                for k, pair, end in ((before, first, 1), (after, second, 0))
+            heavy = [
+                k
+                for k, one, end in ((before, first, 1), (after, second, 0))
+                if one is not None and chain[k].must_turn(end, one.sections[end])
             ]
-            heavy = [k for k, is_turned in turned if is_turned]
             if not heavy and first is not None and second is not None:
-                mismatch = measure_mismatch(SectionEnd.from_ribbons(first, 1), SectionEnd.from_ribbons(second, 0))
-                heavy = [] if mismatch.is_rounding else [after]
+                mismatch = measure_mismatch(first.sections[1], second.sections[0])
+                heavy = [] if mismatch.is_natural(chain[before].ends[1].roughness) else [after]
             for k in heavy:
                 light[k], changed = None, True
     return light
 
 
-def _runs_along_edges(section: SectionEnd, end: CellEnd) -> bool:
-    """Whether the cross derivatives at an end run along the smooth edges there, or are too far from that."""
-    for jets, tangent in zip(section.jets, end.edge_tangents, strict=True):
-        if tangent is None:
-            continue
-        vector = jets.values[1]
-        sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
-        if NETWORK_TOLERANCES.along_edge < sine <= np.sin(NETWORK_TOLERANCES.largest_obliquity):
-            return False
-    return True
-
-
-def _dictate_section(cell: ChainCell, end: int) -> SectionEnd:
+def _dictate_section(cell: ChainCell, end: int) -> WantedEnd:
     """Return the natural section of a cubic cell at one end.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
@@ -154,14 +150,14 @@ def _dictate_section(cell: ChainCell, end: int) -> SectionEnd:
     first, second = (cross_product(one.rates[0], one.values[1]) for one in jets)
     across = cross_product(first, second)
     sine = np.linalg.norm(across) / (np.linalg.norm(first) * np.linalg.norm(second))
-    direction = across / np.linalg.norm(across) if sine > NETWORK_TOLERANCES.parallel_normals else None
-    if direction is not None and all(
-        _is_nearly_parallel(one, order, direction) for one, order in zip(jets, cell.rails.targets.orders, strict=True)
-    ):
-        section = cell.lift_end(end, _project_rates(jets, direction))[1]
-        if section.find_common_direction() is not None:
-            return section
-    return cell.lift_end(end, jets)[1]
+    if sine > NETWORK_TOLERANCES.parallel_normals:
+        direction = across / np.linalg.norm(across)
+        orders = cell.rails.targets.orders
+        if all(_is_nearly_parallel(one, order, direction) for one, order in zip(jets, orders, strict=True)):
+            wanted = cell.lift_end(end, _project_rates(jets, direction))
+            if wanted.section.find_common_direction(cell.ends[end].roughness) is not None:
+                return wanted
+    return cell.lift_end(end, jets)
 
 
 def _is_nearly_parallel(jets: EndJets, order: int, direction: Array) -> bool:
@@ -176,21 +172,23 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
     return first, second
 
 
-def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> tuple[WantedEnd, SectionEnd]:
-    """Return what a cubic cell is to have at one end to share a given section, and the section that it then has."""
+def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
+    """Return what a cubic cell is to have at one end so that it shares a given section."""
     natural = cell.estimate_natural_end(end)
-    direction = given.find_common_direction()
+    roughness = cell.ends[end].roughness
+    direction = given.find_common_direction(roughness)
     if direction is not None:
-        own = _project_rates(natural, direction)
-        jets = tuple(EndJets(one.values, mine.rates) for one, mine in zip(given.jets, own, strict=True))
-        section = cell.lift_end(end, (jets[0], jets[1]))[1]
-        if section.find_common_direction() is not None:
-            return WantedEnd(section.jets), section
+        first, second = (
+            EndJets(one.values, own.rates)
+            for one, own in zip(given.jets, _project_rates(natural, direction), strict=True)
+        )
+        wanted = cell.lift_end(end, (first, second))
+        if wanted.section.find_common_direction(roughness) is not None:
+            return wanted
     speeds = [
-        float(np.linalg.norm(mine.rates[0]) / np.linalg.norm(one.rates[0]))
-        for one, mine in zip(given.jets, natural, strict=True)
+        float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
+        for one, own in zip(given.jets, natural, strict=True)
     ]
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
-    section = cell.lift_end(end, (first, second))[1]
-    return WantedEnd(section.jets, (pace / speeds[0], pace / speeds[1])), section
+    return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))

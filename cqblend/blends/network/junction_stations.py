@@ -13,8 +13,9 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import interpolate_locally
 from cqblend.surfaces.angles import shift_to_period
-from cqblend.surfaces.vectors import normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
 
 CurveOnSurface = Callable[[Array], tuple[Array, Array]]
 """A function from parameters (n,) to native parameters (n, 2) on a surface and velocities (n, 3) in space."""
@@ -59,13 +60,65 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
     first: list[_Crossing | None] = [None, None]
     second: list[_Crossing | None] = [None, None]
     tangents: list[Array | None] = [None, None]
+    roughness = 0.0
     for side, edge in enumerate(crossed):
         if edge is not None:
             first[side] = at = _find_crossing(before, side, edge.before, edge.domain, 1.0)
             second[side] = _find_crossing(after, side, edge.after, edge.domain, 0.0)
-            tangents[side] = normalise_vectors(edge.before(np.array([at.sigma]))[1])[0]
+            meeting = _compare_faces((before, after), side, edge, at.sigma)
+            roughness = max(roughness, meeting.angle)
+            if not meeting.is_one_surface(max(before.targets.orders[side], after.targets.orders[side])):
+                tangents[side] = meeting.tangent
     along = tangents[0], tangents[1]
-    return CellEnd(_choose_stations(first, 1.0), along), CellEnd(_choose_stations(second, 0.0), along)
+    return (
+        CellEnd(_choose_stations(first, 1.0), along, roughness),
+        CellEnd(_choose_stations(second, 0.0), along, roughness),
+    )
+
+
+class _FaceMeeting(NamedTuple):
+    """How two faces meet at a point of a smooth edge.
+
+    The unit vector ``tangent`` (3,) along the edge, the ``angle`` (rad) between their tangent planes, and by how much
+    their normal curvatures (1/mm) across the edge differ.
+    """
+
+    tangent: Array
+    angle: float
+    bend: float
+
+    def is_one_surface(self, order: int) -> bool:
+        """Whether cross derivatives of an order of continuity need not run along the edge for the faces to agree."""
+        return (
+            order <= 1
+            and self.angle <= NETWORK_TOLERANCES.natural_angle
+            and abs(self.bend) <= NETWORK_TOLERANCES.same_curvature
+        )
+
+
+def _compare_faces(cells: tuple[CellRails, CellRails], side: int, edge: CrossedEdge, sigma: float) -> _FaceMeeting:
+    """Compare the faces of two cells at a point of the smooth edge between them.
+
+    Where they meet at an angle, their tangent planes have one direction in common: that of the edge, but for the errors
+    of both. It is taken if it is no farther from the edge than the faces are from smooth.
+    """
+    at = np.array([sigma])
+    normals, bends = [], []
+    (along,) = normalise_vectors(edge.before(at)[1])
+    for cell, curve in zip(cells, (edge.before, edge.after), strict=True):
+        jet = cell.primaries[side].jet(curve(at)[0])
+        (normal,) = normalise_vectors(cross_product(jet[1], jet[2]))
+        ((r, s),) = to_tangent_coordinates(jet, cross_product(normal, along)[None])
+        bends.append(float((r * r * jet[3, 0] + 2 * r * s * jet[4, 0] + s * s * jet[5, 0]) @ normal))
+        normals.append(normal)
+    if normals[0] @ normals[1] < 0:  # the parameters of one of the faces have the other sense
+        normals[1], bends[1] = -normals[1], -bends[1]
+    common = cross_product(normals[0], normals[1])
+    angle = float(np.arcsin(min(1.0, float(np.linalg.norm(common)))))
+    if angle > NETWORK_TOLERANCES.natural_angle:
+        shared = normalise_vectors(common) * (1.0 if common @ along > 0 else -1.0)
+        along = shared if np.linalg.norm(shared - along) <= angle else along
+    return _FaceMeeting(along, angle, bends[0] - bends[1])
 
 
 def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[float, float]:
@@ -77,31 +130,35 @@ def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[
 def _find_crossing(
     cell: CellRails, side: int, curve: CurveOnSurface, domain: tuple[float, float], start: float
 ) -> _Crossing:
-    """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters."""
-    primary = cell.primaries[side]
-    low, high = domain
-    cell.solve(np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1))  # those that lead to all others
+    """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters.
+
+    Newton's method, with the derivative of the contacts along the cell from polynomials through some known ones.
+    """
+    primary, (low, high) = cell.primaries[side], domain
+    nodes = np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1)
+    known = cell.solve(nodes).uv[side]
     sigmas = np.linspace(low, high, NETWORK_TOLERANCES.edge_samples)
-    point = primary.jet(cell.solve(np.array([start])).uv[side])[0]
+    point = primary.jet(known[[int(start) * -1]])[0]
     nearest = np.linalg.norm(primary.jet(curve(sigmas)[0])[0] - point, axis=1).argmin()
     t, sigma = start, float(sigmas[nearest])
-    probe = NETWORK_TOLERANCES.station_probe * np.array([-1.0, 0.0, 1.0])
+    probes = NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
     previous = np.inf
     for _ in range(NETWORK_TOLERANCES.station_steps):
-        uv = cell.solve(t + probe).uv[side]
         at, velocity = curve(np.array([sigma]))
         (along,) = to_tangent_coordinates(primary.jet(at), velocity)
-        difference = uv[1] - at[0]
+        difference = cell.solve(np.array([t])).uv[side][0] - at[0]
         for axis, period in enumerate(primary.periods):
             if period is not None:
                 difference[axis] = shift_to_period(difference[axis], np.zeros(()), period)
-        rate = (uv[2] - uv[0]) / (probe[2] - probe[0])
+        before, after = interpolate_locally(nodes, known, t + probes, NETWORK_TOLERANCES.probe_count)
+        rate = (after - before) / (probes[1] - probes[0])
         try:
             step_t, step_sigma = np.linalg.solve(np.stack([rate, -along], axis=1), -difference)
         except np.linalg.LinAlgError:
             break
         moved = max(abs(step_t), abs(step_sigma) / (high - low))
-        if previous / 2 <= moved < NETWORK_TOLERANCES.station_rounding or moved == 0:
+        is_stalled = previous / 2 <= moved < NETWORK_TOLERANCES.station_rounding
+        if is_stalled or moved < NETWORK_TOLERANCES.station_exact:
             slack = NETWORK_TOLERANCES.edge_slack * (high - low)
             if not low - slack <= sigma <= high + slack:
                 raise SizeError(

@@ -45,16 +45,17 @@ class SectionEnd:
         slopes = bernstein.evaluate_basis(degree - 1, 1 - v, v).T
         return np.stack([basis @ values, slopes @ (degree * np.diff(values, axis=0)), basis @ rates])
 
-    def find_common_direction(self) -> Array | None:
+    def find_common_direction(self, roughness: float = 0.0) -> Array | None:
         """Return the unit vector (3,) to which all rates are parallel; None if there is none.
 
         Then the derivative of the section along the cell has that direction everywhere, and so has that of any cell
-        whose rates are parallel to it, however long they are.
+        whose rates are parallel to it, however long they are. They may be off it by the ``roughness`` (rad) of the
+        smooth edge that is crossed.
         """
         rates = np.concatenate([jets.rates[: order + 1] for jets, order in zip(self.jets, self.orders, strict=True)])
         direction = rates[0] / np.linalg.norm(rates[0])
         off = rates - np.multiply.outer(rates @ direction, direction)
-        limit = NETWORK_TOLERANCES.parallel_rates * np.abs(rates).max()
+        limit = (NETWORK_TOLERANCES.parallel_rates + 2 * roughness) * np.abs(rates).max()
         return direction if np.abs(off).max() <= limit else None
 
 
@@ -69,10 +70,9 @@ class SectionMismatch:
     gap: float
     angle: float
 
-    @property
-    def is_rounding(self) -> bool:
-        """Whether the cells meet but for rounding."""
-        return self.gap <= NETWORK_TOLERANCES.natural_gap and self.angle <= NETWORK_TOLERANCES.natural_angle
+    def is_natural(self, roughness: float) -> bool:
+        """Whether the cells meet but for rounding, and for the ``roughness`` (rad) of the smooth edge between them."""
+        return self.gap <= NETWORK_TOLERANCES.natural_gap and self.angle <= NETWORK_TOLERANCES.natural_angle + roughness
 
 
 def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:

@@ -30,6 +30,9 @@ class NetworkTolerances:
     natural_angle: float = 1e-12
     """Angle (rad) of their tangent planes up to which they have them in common by nature."""
 
+    same_curvature: float = 1e-11
+    """Difference of normal curvatures (1/mm) up to which two faces are one surface to the second order."""
+
     section_samples: int = 33
     """Points of a section at which two cells are compared."""
 
@@ -48,11 +51,14 @@ class NetworkTolerances:
     largest_obliquity: float = np.pi / 4
     """Angle (rad) by which a cross derivative is turned at most to run along a smooth edge."""
 
-    fade_width: float = 1.0
-    """Length over which bends at the end of a cell fade, as a multiple of the width of the blend."""
+    bending_widths: float = 1.0
+    """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
+
+    turning_widths: float = 2.0
+    """Length over which stations at the end of a cell are shifted, and cross derivatives turned, in the same unit."""
 
     most_faded: float = 0.4
-    """The same length, as a share of the cell, at most."""
+    """These lengths, as a share of the cell, at most."""
 
     probe_count: int = 6
     """Contacts from which derivatives at the end of a cell are found."""
@@ -70,10 +76,13 @@ class NetworkTolerances:
     """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""
 
     station_probe: float = 1e-4
-    """Step in t for the derivative of contacts along a cell, in that search."""
+    """Step in t for the derivative of interpolated contacts along a cell, in that search."""
 
     station_steps: int = 40
     """Most steps of the search."""
+
+    station_exact: float = 1e-14
+    """Steps, in t and as a share of the edge, with which it ends at once."""
 
     station_rounding: float = 1e-9
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""

@@ -71,13 +71,17 @@ def lift_end(primary: Primary, uv: Array, jets: EndJets, step: float) -> tuple[R
     rate = _lift_tangent(primary, at, point, native, jets.rates[0])
     values, slopes = [point[0]], [rate]
     for k in range(1, len(jets.values)):
+        value = jets.values[k]
+        if k > 1:  # before, nothing follows from lower orders
+            found, weights = _evaluate_end(primary, values, slopes, k, step)
+            value = value - found.values[k]
+        values.append(_lift_tangent(primary, at, point, native, value))
+        if k > 1:
+            values[k] -= weights[0] * point[0] * primary.weight_exponents
+        slopes.append(np.zeros_like(rate))
         found, weights = _evaluate_end(primary, values, slopes, k, step)
-        value = _lift_tangent(primary, at, point, native, jets.values[k] - found.values[k])
-        values.append(value - weights[0] * point[0] * primary.weight_exponents)
-        slopes.append(np.zeros_like(value))
-        found, weights = _evaluate_end(primary, values, slopes, k, step)
-        slope = _lift_tangent(primary, at, point, native, jets.rates[k] - found.rates[k])
-        slopes[k] = slope - weights[1] * point[0] * primary.weight_exponents
+        slopes[k] = _lift_tangent(primary, at, point, native, jets.rates[k] - found.rates[k])
+        slopes[k] -= weights[1] * point[0] * primary.weight_exponents
     end = RibbonEnd(uv, np.stack(values), np.stack(slopes))
     return end, _evaluate_end(primary, values, slopes, len(values) - 1, step)[0]
 

@@ -8,6 +8,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.bodies import is_solid
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.chain_tracing import ChainTrace
 from cqblend.brep.selection.chains import Chain
@@ -15,6 +16,7 @@ from cqblend.brep.selection.joint import make_joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.topology import drop_duplicate_shapes, find_end_vertices
 from cqblend.errors import SelectionError
 
 CellNumbering = Callable[[Sequence[TopoDS_Edge], tuple[TopoDS_Face, TopoDS_Face]], tuple[int, tuple[int, int]]]
@@ -24,18 +26,18 @@ CellNumbering = Callable[[Sequence[TopoDS_Edge], tuple[TopoDS_Face, TopoDS_Face]
 def find_sharp_sides(
     solids: Sequence[SolidIndex], edge: TopoDS_Edge, name: str
 ) -> tuple[SolidIndex, tuple[EdgeSide, EdgeSide]]:
-    """Return the solid that an edge is part of, and its two sides, if there is something to blend.
+    """Return the body that an edge is part of, and its two sides, if there is something to blend.
 
     Raises
     ------
     SelectionError
         If there is nothing to blend at the edge, and ``kind`` tells why: ``"degenerate"``, ``"seam"`` or ``"smooth"``.
-        Or, without a kind, if it is for another reason no sharp joint of two faces of a closed solid.
+        Or, without a kind, if it is for another reason no sharp joint of two faces.
     """
     owners = [index for index in solids if edge in index.edges]
     if len(owners) != 1:
-        many = f"part of {len(owners)} solids: take them apart first" if owners else "not part of a solid"
-        raise SelectionError(f"{name} is {many}; a blend needs one closed solid")
+        many = f"part of {len(owners)} bodies: take them apart first" if owners else "not part of a solid or a shell"
+        raise SelectionError(f"{name} is {many}; a blend takes an edge between two faces of one body")
     (index,) = owners
     faces = index.faces_at_edge(edge)
     if BRep_Tool.Degenerated_s(edge):
@@ -44,9 +46,28 @@ def find_sharp_sides(
         raise SelectionError(f"{name} is a seam of one closed face, not a joint of two", kind="seam")
     sides = index.find_sides(edge)
     if len(faces) != 2 or sides is None:
-        raise SelectionError(f"{name} has {len(faces)} face(s), not 2: the shell is open or not manifold")
+        what = (
+            "1 face: it is in the border of an open shell" if len(faces) == 1 else f"{len(faces)} faces: not manifold"
+        )
+        raise SelectionError(f"{name} has {what}; a blend takes an edge between two faces")
+    _check_senses(index, [edge], name)
     _check_sharp(index, edge, name)
     return index, sides
+
+
+def _check_senses(index: SolidIndex, edges: Sequence[TopoDS_Edge], name: str) -> None:
+    """Refuse edges of a shell if faces at them, or at their ends, do not bound an inside together."""
+    if is_solid(index.solid):
+        return
+    vertices = (vertex for edge in edges for vertex in find_end_vertices(edge))
+    around = [edge for vertex in vertices for edge in index.edges_at_vertex(vertex)]
+    for edge in drop_duplicate_shapes([*edges, *around]):
+        sides = index.find_sides(edge)
+        if sides is not None and sides[0][1].Orientation() == sides[1][1].Orientation():
+            raise SelectionError(
+                f"{name} has faces beside it, or at its ends, that are oriented against each other, so that inside and "
+                "outside are not defined: orient the shell first (OCCT's ShapeFix_Shell does, and so does sewing)"
+            )
 
 
 def _check_sharp(index: SolidIndex, edge: TopoDS_Edge, name: str) -> None:
@@ -78,6 +99,11 @@ def build_chain(
 
     A closed chain starts with the cell in which the edge ``start`` is. ``lookup_number`` is that of
     :class:`~cqblend.brep.selection.joint.Joint`.
+
+    Raises
+    ------
+    SelectionError
+        If faces of a shell are oriented against each other there.
     """
     count, position = len(trace.edges), trace.find_position(start)
     if trace.closed:
@@ -90,12 +116,13 @@ def build_chain(
         spine = EdgeSpine([traced.use for traced in trace.edges[first:last]], closes_smoothly)
         faces = trace.edges[first].faces
         cells.append(make_joint(index, spine, faces, *number_cell(spine.edges, faces), lookup_number))
+    _check_senses(index, [traced.use for traced in trace.edges], cells[0].name)
     return Chain(
         tuple(cells),
         tuple(junction for junction in trace.junctions if any(junction.crossed)),
         trace.closed,
         trace.ends,
-        sum(table.length for table in cells[0].spine.tables[:position]) if trace.closed else 0.0,
+        origin=sum(table.length for table in cells[0].spine.tables[:position]) if trace.closed else 0.0,
     )
 
 

@@ -1,6 +1,6 @@
-"""Joints: edges between two faces of a solid, read as a spine and two support faces.
+"""Joints: edges between two faces of a solid or a shell, read as a spine and two support faces.
 
-A joint is what one blend face takes the place of: which solid, which edges, which faces on which side, and the queries
+A joint is what one blend face takes the place of: which body, which edges, which faces on which side, and the queries
 about them that need the topology.
 """
 
@@ -18,7 +18,10 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
+from cqblend.brep.bodies import is_solid
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
+from cqblend.brep.measurement.nearest_side import measure_height
+from cqblend.brep.selection.border_ends import BorderEnd, find_border_end
 from cqblend.brep.selection.edge_ends import find_continuing_edge, find_edge_in_plane, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
@@ -36,7 +39,7 @@ from cqblend.surfaces.primary_surface import Primary
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """An edge, or a chain of edges, between two faces of one solid, ready to be blended.
+    """An edge, or a chain of edges, between two faces of one solid or shell, ready to be blended.
 
     ``edge_number`` and ``face_numbers`` are numbers in the maps of the *input* shape, for messages and certificates;
     ``lookup_number`` returns those of other faces, edges and vertices, 0 if they are not in the input. ``is_backward``
@@ -53,7 +56,7 @@ class Joint:
 
     @property
     def solid(self) -> TopoDS_Shape:
-        """The solid that the edge is part of."""
+        """The solid, or the shell that bounds none, that the edge is part of."""
         return self.index.solid
 
     @property
@@ -73,7 +76,7 @@ class Joint:
 
     @cached_property
     def is_convex(self) -> bool:
-        """Whether blending removes material."""
+        """Whether blending removes material; in a shell, whether the blend lies on the inner side of its faces."""
         return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
 
     @property
@@ -127,12 +130,23 @@ class Joint:
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
+    @cached_property
+    def border_ends(self) -> tuple[BorderEnd | None, BorderEnd | None]:
+        """What lies at both ends of the edge where these are in the border of an open shell; None at other ends."""
+        if is_solid(self.solid):
+            return None, None
+        first, last = (find_border_end(self.index, self.spine, end, self.sides) for end in (0, 1))
+        return first, last
+
     def find_continuing_edge(self, end: int) -> TopoDS_Edge | None:
         """Return the edge that continues this one tangentially past t = ``end``, 0 or 1; None if there is none."""
         return find_continuing_edge(self.index, self.spine.vertices[end], self.spine.edges[-end])
 
     def list_end_planes(self, end: int) -> list[tuple[Array, Array]]:
-        """Return point and normal of every face across the edge at t = ``end``, 0 or 1, where the edge ends."""
+        """Return point and normal of every face, or of the border, across the edge at t = ``end``, 0 or 1."""
+        border = self.border_ends[end]
+        if border is not None:
+            return [(border.point, border.normal)]
         vertex, planes = self.spine.vertices[end], []
         point = locate_vertex(vertex)
         for face in find_neighbour_faces(self.index, vertex, self.sides):
@@ -157,6 +171,8 @@ class Joint:
         TopologyError
             If the cap is not possible.
         """
+        if self.border_ends[end] is not None:
+            raise TopologyError("the edge ends in the border of an open shell, which a flat cap would close in part")
         vertex, direction = self.spine.vertices[end], stations.tangents[0]
         at_end = contacts.t[0] == end
         legs = np.zeros(3)
@@ -180,11 +196,21 @@ class Joint:
             + SELECT_TOLERANCES.cap_probe_share * legs
             + SELECT_TOLERANCES.cap_probe_step * np.linalg.norm(legs) * direction * (1 if end else -1)
         )
-        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*behind.tolist()), CONFUSION)
-        if classifier.State() != (TopAbs_IN if self.is_convex else TopAbs_OUT):
+        if not self._lies_inside(behind, wanted=self.is_convex):
             raise TopologyError(
                 f"behind a cap there, the solid {'has no material' if self.is_convex else 'is in the way'}"
             )
+
+    def _lies_inside(self, point: Array, *, wanted: bool) -> bool:
+        """Whether a point (3,) lies strictly inside the solid, or, if that is not ``wanted``, strictly outside.
+
+        In a shell that bounds no solid, the nearest face tells.
+        """
+        if not is_solid(self.solid):
+            height = measure_height(point, self.index.faces)
+            return height < -CONFUSION if wanted else height > CONFUSION
+        classifier = BRepClass3d_SolidClassifier(self.solid, gp_Pnt(*point.tolist()), CONFUSION)
+        return bool(classifier.State() == (TopAbs_IN if wanted else TopAbs_OUT))
 
 
 def make_joint(

@@ -10,18 +10,20 @@ from typing import get_args
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.gp import gp_Pnt, gp_Vec
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.bodies import list_bodies, replace_body
 from cqblend.brep.selection.chain_building import build_chain, find_sharp_sides
 from cqblend.brep.selection.chain_tracing import TracedEdge, trace_chain
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import ShapeReplacement, UnifiedSolid, unify_faces
-from cqblend.brep.topology import ShapeIndex, explore_subshapes, find_end_vertices, is_among, replace_solid
+from cqblend.brep.topology import ShapeIndex, find_end_vertices, is_among
 from cqblend.certificate import NothingToBlend, SkippedEdges
 from cqblend.errors import InputError, SelectionError
 from cqblend.splines.bernstein import Array
@@ -29,9 +31,13 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class FoundChain:
-    """Picked edges, by their numbers in the input, that are part of one chain; or why there is none."""
+    """Picked edges, by their numbers in the input, that are part of one chain; or why there is none.
+
+    ``length`` is that of all edges that were meant (mm): those of the chain, or the picked ones.
+    """
 
     edges: tuple[int, ...]
+    length: float
     chain: Chain | None
     error: SelectionError | None = None
 
@@ -86,12 +92,12 @@ def select_chains(
             if error.kind in get_args(NothingToBlend):
                 nothing_to_blend.append((number, error))
             else:
-                chains.append(FoundChain((number,), None, error))
+                chains.append(FoundChain((number,), picks.measure_length(number), None, error))
             covered.add(number)
             continue
         own = picks.list_picks(chain.edges)
         covered.update(own)
-        chains.append(FoundChain(own, chain))
+        chains.append(FoundChain(own, chain.length, chain))
     if not chains:
         first, *others = (error for _, error in nothing_to_blend)
         raise first.with_details(after="".join(f"; {error}" for error in others))
@@ -125,8 +131,7 @@ class _PickedEdges:
             raise SelectionError("an edge does not belong to the shape: select edges of the very shape that is blended")
         self.numbers = tuple(dict.fromkeys(numbers))
         self._oriented_picks = dict(zip(reversed(numbers), reversed(edges), strict=True))  # as the user oriented them
-        solids = explore_subshapes(shape, TopAbs_SOLID)
-        self._solids = [self._input if solid.IsEqual(shape) else SolidIndex(solid) for solid in solids]
+        self._solids = [self._input if body.IsEqual(shape) else SolidIndex(body) for body in list_bodies(shape)]
         self._may_follow = None if follow else lambda edge: bool(self.list_picks([edge]))
         # numbers of the faces that are to be side 1: the given one, and those unified with it
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
@@ -158,7 +163,12 @@ class _PickedEdges:
         """Return a chain in the shape as it is now, in which faces have been unified after the chain was found."""
         if found.chain is None or any(found.chain.cells[0].index is index for index in self._solids):
             return found
-        return replace(found, chain=self.find_chain(found.edges[0]))
+        chain = self.find_chain(found.edges[0])
+        return replace(found, chain=chain, length=chain.length)
+
+    def measure_length(self, number: int) -> float:
+        """Return the length (mm) of a picked edge."""
+        return EdgeSpine([self._find_current_edge(number)], closed=False).length
 
     def unify_faces(self, chain: Chain, reach: Callable[[Joint], float]) -> bool:
         """Unify the faces of one cell of a chain with others, and record that; False if there is nothing to unify."""
@@ -178,7 +188,7 @@ class _PickedEdges:
         edges = self._number_replacements(united.edge_replacements)
         self._replaced_faces += faces
         self._replaced_edges += edges
-        self.shape = replace_solid(self.shape, joint.solid, united.solid)
+        self.shape = replace_body(self.shape, joint.solid, united.solid)
         self._solids = [index for index in self._solids if index is not joint.index] + [SolidIndex(united.solid)]
 
     def _number_replacements(self, replacements: Sequence[ShapeReplacement]) -> list[tuple[TopoDS_Shape, list[int]]]:
@@ -230,6 +240,7 @@ class _PickedEdges:
         if not self._is_side1_left([traced, *trace.edges], self._list_faces(start_number)[0]):
             trace = trace.reverse()
         chain = build_chain(index, trace, start, self._number_cell, self.find_number)
+        chain = replace(chain, edge_numbers=tuple(self._list_edge_numbers(chain.edges)))
         cell = next(cell for cell in chain.cells if is_among(start, cell.spine.edges))
         if _is_backward(cell, self._oriented_picks[start_number]):
             return replace(chain, cells=tuple(replace(one, is_backward=True) for one in chain.cells))

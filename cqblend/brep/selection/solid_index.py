@@ -1,4 +1,4 @@
-"""Facts of one solid that every blend in it needs: numbered parts, what meets where, classifiers. Each found once."""
+"""Facts of one body that every blend in it needs: numbered parts, what meets where, classifiers. Each found once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ class EdgeUse(NamedTuple):
 
 
 class SolidIndex:
-    """One solid, its numbered faces, edges and vertices, and what meets at them; found when first asked for."""
+    """One body: its numbered faces, edges and vertices, and what meets at them; found when first asked for.
+
+    ``solid`` is the body: a solid, or a shell that bounds none (:mod:`cqblend.brep.bodies`).
+    """
 
     def __init__(self, solid: TopoDS_Shape) -> None:
         self.solid = solid

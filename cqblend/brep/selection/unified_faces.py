@@ -20,7 +20,7 @@ from OCP.BRepTools import BRepTools_History, BRepTools_ReShape
 from OCP.GeomAbs import GeomAbs_Plane
 from OCP.GProp import GProp_GProps
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_SOLID, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_ShapeEnum, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.brep.selection.joint import Joint
@@ -49,7 +49,7 @@ class ShapeReplacement(NamedTuple):
 
 @dataclass(frozen=True)
 class UnifiedSolid:
-    """A solid with unified faces, and which faces and edges of it replace which of the solid before."""
+    """A body with unified faces, and which faces and edges of it replace which of the solid before."""
 
     solid: TopoDS_Shape
     face_replacements: list[ShapeReplacement]
@@ -187,7 +187,7 @@ def _copy_face_edges(solid: TopoDS_Shape, splits: list[TopoDS_Edge]) -> UnifiedS
             ShapeReplacement(make_trimmed_copy(edge, find_end_vertices(edge), BRep_Tool.Range_s(edge)), [edge])
         )
         reshape.Replace(edge, edges[-1].new)
-    (copy,) = explore_subshapes(reshape.Apply(solid), TopAbs_SOLID)
+    (copy,) = explore_subshapes(reshape.Apply(solid), solid.ShapeType())
     faces = [
         (downcast_shape(reshape.Value(face)), face)
         for face in drop_duplicate_shapes(explore_subshapes(solid, TopAbs_FACE))
@@ -205,7 +205,7 @@ def _remove_split_edges(
     spine_edges: list[TopoDS_Edge],
     is_near: Callable[[TopoDS_Shape], bool],
 ) -> UnifiedSolid | None:
-    """Unify the faces on both sides of edges; None if OCCT does not, or if the result is not one valid solid.
+    """Unify the faces on both sides of edges; None if OCCT does not, or if the result is not one valid body.
 
     Two edges that are left at the end of a split are unified, too, if that end is near the joint, but not the joint's.
     """
@@ -223,7 +223,7 @@ def _remove_split_edges(
         if not is_among(part, (*splits, *seams, *removable_vertices)):
             unify.KeepShape(part)
     unify.Build()
-    solids = list(explore_subshapes(unify.Shape(), TopAbs_SOLID))
+    solids = list(explore_subshapes(unify.Shape(), solid.ShapeType()))
     if len(solids) != 1:
         return None
     faces, edges = (

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
 from cqblend.blends.network.strip_surface import StripCut
@@ -178,7 +178,7 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
             crossing.edge,
             cuts.find_lost_vertex(crossing),
             vertex,
-            _pair_faces(placement, crossing.edge),
+            tuple(placement.index.faces_at_edge(crossing.edge)),
         )
         for crossing, vertex in zip(path.crossings, vertices, strict=True)
         if crossing.vertex is None
@@ -208,12 +208,6 @@ def _plan_corners(placement: StripPlacement, path: EndPath) -> list[PlannedVerte
         else:
             vertices.append(placement.keep_vertex(crossing.vertex))
     return vertices
-
-
-def _pair_faces(placement: StripPlacement, edge: TopoDS_Edge) -> tuple[TopoDS_Face, TopoDS_Face]:
-    """Return the two faces at an edge; a face that meets itself there twice."""
-    faces = placement.index.faces_at_edge(edge)
-    return faces[0], faces[-1]
 
 
 class _FaceCuts:

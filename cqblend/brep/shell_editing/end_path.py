@@ -7,7 +7,7 @@ where rail 2 leaves its own support face.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -15,7 +15,7 @@ import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_OUT
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.network.strip_surface import StripCut
@@ -24,6 +24,7 @@ from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shell_editing.end_curve import EndCurveStart, solve_touch_point
 from cqblend.brep.shell_editing.end_tracing import Meeting, MeetingPoint
 from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
+from cqblend.brep.shell_editing.neighbour_edges import LEAST_REMAINDER
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
@@ -158,6 +159,7 @@ class _PathWalker:
                     meeting = Meeting.at_end(self.placement, self.end, side)
                     start = self._find_start(meeting, side, boundary, entry, crossing, x)
                     points, leaving, exit_mark = follow(meeting, side, boundary, start, entry, last)
+                    self._require_length(points)
                     piece = PathPiece(side, boundary, meeting.fit_through(points), entry, exit_mark)
                 except (TopologyError, GeometryError) as failure:
                     is_short = isinstance(failure, RailsTooShortError)
@@ -181,7 +183,7 @@ class _PathWalker:
         stations = np.linspace(
             placement.locate_edge_parameter(0.5), placement.domain[self.end], SHELL_EDIT_TOLERANCES.rail_chords + 1
         )
-        passed = [k for k, use in enumerate(boundary.uses) if self._may_pass(use)]
+        passed = [k for k, use in enumerate(boundary.uses) if self._may_pass(use, boundary.face)]
         path = placement.rail_pcurves[i](stations)
         found = boundary.find_first_crossing(path, side.face_primary.periods, passed)
         if found is None:
@@ -206,9 +208,9 @@ class _PathWalker:
         point = self.strip(x[:, 0], v)[0]
         return self._make_crossing(boundary, found.use, float(x[0, 1]), point), float(x[0, 0])
 
-    def _may_pass(self, use: TopoDS_Edge) -> bool:
-        """Whether a rail may cross a use of an edge on its way: those of blended edges, and seams."""
-        return len(self.index.faces_at_edge(use)) == 1 or is_among(use, self.joint.spine.edges)
+    def _may_pass(self, use: TopoDS_Edge, face: TopoDS_Face) -> bool:
+        """Whether a rail may cross a use of an edge of its face on its way: those of blended edges, and seams."""
+        return BRep_Tool.IsClosed_s(use, face) or is_among(use, self.joint.spine.edges)
 
     def _make_crossing(self, boundary: FaceBoundary, use: int, parameter: float, point: Array) -> Crossing:
         """Return a crossing of a use, or of that vertex of it which is as near as its tolerance."""
@@ -244,7 +246,7 @@ class _PathWalker:
             return boundary.find_vertex(crossing.vertex)
         uses = boundary.find_uses(crossing.edge)
         if boundary is crossing.boundary:  # which meets itself there
-            uses.remove(crossing.mark.use)
+            uses.remove(crossing.mark.use)  # none is left of a free edge
         return BoundaryMark(uses[0], crossing.mark.parameter) if uses else None
 
     def _find_start(
@@ -350,6 +352,11 @@ class _PathWalker:
         if not 0.0 <= stop.x[1] <= 1.0:
             raise TopologyError("the blend would have to end on a part that this face does not have")
         return [start.reverse(), stop.reverse()], leaving, leaving.mark
+
+    def _require_length(self, points: Sequence[MeetingPoint]) -> None:
+        """Raise TopologyError if the curve through some points is too short for an edge."""
+        if np.linalg.norm(self._locate(points[0]) - self._locate(points[-1])) < LEAST_REMAINDER:
+            raise TopologyError("the blend does not go over it")
 
     def runs_forward(self, side: SupportFace) -> bool:
         """Whether the way runs along the new boundary of a FORWARD face, not against it."""

@@ -42,8 +42,9 @@ class EdgeTrim:
     """An edge of the input next to one ``end`` (0 or 1) of a blend, to be trimmed or extended to the blend's corner.
 
     It loses what is between ``spine_vertex``, its end on the side of the blended edge, and ``corner``; or it is
-    lengthened to there. Where a flat cap stands on the edge, ``cap_border`` is the part between vertex and corner: then
-    only the face ``face_without_border``, which ends at the rail, loses that part.
+    lengthened to there, but for a free edge, which has one face. Where a flat cap stands on the edge, ``cap_border`` is
+    the part between vertex and corner: then only the face ``face_without_border``, which ends at the rail, loses that
+    part.
     """
 
     placement: StripPlacement
@@ -51,7 +52,7 @@ class EdgeTrim:
     edge: TopoDS_Edge
     spine_vertex: TopoDS_Vertex
     corner: PlannedVertex
-    faces: tuple[TopoDS_Face, TopoDS_Face]
+    faces: tuple[TopoDS_Face, ...]
     cap_border: EdgePiece | None = None
     face_without_border: TopoDS_Face | None = None
 
@@ -141,7 +142,7 @@ def _locate_corner(edge: TopoDS_Edge, trim: EdgeTrim) -> tuple[float, float] | N
     parameter, distance = project_to_edge(edge, trim.corner)
     if np.isfinite(distance) and _is_within_tolerance(distance, edge, trim.faces):
         return parameter, distance
-    if not is_corner_behind(edge, trim.spine_vertex, trim.corner.point):
+    if len(trim.faces) == 1 or not is_corner_behind(edge, trim.spine_vertex, trim.corner.point):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it", kind="too large")
     return None
 
@@ -181,8 +182,8 @@ def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, fl
     return project.LowerDistanceParameter(), project.LowerDistance()
 
 
-def _is_within_tolerance(distance: float, edge: TopoDS_Edge, faces: tuple[TopoDS_Face, TopoDS_Face]) -> bool:
-    """Whether a point of both faces is as near to their edge (mm) as it may be, given how far the edge is from them."""
+def _is_within_tolerance(distance: float, edge: TopoDS_Edge, faces: tuple[TopoDS_Face, ...]) -> bool:
+    """Whether a point of the faces at an edge is as near to it (mm) as it may be, given how far it is from them."""
     if distance <= 10 * max(BRep_Tool.Tolerance_s(edge), CONFUSION):
         return True
     deviations = (

@@ -28,7 +28,7 @@ from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Solid, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import (
     EdgePiece,
@@ -47,6 +47,7 @@ from cqblend.blends.network.blend_plan import (
 )
 from cqblend.blends.network.strip_surface import RailCurve
 from cqblend.blends.sections.revolved_section import RevolvedSection
+from cqblend.brep.bodies import replace_body_faces
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -69,7 +70,6 @@ from cqblend.brep.topology import (
     make_vertex,
     orient_forward,
     raise_vertex_tolerance,
-    replace_solid_faces,
     reverse_edge,
 )
 from cqblend.certificate import NewEdgeKind
@@ -89,12 +89,14 @@ CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 class BuiltEdge:
     """An edge of a blend face that is no rail, with its two sides, that of the blend face first.
 
+    An edge in the border of an open shell has but that one side.
+
     ``deviation`` is the largest distance (mm) of its curve from either face; ``end`` tells which end of the blended
     edge it is at, 0 or 1, if it is at one.
     """
 
     kind: NewEdgeKind
-    sides: tuple[EdgeSide, EdgeSide]
+    sides: tuple[EdgeSide, ...]
     deviation: float
     end: int | None = None
 
@@ -113,11 +115,16 @@ class BuiltStrip:
 
 @dataclass(frozen=True)
 class ProposedSolid:
-    """A rewritten solid, not yet verified, and its strips in the order of the plan."""
+    """A rewritten solid or shell, not yet verified, and its strips in the order of the plan."""
 
-    solid: TopoDS_Solid
+    solid: TopoDS_Shape
     strips: tuple[BuiltStrip, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
+
+    @property
+    def free_edges(self) -> list[TopoDS_Edge]:
+        """The edges in which blends end in the border of an open shell."""
+        return [edge.sides[0][1] for strip in self.strips for edge in strip.other_edges if edge.kind == "border"]
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -153,7 +160,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    solid = replace_solid_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
+    solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -183,19 +190,22 @@ def _list_other_edges(
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their two sides; sections only of the cell before."""
+    """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
     found = []
     for planned in strip.other_edges:
-        edge, pair = parts.build_edge(planned), owners[planned]
-        if planned.role == "section" and not pair[0].IsSame(blend_face):
+        edge, faces = parts.build_edge(planned), owners[planned]
+        if planned.role == "section" and not faces[0].IsSame(blend_face):
             continue
-        first, second = pair if pair[0].IsSame(blend_face) else pair[::-1]
         deviation = deviations.get(edge)
+        end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
+        if len(faces) == 1:
+            found.append(BuiltEdge("border", ((blend_face, edge),), deviation, end))
+            continue
+        first, second = faces if faces[0].IsSame(blend_face) else faces[::-1]
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
         kind: NewEdgeKind = "between" if is_among(second, blend_faces) else "end"
-        end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
         BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)

@@ -26,7 +26,7 @@ from cqblend.brep.shell_editing.realigned_spheres import plan_sphere_boundary
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
-from cqblend.brep.topology import find_seam_edges
+from cqblend.brep.topology import find_end_vertices, find_seam_edges, is_among
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.roots import find_sign_changes
@@ -75,8 +75,12 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
     side, sphere, span = placement.sides[i], placement.spheres[i], part.span
     crossings = find_seam_crossings(placement, i) if sphere is None else np.empty(0)
     crossings = crossings[(crossings > span[0]) & (crossings < span[1])]
+    points = placement.rail_curves[i](crossings)
+    for corner in part.vertices:  # where that is on a seam, rounding may have the rail cross it just before
+        is_apart = np.linalg.norm(points - corner.point, axis=1) > SHELL_EDIT_TOLERANCES.at_seam
+        crossings, points = crossings[is_apart], points[is_apart]
     stops = np.concatenate([span[:1], crossings, span[1:]]).tolist()
-    between = [PlannedVertex(point) for point in placement.rail_curves[i](crossings)]
+    between = list(map(PlannedVertex, points))
     vertices = [part.vertices[0], *between, part.vertices[1]]
     edges = tuple(
         _plan_rail_edge(placement, i, (vertices[k], vertices[k + 1]), (stops[k], stops[k + 1]))
@@ -94,9 +98,20 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
         return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), None)
     if part.continues:  # it may cross a seam where it starts
         crossings, between = np.array(stops[:-1]), vertices[:-1]
+    for end in _find_ends_on_seams(placement, i, removed):  # and there end on the seam, of which the rest remains
+        crossings, between = np.append(crossings, span[end]), [*between, part.vertices[end]]
     directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
     at_seams = SeamCrossings(side.face, between, directions, removed.vertices)
     return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), at_seams)
+
+
+def _find_ends_on_seams(placement: StripPlacement, i: int, removed: SpineRemoval) -> list[int]:
+    """Return at which ends, 0 and 1, an open joint ends at a vertex that goes, and from which a seam leaves."""
+    if placement.joint.spine.closed:
+        return []
+    seam_vertices = [v for seam in find_seam_edges(placement.sides[i].face) for v in find_end_vertices(seam)]
+    ends = enumerate(placement.joint.spine.vertices)
+    return [end for end, vertex in ends if is_among(vertex, seam_vertices) and is_among(vertex, removed.vertices)]
 
 
 def _plan_rail_edge(

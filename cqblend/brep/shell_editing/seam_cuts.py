@@ -17,7 +17,6 @@ from cqblend.blends.network.blend_plan import EdgePiece, PlannedVertex
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
-    CONFUSION,
     explore_subshapes,
     find_end_vertices,
     find_seam_edges,
@@ -104,7 +103,7 @@ def _mark_crossings(seam: TopoDS_Edge, crossings: SeamCrossings) -> list[_Mark]:
     marks = []
     for vertex, direction in zip(crossings.vertices, crossings.directions, strict=True):
         project = GeomAPI_ProjectPointOnCurve(gp_Pnt(*vertex.point.tolist()), curve, *BRep_Tool.Range_s(seam))
-        if project.NbPoints() == 0 or project.LowerDistance() > 10 * CONFUSION:
+        if project.NbPoints() == 0 or project.LowerDistance() > SHELL_EDIT_TOLERANCES.at_seam:
             continue
         parameter = project.LowerDistanceParameter()
         tangent = curve.DN(parameter, 1)

@@ -31,6 +31,7 @@ from cqblend.blends.network.edge_networks import group_networks
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_cells
+from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
@@ -295,9 +296,12 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
 
 
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
-    """End the blend at one end of the edge: in a flat cap at t = ``cap``, or on the face across the edge."""
+    """End the blend at one end of the edge: in a flat cap at t = ``cap``, on the face across it, or in the border."""
     try:
-        return end_on_faces(placement, end) if cap is None else end_in_cap(placement, end, cap)
+        if cap is not None:
+            return end_in_cap(placement, end, cap)
+        border = placement.joint.border_ends[end]
+        return end_on_faces(placement, end) if border is None else end_at_border(placement, end, border)
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:

@@ -11,6 +11,9 @@ from cqblend.splines.bernstein import EPSILON
 class ShellEditTolerances:
     """Tolerances and limits of the modules in :mod:`cqblend.brep.shell_editing`."""
 
+    at_seam: float = 1e-6
+    """mm: a point of a rail this near to a seam, or to another one on it, is there."""
+
     rail_end_at_seam: float = 1e-9
     """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
 
@@ -58,6 +61,12 @@ class ShellEditTolerances:
 
     unit_speed: float = 4 * EPSILON
     """Share of a pcurve's parameters by which its length may differ from its range: rounding, at unit speed."""
+
+    free_edge_samples: int = 129
+    """Points of a rail, and of a free edge, among which the places are looked for where these are nearest."""
+
+    least_border_sine: float = 0.05
+    """Sine of the angle below which a free edge runs along a rail, rather than across it."""
 
     full_turn: float = 1e-6
     """Radians: by how much the longitude along a rail around a sphere's axis may miss a full turn."""

@@ -14,6 +14,7 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_IN, TopAbs_OUT, TopAbs_REVERSED
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.measurement.nearest_side import measure_height
 from cqblend.brep.topology import (
     BUILDER,
     CONFUSION,
@@ -41,8 +42,8 @@ def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> l
 
     Where all points of a new face that are looked at lie on the wanted side of the old solid, it is taken to be right;
     of the others the change of volume is measured, together with that of new faces that changed the same wires. If
-    these are to change it in different directions, nothing can be said. ``grows`` tells whether material is to be
-    added, by all new faces or by each.
+    these are to change it in different directions, nothing can be said. A shell has no volume: there, all points must
+    lie so. ``grows`` tells whether material is to be added, by all new faces or by each.
     """
     everything = tuple(range(len(replaced.new_faces)))
     wanted = [grows] * len(everything) if isinstance(grows, bool) else list(grows)
@@ -50,6 +51,9 @@ def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> l
     doubtful = [i for i, (face, grow) in enumerate(faces) if not _is_on_wanted_side(replaced, face, grow)]
     if everything and not doubtful:
         return []
+    if not replaced.bounds_solid:
+        wrong = "the blend is not on the side of the shell where it was to be"
+        return [ReplacementProblem(wrong, Check.VOLUME, (i,), (replaced.new_faces[i],)) for i in doubtful]
     parts = list_changed_parts(replaced, whole_wires=True)
     matched = drop_duplicate_shapes(part.old_face for part in parts if part.old_face is not None)
     if len(everything) < 2 or len(matched) < len(replaced.old):
@@ -72,7 +76,8 @@ def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> l
 def _is_on_wanted_side(replaced: ReplacedFaces, face: TopoDS_Face, grows: bool) -> bool:
     """Whether points of a new face lie strictly outside the old solid, if it was to grow, or inside it.
 
-    They do if they lie so beside each of the faces that the new one is tangent to; otherwise OCCT tells.
+    They do if they lie so beside each of the faces that the new one is tangent to; otherwise OCCT tells, or, of a
+    shell, the nearest of its faces.
     """
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face)
     surface = BRep_Tool.Surface_s(face)
@@ -80,6 +85,9 @@ def _is_on_wanted_side(replaced: ReplacedFaces, face: TopoDS_Face, grows: bool) 
     supports = _find_supports(replaced, face)
     if len(supports) > 1 and all(_lie_beside(points, *support, grows) for support in supports):
         return True
+    if not replaced.bounds_solid:
+        heights = [measure_height(np.array(point.Coord()), replaced.old) for point in points]
+        return all(height > CONFUSION if grows else height < -CONFUSION for height in heights)
     wanted = TopAbs_OUT if grows else TopAbs_IN
     classifier = BRepClass3d_SolidClassifier(replaced.before)
     for point in points:

@@ -1,4 +1,4 @@
-"""A solid cut in two with a box: whether boolean operations work on its faces."""
+"""A solid, or a shell, cut in two with a box: whether boolean operations work on its faces."""
 
 import math
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ import numpy as np
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 from OCP.BRepTools import BRepTools
-from OCP.gp import gp_Ax2, gp_Dir, gp_Pln, gp_Pnt
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.Standard import Standard_Failure
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
 from cqblend.brep.verification.brep_check import is_valid
-from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.brep.verification.volumes import compute_bounds, estimate_volume_error, measure_volume
+from cqblend.brep.verification.content import Content
+from cqblend.brep.verification.volumes import compute_bounds
 from cqblend.splines.bernstein import Array
 
 
@@ -23,7 +23,7 @@ class BoxCheck:
     """The solid minus and common with a box through the middle of the faces.
 
     ``cut`` and ``common`` are volumes in mm^3, ``mismatch`` is |cut + common - volume| / volume, ``valid`` says
-    whether BRepCheck accepts both.
+    whether BRepCheck accepts both. The volumes of shells that bound no solid are those between them and some plane.
     """
 
     valid: bool
@@ -32,33 +32,31 @@ class BoxCheck:
     mismatch: float
 
 
-def check_box(
-    shape: TopoDS_Shape, faces: list[TopoDS_Face], plane: gp_Pln, volume: float, error: float
-) -> tuple[BoxCheck | None, list[str]]:
-    """Cut a solid in two with a box, one side of which runs through the middle of one of the faces.
+def check_box(shape: TopoDS_Shape, faces: list[TopoDS_Face], content: Content) -> tuple[BoxCheck | None, list[str]]:
+    """Cut a body in two with a box, one side of which runs through the middle of one of the faces.
 
-    ``volume`` and ``error`` are what :func:`measure_volume` returns of the solid from ``plane``. Returns the volumes of
-    both parts, None if OCCT fails, and one line for everything that is wrong.
+    ``content`` is that of the body. Returns the volumes of both parts, None if OCCT fails, and one line for everything
+    that is wrong.
     """
     box = _make_splitting_box(shape, faces)
     try:
         parts = [operation(shape, box) for operation in (BRepAlgoAPI_Cut, BRepAlgoAPI_Common)]
         if not all(part.IsDone() for part in parts):
-            return None, ["OCCT cannot cut the solid with a box"]
+            return None, ["OCCT cannot cut the body with a box"]
     except Standard_Failure as failure:
-        return None, [f"OCCT cannot cut the solid with a box: {failure}"]
+        return None, [f"OCCT cannot cut the body with a box: {failure}"]
     valid = all(is_valid(part.Shape()) for part in parts)
-    (cut, cut_error), (common, common_error) = (measure_volume(part.Shape(), plane) for part in parts)
-    mismatch = abs(cut + common - volume)
-    slack = error + cut_error + common_error
-    if mismatch > VERIFICATION_TOLERANCES.volume * abs(volume) + slack:
+    (cut, cut_error), (common, common_error) = (content.measure(part.Shape()) for part in parts)
+    slack = cut_error + common_error
+    if content.differs(cut + common, slack):
         slack += sum(
-            estimate_volume_error(part.Shape(), found) for part, found in zip(parts, (cut, common), strict=True)
+            content.estimate_error(part.Shape(), found) for part, found in zip(parts, (cut, common), strict=True)
         )
-    check = BoxCheck(valid, cut, common, mismatch / abs(volume) if volume else math.inf)
+    check = BoxCheck(valid, cut, common, content.measure_mismatch(cut + common))
     lines = [] if valid else ["cut or common with a box is not valid"]
-    if min(cut, common) <= 0.0 or mismatch > VERIFICATION_TOLERANCES.volume * abs(volume) + slack:
-        lines.append(f"cut and common with a box do not add up: {cut:.9g} + {common:.9g} against {volume:.9g} mm^3")
+    if content.is_nothing(cut) or content.is_nothing(common) or content.differs(cut + common, slack):
+        sizes = f"{cut:.9g} + {common:.9g} against {content.whole:.9g} mm^3"
+        lines.append(f"cut and common with a box do not add up: {sizes}")
     return check, lines
 
 

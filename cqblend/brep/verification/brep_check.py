@@ -1,5 +1,6 @@
 """What OCCT's ``BRepCheck`` finds wrong with a shape, in its ordinary and in its exact mode."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from OCP.BRep import BRep_Tool
@@ -137,3 +138,12 @@ def find_shell_problems(shape: TopoDS_Shape) -> list[str]:
         elif check.Orientation(False) != BRepCheck_NoError:
             lines.append(f"shell {i} is not consistently oriented")
     return lines
+
+
+def find_turned_faces(shells: Iterable[TopoDS_Shape]) -> list[str]:
+    """Return one line for every shell, which may be open, whose faces are not oriented consistently."""
+    return [
+        f"open shell {i} is not consistently oriented"
+        for i, shell in enumerate(shells, 1)
+        if BRepCheck_Shell(shell).Orientation(False) != BRepCheck_NoError
+    ]

@@ -31,8 +31,9 @@ def certify_edge(edge: BuiltEdge, joint: Joint, blend_surface: SurfaceEvaluator 
     angle = None
     if edge.kind == "seam" and BRep_Tool.Surface_s(edge.sides[0][0]).IsUPeriodic():
         angle = 0.0  # a periodic surface does not end there
-    elif edge.kind != "end":
+    elif edge.kind in ("seam", "between"):
+        first, second = edge.sides
         samples = VERIFICATION_TOLERANCES.new_edge_samples
         surfaces = (blend_surface, blend_surface if edge.kind == "seam" else None)
-        angle = measure_continuity_between(edge.sides, samples, surfaces=surfaces).angle
+        angle = measure_continuity_between((first, second), samples, surfaces=surfaces).angle
     return EdgeRecord(edge.kind, joint.edge_number, vertex, edge.deviation, angle, tolerance)

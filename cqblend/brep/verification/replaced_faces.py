@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, make_compound
@@ -88,6 +88,11 @@ class ReplacedFaces:
                 self.new.append(face)
             elif face.Orientation() != self.index_before[number].Orientation():
                 self.turned.append(face)
+
+    @cached_property
+    def bounds_solid(self) -> bool:
+        """Whether the faces bound solids, and not a mere shell."""
+        return len(ShapeIndex(self.before, TopAbs_SOLID)) > 0
 
     @cached_property
     def old_compound(self) -> TopoDS_Shape:

@@ -1,4 +1,4 @@
-"""Whether shells stay closed and consistently oriented when faces are replaced, and solids are not inside out.
+"""Whether shells keep their borders and senses when faces are replaced, and solids are not inside out.
 
 All of it is asked where faces changed, so that it takes no longer on a body of a thousand faces. What cannot be decided
 there is asked of the whole solid.
@@ -7,7 +7,7 @@ there is asked of the whole solid.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -30,8 +30,8 @@ from OCP.TopAbs import (
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Solid
 
 from cqblend.brep.measurement.surface_evaluation import evaluate_face_normals
-from cqblend.brep.topology import BUILDER, CONFUSION, ShapeIndex, explore_subshapes
-from cqblend.brep.verification.brep_check import find_shell_problems
+from cqblend.brep.topology import BUILDER, CONFUSION, ShapeIndex, explore_subshapes, is_among
+from cqblend.brep.verification.brep_check import find_shell_problems, get_shared_curve
 from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.replaced_faces import Check, ReplacedFaces, ReplacementProblem
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
@@ -39,8 +39,20 @@ from cqblend.brep.verification.volumes import find_inverted_solids
 from cqblend.splines.bernstein import Array
 
 
-def find_new_shell_problems(replaced: ReplacedFaces) -> list[ReplacementProblem]:
-    """Return a problem for every shell that became open, or inconsistently oriented, or lost its place in the solid."""
+def find_new_shell_problems(
+    replaced: ReplacedFaces, free_edges: Sequence[TopoDS_Edge] = ()
+) -> list[ReplacementProblem]:
+    """Return a problem for every shell that became open, or inconsistently oriented, or lost its place in the solid.
+
+    A shell that bounds no solid may be open where it was, and at given new ``free_edges``.
+    """
+    everything = tuple(range(len(replaced.new_faces)))
+    if not replaced.bounds_solid:
+        found = _find_new_borders(replaced, free_edges)
+        return [
+            ReplacementProblem(line, Check.SHELLS, replaced.find_new_faces(edges), tuple(edges))
+            for line, edges in found
+        ]
     lines = []
     shells = ShapeIndex(replaced.after, TopAbs_SHELL)
     has_repeated_faces = sum(shell.NbChildren() for shell in shells) != len(replaced.index_after)
@@ -48,8 +60,48 @@ def find_new_shell_problems(replaced: ReplacedFaces) -> list[ReplacementProblem]
         known = set(find_shell_problems(replaced.before))
         lines = [line for line in find_shell_problems(replaced.after) if line not in known]
     lines += _find_displaced_shells(replaced)
-    everything = tuple(range(len(replaced.new_faces)))
     return [ReplacementProblem(line, Check.SHELLS, everything) for line in lines]
+
+
+def _find_new_borders(
+    replaced: ReplacedFaces, free_edges: Sequence[TopoDS_Edge]
+) -> list[tuple[str, list[TopoDS_Edge]]]:
+    """Return a line, and the edges it is about, for what is wrong with the border and the sense of a shell's faces.
+
+    Of the edges that changed faces have, each must be used once in each sense or not at all; or as often as before; or,
+    once, if it is one of the given free edges, or a piece of an edge that was free.
+    """
+    edges = ShapeIndex.from_shapes([replaced.old_compound, replaced.new_compound], TopAbs_EDGE)
+    (taken, old_groups), (given, new_groups) = (_count_uses(faces, edges) for faces in (replaced.old, replaced.new))
+    before = Counter(
+        edges.find_number(use) * (1 if use.Orientation() == TopAbs_FORWARD else -1)
+        for use in explore_subshapes(replaced.before, TopAbs_EDGE)
+    )
+    was_free = [edge for n, edge in enumerate(edges, 1) if before[n] + before[-n] == 1]
+    lines: list[tuple[str, list[TopoDS_Edge]]] = []
+    if replaced.turned:
+        lines.append(("faces that stay are turned over", []))
+    if new_groups > old_groups:
+        lines.append(("the shell comes apart", []))
+    for number, edge in enumerate(edges, 1):
+        uses = [before[n] - taken[n] + given[n] for n in (number, -number)]
+        if uses in ([0, 0], [1, 1], [before[number], before[-number]]):
+            continue
+        is_border = sum(uses) == 1 and (is_among(edge, free_edges) or any(_is_piece(edge, one) for one in was_free))
+        if not is_border:
+            lines.append(
+                (f"an edge of the shell is used {uses[0]} times in its sense and {uses[1]} against it", [edge])
+            )
+    return lines
+
+
+def _is_piece(edge: TopoDS_Edge, whole: TopoDS_Edge) -> bool:
+    """Whether an edge runs on the curve of another, within its range."""
+    curve = get_shared_curve(edge)
+    if curve is None or curve is not get_shared_curve(whole):
+        return False
+    (first, last), (low, high) = BRep_Tool.Range_s(edge), BRep_Tool.Range_s(whole)
+    return bool(low <= first and last <= high)
 
 
 def _keep_shells_closed(replaced: ReplacedFaces) -> bool:

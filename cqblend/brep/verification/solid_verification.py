@@ -1,4 +1,4 @@
-"""Verifies finished solids: in full (`verify_shape`), or only what is new after a blend (`check_solid`).
+"""Verifies finished solids and shells: in full (`verify_shape`), or only what is new after a blend (`check_solid`).
 
 ``BRepCheck`` alone does not tell: it calls solids valid that are inside out, whose blend bulges outside, or that fall
 apart when cut or sent through STEP. So everything is tried that a user will do next, and measured with OCCT's own
@@ -8,16 +8,19 @@ means. Works on shapes of whatever origin, and depends on nothing that makes ble
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from OCP.BRep import BRep_Tool
 from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from cqblend.brep.bodies import is_solid, list_bodies
 from cqblend.brep.measurement.edge_sides import require_shape
 from cqblend.brep.topology import ShapeIndex, make_compound
 from cqblend.brep.verification.blend_sides import find_wrong_sides
 from cqblend.brep.verification.boolean_trial import BoxCheck, check_box
-from cqblend.brep.verification.brep_check import describe_flaws, find_flaws, find_shell_problems
+from cqblend.brep.verification.brep_check import describe_flaws, find_flaws, find_shell_problems, find_turned_faces
 from cqblend.brep.verification.changed_faces import find_invalid_parts
 from cqblend.brep.verification.collisions import find_collisions
+from cqblend.brep.verification.content import measure_content
 from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.face_folds import find_folds
 from cqblend.brep.verification.new_edges import find_deviations, find_loose_edges, find_missing_curves
@@ -26,7 +29,7 @@ from cqblend.brep.verification.shell_checks import find_new_inversions, find_new
 from cqblend.brep.verification.smooth_edges import EdgeCheck, check_edges
 from cqblend.brep.verification.step_round_trip import StepCheck, check_step
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.brep.verification.volumes import find_inverted_solids, make_skew_plane, measure_volume
+from cqblend.brep.verification.volumes import find_inverted_solids
 from cqblend.errors import InputError, SelectionError
 
 
@@ -40,9 +43,9 @@ class Verification:
         ``BRepCheck_Analyzer`` accepts the whole shape, in its ordinary mode (which ``isValid()`` asks) and in the exact
         one.
     closed : bool
-        Every shell of a solid is closed and consistently oriented.
+        Every shell is closed and consistently oriented. Shells that bound no solid may be open.
     volume : float
-        mm^3, all solids together.
+        mm^3, all solids together; 0 if the faces in question bound none.
     gap, angle : float
         Largest over the smooth edges, by OCCT's own analysis, mm and radians.
     edges : tuple of EdgeCheck
@@ -97,12 +100,12 @@ def verify_shape(
     *,
     angular_tolerance: float = VERIFICATION_TOLERANCES.flagged_smooth_angle,
 ) -> Verification:
-    """Check a solid harder than ``BRepCheck`` does.
+    """Check a solid, or a shell that bounds none, harder than ``BRepCheck`` does.
 
     Parameters
     ----------
     shape : TopoDS_Shape
-        A solid, or anything that contains solids.
+        Solids, shells, faces, or a compound of them.
     faces : iterable of TopoDS_Face, optional
         The faces in question, such as the blends of a ``BlendResult``; all faces if None. Their edges are measured,
         and the box goes through the middle of one of them.
@@ -116,7 +119,7 @@ def verify_shape(
     Raises
     ------
     InputError
-        ``shape`` is not a shape or holds no solid, or ``faces`` is empty or holds something else.
+        ``shape`` is not a shape or holds no face, or ``faces`` is empty or holds something else.
     SelectionError
         A face is not a face of the shape.
 
@@ -124,26 +127,27 @@ def verify_shape(
     -----
     An edge is *smooth* if the shape says so: its continuity flag is at least G1. With ``faces``, every edge they
     share with another face is measured, without, the smooth ones. Gaps may be twice the edge's tolerance, as each
-    face may be off by it. Volumes must agree to 1e-6 plus OCCT's own estimate of the integration errors.
+    face may be off by it. Volumes must agree to 1e-6 plus OCCT's own estimate of the integration errors. If the faces
+    bound no solid, their shells may be open, and the volumes are those between them and some plane.
     """
     require_shape(shape, "shape")
-    solids = list(ShapeIndex(shape, TopAbs_SOLID))
-    if not solids:
-        raise InputError("shape holds no solid: there is nothing to verify")
-    body = make_compound(solids)
-    chosen = list(ShapeIndex(body, TopAbs_FACE)) if faces is None else _locate_faces(shape, faces)
+    body = make_compound(ShapeIndex(shape, TopAbs_SOLID))
+    of_solids, all_faces = ShapeIndex(body, TopAbs_FACE), ShapeIndex(shape, TopAbs_FACE)
+    if not len(all_faces):
+        raise InputError("shape holds no face: there is nothing to verify")
+    chosen = list(of_solids) or list(all_faces) if faces is None else _locate_faces(shape, faces)
+    content = measure_content(shape, of_solids=any(face in of_solids for face in chosen))
     flaw_lines = [
         line for exact in (False, True) for line in describe_flaws(shape, find_flaws(shape, exact=exact), exact=exact)
     ]
-    shell_lines = find_shell_problems(body)
+    shell_lines, open_shells = find_shell_problems(body), [one for one in list_bodies(shape) if not is_solid(one)]
     edges, edge_lines = check_edges(shape, chosen, everything=faces is not None, angular_tolerance=angular_tolerance)
-    plane = make_skew_plane(body)
-    volume, error = measure_volume(body, plane)
-    box, box_lines = check_box(body, chosen, plane, volume, error)
-    step, step_lines = check_step(shape, edges, plane, volume, error)
+    box, box_lines = check_box(content.parts, [face for face in chosen if face in content.faces], content)
+    step, step_lines = check_step(shape, edges, content)
     problems = [
         *_abbreviate_lines(flaw_lines),
         *shell_lines,
+        *find_turned_faces(open_shells),
         *find_inverted_solids(body),
         *_abbreviate_lines(edge_lines),
         *_abbreviate_lines([line for face in chosen for line in find_folds(face)]),
@@ -153,8 +157,8 @@ def verify_shape(
     smooth = [edge for edge in edges if edge.smooth]
     return Verification(
         valid=not flaw_lines,
-        closed=not shell_lines,
-        volume=volume,
+        closed=not shell_lines and all(map(BRep_Tool.IsClosed_s, open_shells)),
+        volume=content.whole if content.of_solids else 0.0,
         gap=max((edge.gap for edge in smooth), default=0.0),
         angle=max((edge.angle for edge in smooth), default=0.0),
         edges=tuple(edges),
@@ -196,17 +200,19 @@ def check_solid(
     grows: bool | Sequence[bool] | None = None,
     tolerance: float = 1e-5,
     index_before: ShapeIndex | None = None,
+    free_edges: Sequence[TopoDS_Edge] = (),
 ) -> ReplacementCheck:
     """Look for anything wrong with a solid that was made from another by replacing some faces.
 
     Only what changed is looked at: a flaw that the input brought along and that nobody touched is not the result's
     fault, nor is one of an old face that its successor has again. A solid without problems passes ordinary
-    ``BRepCheck`` as a whole, which a user's ``isValid()`` asks, if the solid before did.
+    ``BRepCheck`` as a whole, which a user's ``isValid()`` asks, if the solid before did. A shell that bounds no solid
+    is not asked for volume and inside, but for its border: what was free, less what is gone, and ``free_edges``.
 
     Parameters
     ----------
     before, after : TopoDS_Shape
-        The solids. What ``after`` took over from ``before`` must be the same topological objects.
+        The solids, or shells. What ``after`` took over from ``before`` must be the same topological objects.
     new_faces : sequence of TopoDS_Face
         The faces that were added, the blends: of all blended edges at once.
     grows : bool or sequence of bool, optional
@@ -215,6 +221,8 @@ def check_solid(
         Largest tolerance in mm that a new edge or vertex may have.
     index_before : ShapeIndex, optional
         The faces of ``before``, if they are numbered already.
+    free_edges : sequence of TopoDS_Edge
+        New edges that may be in the border of an open shell.
 
     Returns
     -------
@@ -231,11 +239,11 @@ def check_solid(
     if records:
         return ReplacementCheck(tuple(records))
     records += find_invalid_parts(replaced)
-    records += find_new_shell_problems(replaced)
+    records += find_new_shell_problems(replaced, free_edges)
     records += find_loose_edges(replaced, tolerance)
     records += find_deviations(replaced)
     boxes = FaceBoxes(replaced.index_after)
-    if not records:
+    if not records and replaced.bounds_solid:
         records += find_new_inversions(replaced, boxes)
     records += [
         ReplacementProblem(line, Check.FOLDS, (i,), (face,))

@@ -1,6 +1,5 @@
 """A shape sent through a STEP file and measured again."""
 
-import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,17 +7,16 @@ from pathlib import Path
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
-from OCP.gp import gp_Pln
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Shape
 
 from cqblend.brep.measurement.edge_sides import get_two_sides
 from cqblend.brep.step_files import read_step, write_step
-from cqblend.brep.topology import AncestorMap, ShapeIndex, make_compound
+from cqblend.brep.topology import AncestorMap, ShapeIndex
 from cqblend.brep.verification.brep_check import is_valid
+from cqblend.brep.verification.content import Content
 from cqblend.brep.verification.smooth_edges import EdgeCheck, analyse_continuity
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
-from cqblend.brep.verification.volumes import measure_volume
 from cqblend.errors import CqblendError
 
 
@@ -27,7 +25,8 @@ class StepCheck:
     """The solid after a round trip through STEP.
 
     ``faces`` is their number, ``volume`` in mm^3, ``mismatch`` is relative to the volume before; ``gap`` (mm) and
-    ``angle`` (radians) are the largest over the edges that were smooth before.
+    ``angle`` (radians) are the largest over the edges that were smooth before. The volume of shells that bound no solid
+    is that between them and some plane.
     """
 
     valid: bool
@@ -38,13 +37,11 @@ class StepCheck:
     angle: float
 
 
-def check_step(
-    shape: TopoDS_Shape, edges: list[EdgeCheck], plane: gp_Pln, volume: float, error: float
-) -> tuple[StepCheck | None, list[str]]:
+def check_step(shape: TopoDS_Shape, edges: list[EdgeCheck], content: Content) -> tuple[StepCheck | None, list[str]]:
     """Send a shape through a STEP file and measure it again.
 
-    ``volume`` and ``error`` are what :func:`measure_volume` returned from ``plane``. Returns the measurements, None if
-    the file cannot be written or read, and one line for everything that is wrong.
+    ``content`` is that of the shape. Returns the measurements, None if the file cannot be written or read, and one line
+    for everything that is wrong. Edges of loose faces are not measured: STEP has each of these for itself.
     """
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -53,18 +50,20 @@ def check_step(
             again = read_step(path)
     except CqblendError as failure:
         return None, [f"the shape does not survive STEP: {failure}"]
-    volume_again, error_again = measure_volume(make_compound(ShapeIndex(again, TopAbs_SOLID)), plane)
+    volume, error = content.measure(again)
+    in_shells = ShapeIndex.from_shapes(ShapeIndex(shape, TopAbs_SHELL), TopAbs_EDGE)
+    numbered = ShapeIndex(shape, TopAbs_EDGE)
+    smooth = [edge for edge in edges if edge.smooth and numbered[edge.index] in in_shells]
     counts = [len(ShapeIndex(one, TopAbs_FACE)) for one in (shape, again)]
-    mismatch = abs(volume_again - volume)
-    gap, angle, lines = _remeasure_edges(shape, again, [edge for edge in edges if edge.smooth])
+    gap, angle, lines = _remeasure_edges(shape, again, smooth)
     valid = is_valid(again)
     if not valid:
         lines.append("the shape read back from STEP is not valid")
-    if mismatch > VERIFICATION_TOLERANCES.volume * abs(volume) + error + error_again:
-        lines.append(f"the volume read back from STEP is {volume_again:.9g} mm^3 instead of {volume:.9g}")
+    if content.differs(volume, error):
+        lines.append(f"the volume read back from STEP is {volume:.9g} mm^3 instead of {content.whole:.9g}")
     if counts[0] != counts[1]:
         lines.append(f"{counts[1]} faces are read back from STEP instead of {counts[0]}")
-    return StepCheck(valid, counts[1], volume_again, mismatch / abs(volume) if volume else math.inf, gap, angle), lines
+    return StepCheck(valid, counts[1], volume, content.measure_mismatch(volume), gap, angle), lines
 
 
 def _remeasure_edges(

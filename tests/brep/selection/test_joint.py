@@ -119,13 +119,15 @@ def test_seams_and_poles_are_refused_by_name():
     refused(ball, next(e for e in all_edges(ball) if BRep_Tool.Degenerated_s(e)), "edge [0-9]+ is degenerate")
 
 
-def test_smooth_edges_and_open_shells_are_refused_by_name():
+def test_smooth_and_free_edges_are_refused_by_name():
     body = cq.Solid.makeBox(10, 10, 10)
     rounded = body.fillet(2, [body.Edges()[0]])
     smooth = max((e for e in rounded.Edges() if e.geomType() == "LINE"), key=lambda e: _smoothness(rounded, e))
     refused(rounded, smooth.wrapped, "edge [0-9]+ is smooth already")
     shell = cq.Shell.makeShell(body.Faces()[1:])
-    refused(shell, shell.Edges()[0].wrapped, "edge [0-9]+ is not part of a solid")
+    free = next(edge for edge in shell.Edges() if edge.Center().x == 0)
+    refused(shell, free.wrapped, "edge [0-9]+ has 1 face: it is in the border of an open shell")
+    refused(body.Wires()[0], body.Wires()[0].Edges()[0].wrapped, "edge 1 is not part of a solid or a shell")
 
 
 def _smoothness(body: cq.Shape, edge: cq.Edge) -> float:

@@ -360,6 +360,30 @@ def test_a_rib_that_a_concave_blend_runs_over():
     assert result.shape.Volume() == pytest.approx(plain.shape.fuse(rib.val()).Volume(), rel=1e-6)
 
 
+def half_sunk_pipe(turn: float, around: float) -> tuple[cq.Shape, cq.Edge]:
+    """A cylinder that comes out of a wider one at its end, half of it below; and the edge in which they meet.
+
+    ``turn`` and ``around`` (degrees) tell where their seams are: with 90 and 270, the narrow one's leaves from an end.
+    """
+    wide = cq.Solid.makeCylinder(10, 60).rotate(cq.Vector(), cq.Vector(0, 0, 1), around)
+    narrow = cq.Solid.makeCylinder(4, 25, cq.Vector(), cq.Vector(1, 0, 0))
+    body = wide.fuse(narrow.rotate(cq.Vector(), cq.Vector(1, 0, 0), turn)).Solids()[0]
+    return body, next(edge for edge in body.Edges() if edge.geomType() not in ("LINE", "CIRCLE"))
+
+
+@pytest.mark.parametrize("around", [0, 45])
+@pytest.mark.parametrize("turn", [90, 270])
+@pytest.mark.parametrize("radius", [0.2, 1.0, 2.5])
+def test_a_seam_of_a_side_leaves_from_the_end(turn, around, radius):
+    """The part of the seam next to the blend becomes a border, and the rest stays: the shape is that without a seam."""
+    body, edge = half_sunk_pipe(turn, around)
+    result = cqblend.blend_edges(body, edge, radius, ends="natural")
+    check(body, result, grows=True, flat=False)
+    assert kinds(result) == ["natural", "natural"]
+    expected = cqblend.verify(cqblend.blend_edges(*half_sunk_pipe(0, 0), radius, ends="natural").shape).volume
+    assert cqblend.verify(result.shape).volume == pytest.approx(expected, rel=1e-6)
+
+
 def test_a_vertex_of_many_faces():
     body = apex()
     edge = max(body.Edges(), key=lambda e: e.Center().z if e.Length() > 1 else -1)

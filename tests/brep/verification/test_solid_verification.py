@@ -16,9 +16,12 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 from solid_problems import list_problems
 
+import cqblend
+from cqblend.brep.bodies import make_shell
 from cqblend.brep.shape_kinds import list_children
+from cqblend.brep.topology import AncestorMap, ShapeIndex
 from cqblend.brep.verification.brep_check import find_flaws
-from cqblend.brep.verification.solid_verification import verify_shape
+from cqblend.brep.verification.solid_verification import check_solid, verify_shape
 from cqblend.errors import InputError, SelectionError
 
 
@@ -173,9 +176,9 @@ class TestVerifyRefuses:
         with pytest.raises(InputError, match="shape is"):
             verify_shape(wrong)
 
-    def test_a_shape_without_a_solid(self):
-        with pytest.raises(InputError, match="no solid"):
-            verify_shape(wrapped(cq.Workplane().box(1, 1, 1).faces(">Z")))
+    def test_a_shape_without_a_face(self):
+        with pytest.raises(InputError, match="no face"):
+            verify_shape(wrapped(cq.Workplane().box(1, 1, 1).edges(">Z and >X")))
 
     def test_faces(self):
         box = wrapped(cq.Workplane().box(1, 1, 1))
@@ -302,3 +305,61 @@ def flawed() -> tuple[cq.Workplane, TopoDS_Shape]:
     pcurve = BRep_Tool.CurveOnSurface_s(rim, side, 0.0, 0.0)
     BRep_Builder().UpdateEdge(rim, pcurve.Translated(gp_Vec2d(0, 0.01)), side, 1e-7)
     return part, wrapped(part)
+
+
+@pytest.fixture(scope="module")
+def blended():
+    """A box without a lid, and the same with one of its uprights blended."""
+    shell = cq.Shell.makeShell(cq.Workplane().box(30, 20, 10).faces("not >Z").vals())
+    edge = cq.Workplane(shell).edges("|Z and >X and >Y").val()
+    return shell, cqblend.blend_edges(shell, edge, 2)
+
+
+class TestShells:
+    """Shells that bound no solid: what may be open, and what may not."""
+
+    def problems(self, blended, faces, free=True):
+        shell, result = blended
+        after = make_shell(faces)
+        new = [face.wrapped for face in result.faces]
+        uses = ShapeIndex(new[0], TopAbs_EDGE)
+        ends = [edge for edge in uses if len(AncestorMap(result.shape.wrapped, TopAbs_EDGE, TopAbs_FACE)(edge)) == 1]
+        assert len(ends) == 1
+        check = check_solid(shell.wrapped, after, new, grows=[False], free_edges=ends if free else ())
+        return list(check.problems)
+
+    def test_a_sound_one_passes(self, blended):
+        _, result = blended
+        assert self.problems(blended, [face.wrapped for face in result.shape.Faces()]) == []
+        verification = verify_shape(result.shape.wrapped, [face.wrapped for face in result.faces])
+        assert verification.ok
+        assert not verification.closed
+
+    def test_a_new_border_is_told(self, blended):
+        _, result = blended
+        faces = [face.wrapped for face in result.shape.Faces()]
+        lost = self.problems(blended, [face for face in faces if not face.IsSame(faces[0])])
+        assert any("used" in line for line in lost)
+        (line,) = self.problems(blended, faces, free=False)
+        assert "used" in line
+
+    def test_a_turned_face_is_told(self, blended):
+        shell, result = blended
+        faces = [face.wrapped for face in result.shape.Faces()]
+        kept = ShapeIndex(shell.wrapped, TopAbs_FACE)
+        turned = [TopoDS.Face_s(face.Reversed()) if face in kept else face for face in faces]
+        assert "faces that stay are turned over" in self.problems(blended, turned)
+        wrong = [TopoDS.Face_s(face.Reversed()) if face.IsSame(result.faces[0].wrapped) else face for face in faces]
+        assert any("2 times" in line for line in self.problems(blended, wrong))
+        assert "open shell 1 is not consistently oriented" in verify_shape(make_shell(wrong)).problems
+
+    def test_the_wrong_side_is_told(self, blended):
+        shell, result = blended
+        check = check_solid(
+            shell.wrapped,
+            result.shape.wrapped,
+            [face.wrapped for face in result.faces],
+            grows=[True],
+            free_edges=list(ShapeIndex(result.shape.wrapped, TopAbs_EDGE)),
+        )
+        assert check.problems == ("the blend is not on the side of the shell where it was to be",)
