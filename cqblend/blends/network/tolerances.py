@@ -88,7 +88,7 @@ class NetworkTolerances:
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
 
     longest_station_step: float = 0.1
-    """Longest step, in t or as a share of the edge."""
+    """Longest step in t, unless ``probe_width`` is more: a short cell may be left by several times its length."""
 
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""
