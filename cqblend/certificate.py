@@ -207,7 +207,8 @@ class Certificate:
     stations : int
         Points at which each rail was measured, least over the rails.
     coverage : float
-        Blended length over the length of the edge, at most 1; the least over all blends.
+        Blended length over the length of all edges that were meant: picked, but for those with nothing to blend, or on
+        a chain with those. At most 1.
     ends : tuple of EndRecord
         Two for each open edge.
     edge_tolerance : float
@@ -222,6 +223,9 @@ class Certificate:
         Picked edges that were not blended, and why.
     edges : tuple of EdgeRecord
         All edges of the blend faces that are no rails.
+    blended : tuple of int
+        The blended edges, picked or on a chain with those: 1-based indices in the edge map of the *input* shape, in the
+        order of the blend faces.
 
     Examples
     --------
@@ -252,6 +256,7 @@ class Certificate:
     energies: tuple[Callable[[], float], ...] = field(default=(), repr=False, compare=False)
     skipped: tuple[SkippedEdges, ...] = ()
     edges: tuple[EdgeRecord, ...] = ()
+    blended: tuple[int, ...] = ()
 
     @cached_property
     def valid(self) -> bool:
@@ -342,6 +347,7 @@ class Certificate:
             energies=tuple(energy for one in certificates for energy in one.energies),
             skipped=tuple(edge for one in certificates for edge in one.skipped),
             edges=tuple(edge for one in certificates for edge in one.edges),
+            blended=tuple(edge for one in certificates for edge in one.blended),
         )
 
     def __str__(self) -> str:

@@ -92,6 +92,7 @@ def _insert_into_chain(shape: TopoDS_Shape, chain: Chain, blend: BlendSurface) -
     certificate: Certificate = replace(
         certify_blend(joint, built, aligned, proposal.tolerance),
         validity=(partial(is_valid, result),),
+        blended=chain.edge_numbers,
         ends=() if joint.spine.closed else record_ends((joint, joint), natural),
     )
     return BlendedShape(result, (built.blend_face,), certificate)

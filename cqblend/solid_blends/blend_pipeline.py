@@ -17,7 +17,7 @@ from cqblend.blend_options import BlendRequest
 from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import FoundChain, select_chains
+from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_chains
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SizeError, UnsupportedError
@@ -124,10 +124,21 @@ def blend_shape(
         replace(
             certificate,
             method=certificate.method + selection.method,
+            coverage=_measure_coverage(selection, blended),
+            blended=tuple(n for network in blended for one in network.chains for n in one.chain.edge_numbers),
             validity=(partial(is_valid, result),),
             skipped=(*selection.skipped, *failures),
         ),
     )
+
+
+def _measure_coverage(selection: Selection, blended: Sequence[DraftedNetwork]) -> float:
+    """Return the blended length over that of all edges that were meant: picked, or on a chain with those."""
+    done = {network.edges for network in blended}
+    left_out = [found for found in selection.networks if tuple(n for one in found for n in one.edges) not in done]
+    uncovered = sum(one.length for found in left_out for one in found)
+    uncovered += sum(draft.uncovered for network in blended for draft in network.drafts)
+    return 1.0 - uncovered / sum(one.length for found in selection.networks for one in found)
 
 
 def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
@@ -169,12 +180,6 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
         raise UnsupportedError(
             f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
             "without common vertices"
-        )
-    if len(chains[0].cells) > 1:
-        first, second = (cell.joint.name for cell in chains[0].cells[:2])
-        raise UnsupportedError(
-            f"{first} goes on tangentially in {second}, and chains over several faces are not built yet; chain=False "
-            "blends just what is picked"
         )
     return chains[0]
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+from cqblend.blends.network.chain_ribbons import fit_chain_ribbons
+from cqblend.blends.network.junction_stations import Crossings
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.chains import Chain
+from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.solid_blends.section_methods import SectionMethod
@@ -60,5 +64,19 @@ class ChainContext:
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
         last cell.
         """
-        (cell,) = self.cells
-        return [cell.make_blend(domain)]
+        if not self.chain.junctions:
+            (cell,) = self.cells
+            return [cell.make_blend(domain)]
+        fitted = fit_chain_ribbons(
+            [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
+        )
+        return [cell.section.fill(ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)]
+
+    @cached_property
+    def _crossings(self) -> list[Crossings]:
+        """What the rails cross at each junction."""
+        joints = [cell.joint for cell in self.cells]
+        return [
+            read_crossings(joints[k], joints[(k + 1) % len(joints)], junction)
+            for k, junction in enumerate(self.chain.junctions)
+        ]

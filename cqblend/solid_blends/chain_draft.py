@@ -28,6 +28,11 @@ class ChainDraft:
     planned: PlannedChain
     ends: EndPlan | None
 
+    @property
+    def uncovered(self) -> float:
+        """The length (mm) of the chain's edges that is not blended, beyond flat caps."""
+        return 0.0 if self.ends is None else self.ends.measure_uncovered(self.context.lengths)
+
 
 class ChainDrafts:
     """The drafts of one chain, one after the other: the next one is made if the one before does not verify."""

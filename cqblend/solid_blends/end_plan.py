@@ -53,11 +53,10 @@ class EndPlan:
         """Return the plan of natural ends at both ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
-    def measure_coverage(self, lengths: Sequence[float]) -> float:
-        """Return the share of the edges that is blended, of the lengths (mm) of the cells of a chain."""
+    def measure_uncovered(self, lengths: Sequence[float]) -> float:
+        """Return the length (mm) that is not blended of a chain, by the lengths of its cells."""
         first, last = self.cap_stations
-        uncovered = (first or 0.0) * lengths[0] + (0.0 if last is None else 1.0 - last) * lengths[-1]
-        return 1.0 - uncovered / sum(lengths)
+        return (first or 0.0) * lengths[0] + (0.0 if last is None else 1.0 - last) * lengths[-1]
 
 
 class EndAttempts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -123,11 +123,7 @@ def _certify_strip(draft: ChainDraft, k: int, strip: BuiltStrip, tolerance: floa
     context, blend = draft.context.cells[k], draft.blends[k]
     certificate = certify_blend(context.joint, strip, blend, tolerance)
     check_promises(certificate, context, blend)
-    return (
-        certificate
-        if draft.ends is None
-        else replace(certificate, coverage=draft.ends.measure_coverage(draft.context.lengths))
-    )
+    return certificate
 
 
 def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> ProposedSolid:

@@ -13,6 +13,7 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
+from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
@@ -75,21 +76,32 @@ class StripContext:
 
         Those of an open edge run over the given range of t, those of a closed one once around.
         """
-        joint, closed, targets = self.joint, self.joint.spine.closed, self.method.targets
-        if not closed:
+        light = self.fit_light_rails(domain)
+        if light is not None:
+            return light
+        joint, closed = self.joint, self.joint.spine.closed
+        if closed:
+            start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
+            domain = (start, start + 1)
+        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.method.targets, closed=closed)
+
+    def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
+        """Return straight or circular rails over a range of t, if these are exact."""
+        joint, targets = self.joint, self.method.targets
+        if not joint.spine.closed:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
                 return rails
         turn = joint.spine.measure_arc_angle()
-        if turn is not None:
-            layout = ArcLayout(domain, turn, get_largest_arc(joint))
-            rails = fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
-            if rails is not None:
-                return rails
-        if closed:
-            start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
-            domain = (start, start + 1)
-        return fit_cubic_ribbons(joint.primaries, self.solve, domain, targets, closed=closed)
+        if turn is None:
+            return None
+        layout = ArcLayout(domain, turn, get_largest_arc(joint))
+        return fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
+
+    def describe_rails(self) -> CellRails:
+        """Return what the ribbons of a chain take of this cell."""
+        joint = self.joint
+        return CellRails(joint.primaries, self.solve, self.method.targets, joint.spine.length, self.fit_light_rails)
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge."""

@@ -115,3 +115,31 @@ def test_a_blend_that_runs_into_another_one_names_it():
     assert f"together with the blend of edge {numbers[1]}" in left_out.message
     assert len(result.faces) == 2
     assert result.shape.isValid()
+
+
+def test_the_certificate_lists_what_was_blended_and_the_share_of_what_was_meant():
+    body = stepped_plate()
+    edges = rims(body)
+    numbers = {edge: body.val().Edges().index(edge) + 1 for edge in edges}
+    whole = cqblend.blend_edges(body, edges, 0.04).certificate
+    assert set(whole.blended) == set(numbers.values())
+    assert whole.coverage == 1
+    result = cqblend.blend_edges(body, edges, 1, on_error="skip")
+    left_out = {number for one in result.skipped for number in one.edges}
+    certificate = result.certificate
+    assert set(certificate.blended) == set(numbers.values()) - left_out
+    done = sum(edge.Length() for edge in edges if numbers[edge] not in left_out)
+    assert certificate.coverage == pytest.approx(done / sum(edge.Length() for edge in edges), rel=1e-6)
+
+
+def test_all_pieces_of_a_joint_are_listed_as_blended():
+    """Of a row of boxes, whose faces are united, one piece of a long edge is picked."""
+    row = cq.Workplane().box(10, 10, 5).union(cq.Workplane().box(10, 10, 5).translate((10, 0, 0)), clean=False)
+    body = row.val().Solids()[0]
+    pieces = [e for e in body.Edges() if abs(e.Center().y + 5) < 1e-6 and abs(e.Center().z - 2.5) < 1e-6]
+    numbers = sorted(body.Edges().index(edge) + 1 for edge in pieces)
+    assert len(numbers) == 2
+    for picked in (pieces[0], pieces[1], pieces):
+        certificate = cqblend.blend_edges(body, picked, 1).certificate
+        assert sorted(certificate.blended) == numbers
+        assert certificate.coverage == 1

@@ -122,7 +122,7 @@ def build_chain(
         tuple(junction for junction in trace.junctions if any(junction.crossed)),
         trace.closed,
         trace.ends,
-        sum(table.length for table in cells[0].spine.tables[:position]) if trace.closed else 0.0,
+        origin=sum(table.length for table in cells[0].spine.tables[:position]) if trace.closed else 0.0,
     )
 
 

@@ -43,6 +43,8 @@ class Chain:
     ----------
     ends : tuple of ChainEnd
         Why an open chain ends at its start and at its stop; none of a closed one.
+    edge_numbers : tuple of int
+        The numbers in the input of all edges, in the order of the chain.
     origin : float
         Arc length (mm) from the start of the first cell to the start of the edge at which the chain is said to start:
         0 but for closed chains in which that edge lies inside the first cell.
@@ -52,9 +54,15 @@ class Chain:
     junctions: tuple[Junction, ...]
     closed: bool
     ends: tuple[ChainEnd, ...] = ()
+    edge_numbers: tuple[int, ...] = ()
     origin: float = 0.0
 
     @property
     def edges(self) -> list[TopoDS_Edge]:
         """The edges of all cells, in the order of the chain."""
         return [edge for cell in self.cells for edge in cell.spine.edges]
+
+    @property
+    def length(self) -> float:
+        """Arc length of all edges (mm)."""
+        return sum(cell.spine.length for cell in self.cells)

@@ -20,6 +20,7 @@ from cqblend.brep.selection.chain_tracing import TracedEdge, trace_chain
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import ShapeReplacement, UnifiedSolid, unify_faces
 from cqblend.brep.topology import ShapeIndex, find_end_vertices, is_among
@@ -30,9 +31,13 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class FoundChain:
-    """Picked edges, by their numbers in the input, that are part of one chain; or why there is none."""
+    """Picked edges, by their numbers in the input, that are part of one chain; or why there is none.
+
+    ``length`` is that of all edges that were meant (mm): those of the chain, or the picked ones.
+    """
 
     edges: tuple[int, ...]
+    length: float
     chain: Chain | None
     error: SelectionError | None = None
 
@@ -87,12 +92,12 @@ def select_chains(
             if error.kind in get_args(NothingToBlend):
                 nothing_to_blend.append((number, error))
             else:
-                chains.append(FoundChain((number,), None, error))
+                chains.append(FoundChain((number,), picks.measure_length(number), None, error))
             covered.add(number)
             continue
         own = picks.list_picks(chain.edges)
         covered.update(own)
-        chains.append(FoundChain(own, chain))
+        chains.append(FoundChain(own, chain.length, chain))
     if not chains:
         first, *others = (error for _, error in nothing_to_blend)
         raise first.with_details(after="".join(f"; {error}" for error in others))
@@ -158,7 +163,12 @@ class _PickedEdges:
         """Return a chain in the shape as it is now, in which faces have been unified after the chain was found."""
         if found.chain is None or any(found.chain.cells[0].index is index for index in self._solids):
             return found
-        return replace(found, chain=self.find_chain(found.edges[0]))
+        chain = self.find_chain(found.edges[0])
+        return replace(found, chain=chain, length=chain.length)
+
+    def measure_length(self, number: int) -> float:
+        """Return the length (mm) of a picked edge."""
+        return EdgeSpine([self._find_current_edge(number)], closed=False).length
 
     def unify_faces(self, chain: Chain, reach: Callable[[Joint], float]) -> bool:
         """Unify the faces of one cell of a chain with others, and record that; False if there is nothing to unify."""
@@ -230,6 +240,7 @@ class _PickedEdges:
         if not self._is_side1_left([traced, *trace.edges], self._list_faces(start_number)[0]):
             trace = trace.reverse()
         chain = build_chain(index, trace, start, self._number_cell, self.find_number)
+        chain = replace(chain, edge_numbers=tuple(self._list_edge_numbers(chain.edges)))
         cell = next(cell for cell in chain.cells if is_among(start, cell.spine.edges))
         if _is_backward(cell, self._oriented_picks[start_number]):
             return replace(chain, cells=tuple(replace(one, is_backward=True) for one in chain.cells))

@@ -9,7 +9,6 @@ from cqblend.brep.selection.chains import Junction
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
-from cqblend.errors import UnsupportedError
 
 
 def join_cells(before: StripPlacement, after: StripPlacement, junction: Junction) -> tuple[StripEnd, StripEnd]:
@@ -17,11 +16,6 @@ def join_cells(before: StripPlacement, after: StripPlacement, junction: Junction
 
     The common edge is the end section of the cell before, of which the start section of the cell after is a copy to
     rounding. Smooth edges of the input that the rails cross there are trimmed to the corners.
-
-    Raises
-    ------
-    UnsupportedError
-        If a rail crosses several smooth edges at once.
     """
     stop, start = before.domain[1], after.domain[0]
     corners = [
@@ -37,12 +31,6 @@ def join_cells(before: StripPlacement, after: StripPlacement, junction: Junction
     edge = NewEdge("section", section.curve, section.span, pair, pcurves, order)
     trims = []
     for i, crossed in enumerate(junction.crossed):
-        if len(crossed) > 1:
-            names = ", ".join(map(before.joint.name_part, crossed))
-            raise UnsupportedError(
-                f"the rail crosses {names} at one vertex, {before.joint.name_end(1)}: faces that meet the chain in a "
-                "point are not built yet"
-            )
         faces = (before.joint.sides[i].face, after.joint.sides[i].face)
         trims += [EdgeTrim(before, 1, smooth, junction.vertex, corners[i], faces) for smooth in crossed]
     vertex = before.keep_vertex(junction.vertex)

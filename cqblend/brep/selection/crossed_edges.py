@@ -1,0 +1,54 @@
+"""Reads the smooth edges that the rails of a chain cross, as curves on the surfaces of the cells on both sides."""
+
+from __future__ import annotations
+
+from OCP.BRep import BRep_Tool
+from OCP.TopoDS import TopoDS_Edge
+
+from cqblend.blends.network.junction_stations import CrossedEdge, Crossings, CurveOnSurface
+from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.measurement.bulk_curves import CurveEvaluator
+from cqblend.brep.measurement.edge_samples import read_edge_curve
+from cqblend.brep.measurement.edge_sides import read_pcurve
+from cqblend.brep.selection.chains import Junction
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.topology import orient_forward
+from cqblend.errors import UnsupportedError
+from cqblend.splines.bernstein import Array
+
+
+def read_crossings(before: Joint, after: Joint, junction: Junction) -> Crossings:
+    """Return the smooth edges that the rails cross at a junction of two cells.
+
+    Raises
+    ------
+    UnsupportedError
+        If a rail crosses several of them at once.
+    """
+    for crossed in junction.crossed:
+        if len(crossed) > 1:
+            names = ", ".join(map(before.name_part, crossed))
+            raise UnsupportedError(
+                f"at {before.name_end(1)} the rail crosses {names} one after the other: faces that touch the chain "
+                "in a point only are not built yet"
+            )
+    first, second = (
+        _read_crossed_edge(crossed[0], one, other) if crossed else None
+        for crossed, one, other in zip(junction.crossed, before.sides, after.sides, strict=True)
+    )
+    return first, second
+
+
+def _read_crossed_edge(edge: TopoDS_Edge, before: SupportFace, after: SupportFace) -> CrossedEdge:
+    """Return an edge on the surfaces of the two faces that meet there."""
+    return CrossedEdge(_read_curve(edge, before), _read_curve(edge, after), BRep_Tool.Range_s(edge))
+
+
+def _read_curve(edge: TopoDS_Edge, side: SupportFace) -> CurveOnSurface:
+    """Return an edge of a face in the parameters on which rails are solved, with its velocity in space."""
+    curve, pcurve = read_edge_curve(edge), CurveEvaluator(read_pcurve(orient_forward(edge), side.face)[0])
+
+    def evaluate(sigma: Array) -> tuple[Array, Array]:
+        return side.to_working_parameters(pcurve(sigma, 0)[0].T), curve(sigma, 1)[1].T
+
+    return evaluate
