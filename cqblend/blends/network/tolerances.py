@@ -54,6 +54,9 @@ class NetworkTolerances:
     bending_widths: float = 1.0
     """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
 
+    bend_samples: int = 17
+    """Points along a bend at which it is measured how far it is from the natural rail."""
+
     turning_widths: float = 2.0
     """Length over which stations at the end of a cell are shifted, and cross derivatives turned, in the same unit."""
 
