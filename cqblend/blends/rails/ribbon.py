@@ -89,6 +89,11 @@ class Ribbon:
         reduced to lower degrees.
     fades
         Whether cross derivatives may vanish somewhere: there, the joint stays as sharp as it was.
+    joined
+        Whether the blend is to share the sections at its ends with others, which follow it in a chain.
+    bend
+        Largest distance (mm) of the rail from where its contacts alone would lead it: it is bent where it would else
+        meet that of another blend at an angle.
     """
 
     primary: Primary
@@ -100,6 +105,8 @@ class Ribbon:
     length: float = 0.0
     light: bool = False
     fades: bool = False
+    joined: bool = False
+    bend: float = 0.0
 
     def find_native_parameters(self, t: Array) -> Array:
         """Return the native parameters (n, 2) at t, continuous along the rail."""
