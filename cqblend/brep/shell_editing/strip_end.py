@@ -39,3 +39,8 @@ class StripEnd:
     removed_faces: tuple[int, ...] = ()
     cap_borders: tuple[tuple[EdgeUse, ...], tuple[EdgeUse, ...]] = ((), ())
     cap: CapPlan | None = None
+
+    @property
+    def is_junction(self) -> bool:
+        """Whether the chain goes on there."""
+        return self.edges[0].role == "section"
