@@ -150,8 +150,9 @@ class StripPlan:
     A boundary goes around the outward normal of the solid clockwise. Where the strip ``is_mirrored``, so does it around
     the normal of its surface, else counter-clockwise.
 
-    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
-    ``end_edges`` of an open strip are those at the start and at the stop of its spine.
+    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. A rail
+    that is one point has no edges, but a pole of the blend face. The ``end_edges`` of an open strip are those at the
+    start and at the stop of its spine.
     """
 
     spine: tuple[int, ...]
@@ -159,16 +160,17 @@ class StripPlan:
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
     rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
     end_edges: tuple[NewEdge, ...] = ()
     caps: tuple[CapPlan, ...] = ()
     is_mirrored: bool = False
 
     @property
     def other_edges(self) -> tuple[NewEdge, ...]:
-        """The edges of the boundary that are no rails, each once."""
+        """The edges of the boundary that are neither rails nor poles, each once."""
         rails = {edge for side in self.rails for edge in side}
         edges = dict.fromkeys(use.edge for use in self.boundary)
-        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge not in rails)
+        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge.role != "pole" and edge not in rails)
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,9 @@ class NetworkTolerances:
     longest_station_step: float = 0.1
     """Longest step in t, unless ``probe_width`` is more: a short cell may be left by several times its length."""
 
+    least_normal_share: float = 1e-9
+    """Length of the normal of a cell along its end section, as a share of the longest, from which on it has one."""
+
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""
 

@@ -114,6 +114,15 @@ class Ribbon:
         return self.primary.unlift_points(self.c(t), near)
 
     @cached_property
+    def is_point(self) -> bool:
+        """Whether the rail is one point, around which the blend turns."""
+        if not self.light:
+            return False
+        t = np.linspace(*self.c.domain, 2 * len(self.c.breaks) - 1)
+        point, vector = dehomogenise_jets(np.stack([jet(t) for jet in self.jets[:2]]))
+        return bool(np.ptp(point, axis=0).max() <= RAIL_TOLERANCES.point_rail_share * np.abs(vector).max())
+
+    @cached_property
     def jets(self) -> tuple[Curve, ...]:
         """d^k/dv^k P(phi) at v = 0, k = 0 .. number of directions: exact homogeneous splines (dim 4)."""
         return self.primary.compose_jets(self.c, self.directions)

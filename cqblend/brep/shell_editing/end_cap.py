@@ -152,7 +152,7 @@ def _plan_cap_border(
     corner = vertices[1].point
     start, stop = (
         side.unwrap_near(side.to_face_parameters(cap.stations.uv[i]), edge_uv),
-        side.unwrap_near(placement.rail_pcurves[i](np.array([at_corner])), edge_uv),
+        side.unwrap_near(placement.get_rail_pcurve(i)(np.array([at_corner])), edge_uv),
     )
     chord, normal = corner - foot, plane.frame.axes[2]
     length = float(np.linalg.norm(chord))

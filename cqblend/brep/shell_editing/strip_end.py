@@ -26,3 +26,8 @@ class StripEnd:
     face_plans: tuple[FacePlan, ...] = ()
     cap_borders: tuple[tuple[EdgeUse, ...], tuple[EdgeUse, ...]] = ((), ())
     cap: CapPlan | None = None
+
+    @property
+    def is_junction(self) -> bool:
+        """Whether the chain goes on there."""
+        return self.edge.role == "section"

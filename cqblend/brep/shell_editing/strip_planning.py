@@ -18,6 +18,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import (
+    EdgeRole,
     EdgeUse,
     FacePlan,
     NewEdge,
@@ -29,7 +30,7 @@ from cqblend.blends.network.blend_plan import (
 from cqblend.blends.network.edge_networks import group_networks
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.cell_junctions import join_cells
+from cqblend.brep.shell_editing.cell_junctions import join_chain
 from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -101,10 +102,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
     if chain.closed and not chain.junctions:
         (placement,) = placements
         return _finish_chain(placement.index, [_plan_ring(placement)])
-    joined = [
-        join_cells(placements[k], placements[(k + 1) % len(placements)], junction)
-        for k, junction in enumerate(chain.junctions)
-    ]
+    joined = join_chain(placements, chain)
     starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
     if chain.closed:
         starts = [starts[-1], *starts[:-1]]
@@ -151,7 +149,7 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
     removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), _list_spine_vertices(placement))
     first, second = (
-        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), continues=True), removed)
+        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), joined=(True, True)), removed)
         for i, corner in enumerate(corners)
     )
     section = placement.strip.locate_section(low)
@@ -176,7 +174,7 @@ def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps:
                 "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
             )
         borders = (low.cap_borders[i], high.cap_borders[i])
-        part = RailSpan(span, (low.corners[i], high.corners[i]), borders, low.edge.role == "section")
+        part = RailSpan(span, (low.corners[i], high.corners[i]), borders, (low.is_junction, high.is_junction))
         rails.append(trim_at_rail(placement, i, part, removed))
     first, second = rails
     boundary = (
@@ -200,11 +198,17 @@ def _make_strip_plan(
         placement.face_numbers,
         placement.surface,
         boundary,
-        (rails[0].edges, rails[1].edges),
+        (_list_edges(rails[0], "rail"), _list_edges(rails[1], "rail")),
+        (next(iter(_list_edges(rails[0], "pole")), None), next(iter(_list_edges(rails[1], "pole")), None)),
         tuple(end.edge for end in ends),
         tuple(end.cap for end in ends if end.cap is not None),
         placement.strip.is_mirrored,
     )
+
+
+def _list_edges(rail: TrimmedRail, role: EdgeRole) -> tuple[NewEdge, ...]:
+    """Return the edges of a rail that have a role."""
+    return tuple(edge for edge in rail.edges if edge.role == role)
 
 
 def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedChain:
