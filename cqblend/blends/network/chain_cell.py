@@ -344,8 +344,9 @@ class ChainCell:
         contacts = replace(self._natural, shifts=shifts, moves=moves)
         first, second = (tuple(None if one is None else one.lifted[side] for one in wanted) for side in (0, 1))
         ends: tuple[GivenEnds, GivenEnds] = ((first[0], first[1]), (second[0], second[1]))
-<<<<<<< HEAD
-        ribbons = fit_cubic_ribbons(rails.primaries, contacts, self.domain, targets, closed=False, ends=ends)
+        ribbons = fit_cubic_ribbons(
+            rails.primaries, contacts, self.domain, targets, closed=False, corners=corners, ends=ends
+        )
         return (
             replace(ribbons[0], bend=self._measure_bend(0, shifts, moves[0])),
             replace(ribbons[1], bend=self._measure_bend(1, shifts, moves[1])),
@@ -372,11 +373,6 @@ class ChainCell:
         points, moved = primary.jet(uv)[0], primary.jet(uv + sum_fades(moves, t))[0]
         along = normalise_vectors(np.gradient(points, t, axis=0))
         return float(measure_lengths(cross_product(moved - points, along)).max())
-=======
-        return fit_cubic_ribbons(
-            rails.primaries, contacts, self.domain, targets, closed=False, corners=corners, ends=ends
-        )
->>>>>>> integration
 
     def _bend_contacts(self, wanted: WantedEnds) -> tuple[tuple[Fades, Fades], tuple[Fades, Fades]]:
         """Return shifts of stations and moves of native parameters, by side, that lead to wanted ends."""
