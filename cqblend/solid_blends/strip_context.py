@@ -6,7 +6,7 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,8 @@ from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
@@ -30,6 +32,17 @@ class StripContext:
 
     joint: Joint
     method: SectionMethod
+
+    @cached_property
+    def vanishes(self) -> tuple[bool, bool]:
+        """Whether the blend has no width at t = 0 and at t = 1: its size goes to 0 there, or the joint fades out."""
+        sizes, fades = self.method.sizes.vanishes, self.joint.fading_ends
+        return sizes[0] or fades[0], sizes[1] or fades[1]
+
+    @cached_property
+    def targets(self) -> RibbonTargets:
+        """What the ribbons are to be."""
+        return replace(self.method.targets, fades=True) if any(self.vanishes) else self.method.targets
 
     @cached_property
     def section(self) -> SectionAtJoint:
@@ -60,11 +73,22 @@ class StripContext:
             return self.solve(inside)
 
     @cached_property
+    def contact_points(self) -> Array:
+        """The points of these contacts on both sides, (2, n, 3)."""
+        contacts = self.checked_contacts
+        return np.stack([side.jet(uv)[0] for side, uv in zip(self.joint.primaries, contacts.uv, strict=True)])
+
+    @property
+    def has_point_rails(self) -> tuple[bool, bool]:
+        """Whether all contacts of a side are one point, by side: the ball turns about it."""
+        spread = np.ptp(self.contact_points, axis=1).max(axis=1)
+        first, second = spread <= RAIL_TOLERANCES.point_rail_share * self.rail_distances.max(axis=1)
+        return bool(first), bool(second)
+
+    @cached_property
     def rail_distances(self) -> Array:
         """How far (mm) these contacts on both sides are from the edge, (2, n)."""
-        contacts = self.checked_contacts
-        points = [primary.jet(uv)[0] for primary, uv in zip(self.joint.primaries, contacts.uv, strict=True)]
-        return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
+        return np.linalg.norm(self.contact_points - self.checked_contacts.edge_points, axis=2)
 
     def measure_reach(self) -> float:
         """Return the largest distance (mm) of the rails from the edge."""
@@ -83,13 +107,11 @@ class StripContext:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
         corners = self.method.sizes.locate_corners(domain)
-        return fit_cubic_ribbons(
-            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
-        )
+        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.targets, closed=closed, corners=corners)
 
     def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular rails over a range of t, if these are exact."""
-        joint, targets = self.joint, self.method.targets
+        joint, targets = self.joint, self.targets
         if not joint.spine.closed:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
@@ -106,7 +128,7 @@ class StripContext:
         return CellRails(
             joint.primaries,
             self.solve,
-            method.targets,
+            self.targets,
             joint.spine.length,
             self.fit_light_rails,
             method.sizes.locate_corners,

@@ -1,4 +1,4 @@
-"""Polynomial sections around an axis go into solids as surfaces of revolution: light in STEP, exact, and fit for further operations.
+"""Polynomial sections around an axis go into solids as surfaces of revolution: light in STEP, exact, good to work on.
 
 What is measured is measured by OCCT: types, sizes of files, volumes, and integrals over the finished faces.
 """

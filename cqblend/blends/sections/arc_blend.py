@@ -34,7 +34,7 @@ def blend_by_arcs(ribbons: tuple[Ribbon, Ribbon], radius: float) -> BlendSurface
     UnsupportedError
         If that is not exact: the message says why.
     """
-    if not all(ribbon.light for ribbon in ribbons):
+    if not all(ribbon.light and not ribbon.fades for ribbon in ribbons):
         raise UnsupportedError("the rails are neither straight nor circles about one axis")
     blend = blend_ribbons(ribbons, "exact", np.inf, np.inf, _build_rational_arcs)
     return replace(blend, kind="arc", arc=_find_ball_surface(blend, radius))
@@ -78,7 +78,7 @@ def _find_first_arc(blend: BlendSurface, radius: float) -> _FirstArc:
     t = np.array(blend.surface.domain[0][:1])
     jets = [np.stack([jet(t) for jet in ribbon.jets[:2]]) for ribbon in blend.ribbons]
     ends, tangents = np.stack([dehomogenise_jets(jet)[:, 0] for jet in jets], axis=1)
-    tangents, along = normalise_vectors(tangents), normalise_vectors(blend.surface(t, np.zeros(1), 1, 0)[0])
+    tangents, along = normalise_vectors(tangents), normalise_vectors(blend.surface(t, np.full(1, 0.5), 1, 0)[0])
     normals = cross_product(along, tangents)
     inward = normals * np.sign((normals * (ends[::-1] - ends)).sum(axis=1))[:, None]
     first, second = tangents
