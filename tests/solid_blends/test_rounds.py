@@ -223,6 +223,32 @@ def test_a_ball_as_large_as_the_rod_leaves_a_sphere():
     assert read_radius(face) == 6.0
 
 
+@pytest.mark.parametrize(("radius", "round_kind"), [(2.0, "TORUS"), (4.0, "SPHERE")])
+def test_a_chain_of_straight_and_circular_cells_is_as_light_as_its_cells(radius, round_kind):
+    body = cq.Workplane().box(30, 20, 10).edges("|Z").fillet(4).val()
+    result = cqblend.blend_edges(body, find_edge(body, 15, 0, 5), radius)
+    kinds = [cq.Face(face.wrapped).geomType() for face in result.faces]
+    assert sorted(kinds) == sorted(["CYLINDER", round_kind] * 4)
+    assert result.certificate.section == "arc"
+    rim = [edge for edge in body.Edges() if edge.Center().z > 4.9]
+    assert result.shape.Volume() == pytest.approx(body.fillet(radius, rim).Volume(), rel=1e-9)
+    between = [edge for edge in result.certificate.edges if edge.kind == "between"]
+    assert len(between) == 8
+    assert max(edge.angle for edge in between) <= 1e-13
+    assert result.certificate.angle <= result.certificate.proof.angle <= 1e-10
+    assert cqblend.verify(result.shape, result.faces).ok
+
+
+def test_one_freeform_cell_makes_the_whole_chain_polynomial():
+    outline = cq.Workplane().lineTo(20, 0).threePointArc((25, 5), (20, 10))
+    outline = outline.spline([(10, 12), (0, 10)], tangents=[(-1, 0), (-1, 0)], includeCurrent=True)
+    body = outline.threePointArc((-5, 5), (0, 0)).close().extrude(8).val()
+    edge = find_edge(body, 10, 0, 8)
+    assert cqblend.blend_edges(body, edge, 1).certificate.section == "hermite"
+    with pytest.raises(UnsupportedError, match=r"face \d is freeform"):
+        cqblend.blend_edges(body, edge, 1, section="arc")
+
+
 @pytest.mark.parametrize("radius", [2.5, 3.0, 4.9])
 def test_a_torus_may_reach_beyond_its_axis_elsewhere(radius):
     """The radius is more than half of the rod's: the torus crosses itself, but not where the blend is."""

@@ -12,10 +12,12 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.quality.arc_proof import prove_arc_side
 from cqblend.blends.quality.smoothness_proof import Proof
+from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
+from cqblend.brep.measurement.pole_contact import measure_pole_contact
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
@@ -29,13 +31,17 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> 
 
     ``arc`` is that surface as it was planned.
     """
-    surface = read_support_face(strip.blend_face, arc.surface.frame.origin[None]).face_primary
+    surface = read_support_face(strip.blend_face, arc.surface.jet(arc.start[None])[0]).face_primary
     if not isinstance(surface, Cylinder | Sphere | RevolvedEllipse):
         raise TypeError(f"a blend by arcs is no {type(surface).__name__}")
     built = replace(arc, surface=surface)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
-        face, edges = strip.trimmed_faces[end], strip.rail_edges[end]
+        face, edges, pole = strip.trimmed_faces[end], strip.rail_edges[end], strip.poles[end]
+        if pole is not None:  # the rail is one point, and measured there
+            gap, angle, _ = measure_pole_contact(strip.blend_face, pole, face, VERIFICATION_TOLERANCES.proof_samples)
+            largest = float(np.abs(surface.frame.origin).max()) + arc.radius
+            return Proof(gap + PROOF_TOLERANCES.point * largest, angle + PROOF_TOLERANCES.closed_form)
         shifts, turns = zip(*(_measure_rail(blend, built, end, face, edge) for edge in edges), strict=True)
         return prove_arc_side(blend, built, end, 2 * max(shifts), 2 * max(turns))
 
