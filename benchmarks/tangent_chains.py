@@ -67,6 +67,14 @@ class EdgeLinks:
                 row.insert(len(row) if forwards else 0, here)
         return Chain(tuple(row), closed=_is_smoothly_closed(edge))
 
+    def list_passed_edges(self, chain: Chain) -> list[TopoDS_Edge]:
+        """Return the edges that meet a chain at vertices which two of its edges share."""
+        vertices, passed = [vertex for edge in chain.edges for vertex in _find_ends(edge)], []
+        for number, vertex in enumerate(vertices):
+            if any(vertex.IsSame(other) for other in vertices[:number]):
+                passed += map(TopoDS.Edge_s, self._at_vertices.FindFromKey(vertex))
+        return [edge for edge in passed if not any(edge.IsSame(other) for other in chain.edges)]
+
     def _find_next(self, edge: TopoDS_Edge, at_last: bool) -> tuple[TopoDS_Edge, bool] | None:
         """Return the edge into which one goes on at one of its ends, and at which end that goes on in turn."""
         ends = _find_ends(edge)

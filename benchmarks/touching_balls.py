@@ -161,6 +161,12 @@ class Body:
         numbers = dict.fromkeys(self._faces.FindIndex(face) for face in self._ancestors.FindFromKey(edge))
         return [self.faces[number - 1] for number in numbers]
 
+    def find_number(self, edge: TopoDS_Edge) -> int:
+        """Return the number of an edge in OCCT's map of all edges."""
+        edges = TopTools_IndexedMapOfShape()
+        TopExp.MapShapes_s(self.shape, TopAbs_EDGE, edges)
+        return edges.FindIndex(edge)
+
     def find_side(self, face: Face, edge: TopoDS_Edge, box: Bnd_Box) -> list[Face]:
         """Return a face and all that go on smoothly from there, as far as they reach into a box."""
         found, waiting = {face.number: face}, [face]
@@ -185,7 +191,7 @@ class Body:
             if edge.IsSame(without) or BRep_Tool.Degenerated_s(edge):
                 continue
             for other in self.find_faces_at(edge):
-                if other is not face and measure_least_angle(edge, face, other) < SMOOTH:
+                if other is not face and np.nanmin(measure_angles(edge, face, other), initial=math.pi) < SMOOTH:
                     yield other
 
 
@@ -195,16 +201,15 @@ def trace_pcurve(edge: TopoDS_Edge, face: Face) -> tuple[Geom2d_Curve, float, fl
     return BRep_Tool.CurveOnSurface_s(edge, face.shape, first, last), first, last
 
 
-def measure_least_angle(edge: TopoDS_Edge, one: Face, other: Face) -> float:
-    """Return the least angle between the normals of two faces along their common edge, at nine places, rad."""
+def measure_angles(edge: TopoDS_Edge, one: Face, other: Face) -> Array:
+    """Return the angles between the normals of two faces at nine places of their common edge, rad."""
     normals = []
     for face in (one, other):
         curve, first, last = trace_pcurve(edge, face)
         at = first + (last - first) * (np.arange(9) + 0.5) / 9
         normals.append([face.find_normal(*curve.Value(t).Coord()) for t in at.tolist()])
     a, b = np.array(normals)
-    angles = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
-    return float(np.nanmin(angles, initial=math.pi))
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
 
 
 @dataclass(frozen=True)
