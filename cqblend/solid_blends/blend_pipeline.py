@@ -21,9 +21,11 @@ from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_ch
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SizeError, UnsupportedError
+from cqblend.solid_blends.blend_sizes import take_largest_sizes
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import record_ends
-from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method
+from cqblend.solid_blends.section_methods import choose_section_method
+from cqblend.solid_blends.size_assignment import assign_sizes, check_edge_sizes
 from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
 from cqblend.solid_blends.solid_rewriting import CertifiedStrip, DraftedNetwork, FaultyNetworkError, rewrite_solid
 from cqblend.solid_blends.strip_context import StripContext
@@ -44,22 +46,30 @@ class BlendedShape:
 class _Contexts:
     """The contexts of all joints of a call: each made once, so that contacts are solved once."""
 
-    def __init__(self, method: SectionMethod) -> None:
-        self.method = method
+    def __init__(self, request: BlendRequest) -> None:
+        self.request = request
         self._of_joint: dict[Joint, StripContext] = {}
 
-    def get(self, joint: Joint) -> StripContext:
-        """Return the context of a joint."""
-        return self._of_joint.setdefault(joint, StripContext(joint, self.method))
+    def get_chain(self, chain: Chain, picked: Sequence[int]) -> ChainContext:
+        """Return the context of a chain; ``picked`` are the numbers of those of its edges that were picked.
 
-    def get_chain(self, chain: Chain) -> ChainContext:
-        """Return the context of a chain."""
-        return ChainContext(chain, tuple(map(self.get, chain.cells)))
+        Raises
+        ------
+        InputError
+            The sizes that were asked for cannot be those of this chain.
+        """
+        requests = assign_sizes(self.request, chain, picked)
+        return ChainContext(chain, tuple(map(self._get_cell, chain.cells, requests)))
+
+    def _get_cell(self, joint: Joint, request: BlendRequest) -> StripContext:
+        if request is not self.request:  # a share of sizes that vary
+            return StripContext(joint, choose_section_method(request))
+        return self._of_joint.setdefault(joint, StripContext(joint, choose_section_method(request)))
 
     def estimate_reach(self, joint: Joint) -> float:
         """Return the largest distance (mm) of the rails from the edge; 0 where they are not found."""
         try:
-            return self.get(joint).measure_reach()
+            return self._get_cell(joint, take_largest_sizes(self.request)).measure_reach()
         except CqblendError:
             return 0.0  # whatever is wrong is raised later, about the joint as it is then
 
@@ -81,7 +91,8 @@ def blend_shape(
     CqblendError
         Whatever else stands in the way, by its own type. The input is never changed.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
@@ -170,7 +181,7 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
         if one.error is not None:
             raise one.error
         if one.chain is not None:
-            chains.append(contexts.get_chain(one.chain))
+            chains.append(contexts.get_chain(one.chain, one.edges))
     if len(chains) > 1:
         for chain in chains:
             try:
@@ -202,7 +213,8 @@ def make_cheap_trial(
     CqblendError
         As :func:`blend_shape`, of what no size would mend.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
     chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
     return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(

@@ -50,6 +50,21 @@ class ChainContext:
         return self.cells[0].joint, self.cells[-1].joint
 
     @property
+    def largest_size(self) -> float:
+        """The largest size (mm) of a cell, anywhere along it."""
+        return max(cell.method.size for cell in self.cells)
+
+    @property
+    def varies(self) -> bool:
+        """Whether sizes vary along the chain."""
+        return any(cell.method.sizes.laws or cell.method.size != self.method.size for cell in self.cells)
+
+    @property
+    def vanishes(self) -> tuple[bool, bool]:
+        """Whether sizes go to 0 at the start and at the stop of an open chain: then the blend ends in a point there."""
+        return self.cells[0].method.sizes.vanishes[0], self.cells[-1].method.sizes.vanishes[1]
+
+    @property
     def lengths(self) -> Sequence[float]:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]

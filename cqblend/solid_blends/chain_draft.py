@@ -40,7 +40,8 @@ class ChainDrafts:
     def __init__(self, context: ChainContext) -> None:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
-        self.attempts = EndAttempts(request.ends[::-1] if first.is_backward else request.ends)
+        ends = request.ends[::-1] if first.is_backward else request.ends
+        self.attempts = EndAttempts(ends, context.vanishes)
         self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
         self._tried: tuple[EndMethod, EndMethod] | None = None
 

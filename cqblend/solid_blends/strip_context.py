@@ -83,7 +83,10 @@ class StripContext:
         if closed:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
-        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.method.targets, closed=closed)
+        corners = self.method.sizes.locate_corners(domain)
+        return fit_cubic_ribbons(
+            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
+        )
 
     def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular rails over a range of t, if these are exact."""
@@ -92,7 +95,7 @@ class StripContext:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
                 return rails
-        turn = joint.spine.measure_arc_angle()
+        turn = None if self.method.sizes.laws else joint.spine.measure_arc_angle()
         if turn is None:
             return None
         layout = ArcLayout(domain, turn, get_largest_arc(joint))
@@ -100,8 +103,16 @@ class StripContext:
 
     def describe_rails(self) -> CellRails:
         """Return what the ribbons of a chain take of this cell."""
-        joint = self.joint
-        return CellRails(joint.primaries, self.solve, self.method.targets, joint.spine.length, self.fit_light_rails)
+        joint, method = self.joint, self.method
+        return CellRails(
+            joint.primaries,
+            self.solve,
+            method.targets,
+            joint.spine.length,
+            self.fit_light_rails,
+            method.sizes.locate_corners,
+            joint.rank,
+        )
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge."""

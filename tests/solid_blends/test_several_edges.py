@@ -121,7 +121,7 @@ def test_the_certificate_lists_what_was_blended_and_the_share_of_what_was_meant(
     body = stepped_plate()
     edges = rims(body)
     numbers = {edge: body.val().Edges().index(edge) + 1 for edge in edges}
-    whole = cqblend.blend_edges(body, edges, 0.05).certificate
+    whole = cqblend.blend_edges(body, edges, 0.04).certificate
     assert set(whole.blended) == set(numbers.values())
     assert whole.coverage == 1
     result = cqblend.blend_edges(body, edges, 1, on_error="skip")

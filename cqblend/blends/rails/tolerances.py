@@ -16,7 +16,8 @@ class RailTolerances:
     domain_slack
         How far a rail may run outside the domain of its surface, as a share of the width of the domain.
     vanishing_share
-        Speed and |Su x Sv| up to this, as a share of the largest along the rail, count as zero.
+        Speed, |Su x Sv| and wanted cross derivatives up to this, as a share of the largest along the rail, count as
+        zero.
     kink_angle
         Angle (rad) by which a rail, or the surface across a knot line, may turn at a break.
     samples_per_piece

@@ -65,6 +65,11 @@ class Joint:
         return f"edge {self.edge_number}"
 
     @property
+    def rank(self) -> int:
+        """The lowest number of its edges in the solid, which does not depend on what was picked."""
+        return min(map(self.index.edges.find_number, self.spine.edges))
+
+    @property
     def primaries(self) -> tuple[Primary, Primary]:
         """The two primary surfaces."""
         return self.sides[0].primary, self.sides[1].primary

@@ -193,6 +193,8 @@ def _list_other_edges(
     """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
     found = []
     for planned in strip.other_edges:
+        if planned.role == "pole":
+            continue
         edge, faces = parts.build_edge(planned), owners[planned]
         if planned.role == "section" and not faces[0].IsSame(blend_face):
             continue

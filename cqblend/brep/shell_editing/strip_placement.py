@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.arc_strip import ArcStrip
@@ -18,6 +19,7 @@ from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import locate_vertex
 from cqblend.splines import Curve
 from cqblend.surfaces.circle import PlanarCircle
@@ -67,6 +69,12 @@ class StripPlacement:
         """The numbers of the support faces in the solid."""
         first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
         return first, second
+
+    def is_point(self, end: int) -> bool:
+        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1)."""
+        at = np.array([self.domain[end]])
+        first, second = (row(at)[0] for row in self.rail_curves)
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent)
 
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.

@@ -33,6 +33,7 @@ from cqblend.brep.shell_editing.cell_junctions import join_cells
 from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_face import end_on_face
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
@@ -289,16 +290,22 @@ def _list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
 
 
 def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
-    """Return the vertices of the blended edges but for those at an end with a flat cap."""
-    kept = [vertex for vertex, cap in zip(placement.joint.spine.vertices, caps, strict=True) if cap is not None]
+    """Return the vertices of the blended edges but for those at an end with a flat cap, or in a point."""
+    kept = [
+        vertex
+        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
+        if cap is not None or placement.is_point(end)
+    ]
     return [vertex for vertex in _list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
-    """End the blend at one end of the edge: in a flat cap at t = ``cap``, on the face across it, or in the border."""
+    """End the blend: in a flat cap at t = ``cap``, in a point, on the face across the edge, or in the border."""
     try:
         if cap is not None:
             return end_in_cap(placement, end, cap)
+        if placement.is_point(end):
+            return end_in_point(placement, end)
         border = placement.joint.border_ends[end]
         return end_on_face(placement, end) if border is None else end_at_border(placement, end, border)
     except (SizeError, TopologyError, GeometryError) as error:

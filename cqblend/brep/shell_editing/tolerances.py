@@ -17,6 +17,9 @@ class ShellEditTolerances:
     rail_end_at_seam: float = 1e-9
     """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
 
+    point_end: float = 1e-12
+    """Relative to the extent of the solid: a section of a blend that is shorter is a point."""
+
     tangent_faces: float = 1e-3
     """Radians: an end face and a support face that meet at less are tangent to each other."""
 

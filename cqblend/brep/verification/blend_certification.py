@@ -132,7 +132,7 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         inner_crease=find_inner_crease(face).angle,
         method="surfaces",
         stations=VERIFICATION_TOLERANCES.surface_certificate_samples,
-        validity=(lambda: find_fold(blend.surface) is None,),
+        validity=(lambda: find_fold(blend.surface, blend.ribbons) is None,),
     )
     return _build_certificate(blend, measured)
 
