@@ -11,7 +11,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from benchmarks import irit_table, native, real_scores, start_up, strips, surface_blends
+from benchmarks import chain_sweep, everyday_scores, irit_table, native, real_scores, start_up, strips, surface_blends
 from benchmarks.tables import MACHINE, Table, describe_machine, replace_blocks
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
@@ -19,6 +19,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 
 OTHER_GROUPS: dict[str, Callable[[native.Settings], Iterable[Table]]] = {
     "scores": lambda settings: real_scores.tabulate_folder(settings.cases, settings.timeout),
+    "everyday": lambda settings: everyday_scores.tabulate(settings.timeout),
+    "chains": lambda settings: chain_sweep.tabulate_families(settings.timeout),
     "surface_blends": lambda _: surface_blends.tabulate(),
     "kernel": lambda _: [irit_table.tabulate()],
     "unrolling": lambda _: strips.tabulate(),

@@ -65,8 +65,15 @@ class Outcome:
     angle: float = math.nan  # rad, largest along the rails
     tolerance: float = math.nan  # mm, largest of a new edge
     ms: float = math.nan
-    verdict: str = ""  # of a judge, if there is one
+    verdict: str = ""  # of a judge, if there is one; "refused" if the library raised an error of its own, else "failed"
     faults: str = ""  # what the judge found
+    joint_gap: float = math.nan  # mm, of smooth joints, as the judge measured them
+    joint_angle: float = math.nan  # rad
+
+    @property
+    def reason(self) -> str:
+        """Why the verdict is what it is, in words."""
+        return self.faults if self.made else f"{self.status}: {self.message}"
 
     @property
     def made(self) -> bool:
@@ -131,11 +138,11 @@ def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float, judge: Ju
             return receiver.recv()
     except EOFError:
         worker.join()
-        return Outcome("crash", f"exit code {worker.exitcode}")
+        return Outcome("crash", f"exit code {worker.exitcode}", verdict="failed")
     finally:
         worker.kill()
         worker.join()
-    return Outcome("timeout", f"after {timeout:g} s")
+    return Outcome("timeout", f"after {timeout:g} s", verdict="failed")
 
 
 def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation, judge: Judge | None) -> None:
@@ -145,12 +152,19 @@ def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation, judge: 
         made, ms = run_timed(operation, repeats=5 if judge is None else 1)
     except Exception as error:  # noqa: BLE001 - OCCT throws anything
         status = "not done" if type(error) is ArithmeticError else type(error).__name__
-        outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start))
+        verdict = "refused" if isinstance(error, CqblendError) else "failed"
+        outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start), verdict=verdict)
     else:
         outcome = _measure_made(shape, made.shape, made.faces, ms)
         if judge is not None:
             score = judge(made)
-            outcome = replace(outcome, verdict=score.verdict, faults=score.message)
+            outcome = replace(
+                outcome,
+                verdict=score.verdict,
+                faults=score.message,
+                joint_gap=score.gap,
+                joint_angle=score.angle,
+            )
     sender.send(outcome)
 
 

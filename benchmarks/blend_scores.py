@@ -31,7 +31,7 @@ from OCP.TopExp import TopExp, TopExp_Explorer
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
-from benchmarks.tangent_chains import Chain, EdgeLinks
+from benchmarks.tangent_chains import Chain, EdgeLinks, find_end_vertices
 from benchmarks.touching_balls import Array, Body, Face, Station, find_station, measure_angles
 
 POINTS = 41
@@ -215,6 +215,8 @@ def _check_joints(
     rough = max((_measure_roughness(body, row) for row in chains), default=0.0)
     for joint in joints:
         if joint.kind == "end":
+            if joint.gap > joint.tolerance:
+                yield f"an end has a gap of {joint.gap:.2g} mm, above its tolerance"
             continue
         allowed = max(limits.angle, rough) if joint.kind == "between" else limits.angle
         if not joint.angle <= allowed:
@@ -232,25 +234,13 @@ def _check_ends(body: Body, blended: Blended, chains: Sequence[Chain], joints: S
         stations = [find_station(body, edge, 0.5) for edge in row.edges]
         widths = [blended.radius / math.tan(one.angle / 2) for one in stations if one is not None]
         reach = max(reach, FAR_END * max(*widths, blended.radius))
-        ends += [] if row.closed else _find_end_points(row)
+        ends += [np.array(BRep_Tool.Pnt_s(vertex).Coord()) for vertex in find_end_vertices(row)]
     for joint in joints:
         if joint.kind == "end":
             middle = joint.points[len(joint.points) // 2]
             near = min((float(np.linalg.norm(middle - end)) for end in ends), default=math.inf)
             if near > reach:
                 yield f"a sharp edge of the blend is {near:.3g} mm from every end of a chain"
-
-
-def _find_end_points(row: Chain) -> list[Array]:
-    """Return the points of the two vertices at which an open chain ends."""
-    uses: dict[int, int] = {}
-    vertices = TopTools_IndexedMapOfShape()
-    for edge in row.edges:
-        for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
-            number = vertices.Add(vertex)
-            uses[number] = uses.get(number, 0) + 1
-    ends = [TopoDS.Vertex_s(vertices.FindKey(number)) for number, count in uses.items() if count == 1]
-    return [np.array(BRep_Tool.Pnt_s(vertex).Coord()) for vertex in ends]
 
 
 def _measure_roughness(body: Body, row: Chain) -> float:

@@ -15,13 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.attempts import Made, Outcome, attempt, blended
+from benchmarks.attempts import Made, attempt, blended
 from benchmarks.blend_scores import Blended, Limits, Score, score_blend
 from benchmarks.impossible import find_witness
 from benchmarks.native import DEFAULTS
 from benchmarks.real_edges import RealEdge, read_listed_edges
 from benchmarks.tables import Table
-from cqblend import errors
 
 VERDICTS = ("complete", "impossible", "incomplete", "refused", "failed", "unsound")
 """What may become of an edge; failed are crashes, timeouts, and errors that are not the library's."""
@@ -47,24 +46,12 @@ def score_edge(listed: RealEdge, timeout: float) -> ScoredEdge:
         return score_blend(result, Limits(angle=made.promise))
 
     outcome = attempt(listed.shape, blended(listed.shape, [listed.edge], listed.radius), timeout, judge)
-    verdict, message = _name_verdict(outcome)
+    verdict, message = outcome.verdict, outcome.reason
     if verdict in ("incomplete", "refused", "failed"):
         witness = find_witness(listed.shape, listed.edge, listed.radius)
         if witness is not None:
             return ScoredEdge(listed, "impossible", f"{witness}; {message}")
     return ScoredEdge(listed, verdict, message)
-
-
-def _name_verdict(outcome: Outcome) -> tuple[str, str]:
-    if outcome.verdict:
-        return outcome.verdict, outcome.faults
-    return "refused" if outcome.status in _list_error_names() else "failed", f"{outcome.status}: {outcome.message}"
-
-
-def _list_error_names() -> set[str]:
-    """Return the names of the library's errors."""
-    kinds = [one for one in vars(errors).values() if isinstance(one, type)]
-    return {one.__name__ for one in kinds if issubclass(one, errors.CqblendError)}
 
 
 def tabulate(scored: Sequence[ScoredEdge]) -> Table:
