@@ -42,14 +42,14 @@ ContinuityName = Literal["G0", "G1", "G2", "G3"]
 TangentsName = Literal["parametric", "perpendicular", "chord"]
 SectionName = Literal["auto", "arc", "hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
-EndWanted = Literal["auto", "natural", "flat"]
+EndWanted = Literal["natural", "flat", "auto"]
 OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
 TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 SECTIONS: tuple[SectionName, ...] = ("auto", "arc", "hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
-ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
+ENDS: tuple[EndWanted, ...] = ("natural", "flat", "auto")
 ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
 
 _TANGENTS_LATER = ("guide", "combination")
@@ -162,11 +162,11 @@ class BlendOptions:
         Largest distance between the rails of the compact form and the exact ones, mm.
     angular_tolerance : float, default 1e-05
         Largest angle between the tangent planes of the compact form and its neighbours', rad.
-    ends : {"auto", "natural", "flat"} or pair of them, default "auto"
-        How the blend of an open edge ends: ``"natural"``, on the face across its end; ``"flat"``, in a flat cap across
-        the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much); ``"auto"``,
-        natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A pair is for
-        the start and the end of the edge, in its own orientation.
+    ends : {"natural", "flat", "auto"} or pair of them, default "natural"
+        How the blend of an open edge ends: ``"natural"``, on whatever faces lie around its end; ``"flat"``, in a flat
+        cap across the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much);
+        ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
+        pair is for the start and the end of the edge, in its own orientation.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape.
     on_error : {"raise", "skip"}, default "raise"
@@ -197,7 +197,7 @@ class BlendOptions:
     form: str = "auto"
     tolerance: float = 1e-7
     angular_tolerance: float = 1e-5
-    ends: str | tuple[str, str] = "auto"
+    ends: str | tuple[str, str] = "natural"
     first: Any = None
     on_error: str = "raise"
     chain: bool = True

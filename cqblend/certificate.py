@@ -73,12 +73,12 @@ class EndRecord:
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
     kind : {"natural", "flat", "point"}
-        ``"natural"``: on the face across the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
+        ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
         cap across the edge; ``"point"``: at the vertex itself, where the size is 0.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
-        Why an end is flat although that was not asked for; empty otherwise.
+        Why an end is flat where that was asked for only if it cannot be natural; empty otherwise.
     """
 
     edge: int

@@ -13,7 +13,7 @@ from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.solid_blends.section_methods import SectionMethod
+from cqblend.solid_blends.section_methods import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 
 
@@ -85,7 +85,7 @@ class ChainContext:
         fitted = fit_chain_ribbons(
             [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
         )
-        return [cell.section.fill(ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)]
+        return fill_cells([(cell.section, ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)])
 
     @cached_property
     def _crossings(self) -> list[Crossings]:

@@ -330,7 +330,9 @@ class _PdeAtJoint(_HermiteAtJoint):
         method, request = self.method, self.method.request
         options = request.form, request.tolerance, request.angular_tolerance
         settings = PdeSettings(method.equation_orders, request.parameters, request.terms)
-        return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed))[0]
+        return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed, joined=ribbons[0].joined))[
+            0
+        ]
 
 
 @dataclass(frozen=True)

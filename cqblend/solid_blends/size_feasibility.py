@@ -29,8 +29,10 @@ def check_size(context: StripContext) -> None:
             f"size {size:g} is larger than the whole solid, {joint.extent:.4g}", kind="too large", value=size
         )
     contacts = context.checked_contacts
-    for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
+    for points, is_point in zip(context.contact_points, context.has_point_rails, strict=True):
+        if is_point:
+            continue
+        ahead = (np.diff(points, axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
             t = float(contacts.t[np.argmin(ahead)])
             here = method.sizes.measure_largest(t)

@@ -17,6 +17,7 @@ from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
@@ -61,11 +62,22 @@ class StripContext:
             return self.solve(inside)
 
     @cached_property
+    def contact_points(self) -> Array:
+        """The points of these contacts on both sides, (2, n, 3)."""
+        contacts = self.checked_contacts
+        return np.stack([side.jet(uv)[0] for side, uv in zip(self.joint.primaries, contacts.uv, strict=True)])
+
+    @property
+    def has_point_rails(self) -> tuple[bool, bool]:
+        """Whether all contacts of a side are one point, by side: the ball turns about it."""
+        spread = np.ptp(self.contact_points, axis=1).max(axis=1)
+        first, second = spread <= RAIL_TOLERANCES.point_rail_share * self.rail_distances.max(axis=1)
+        return bool(first), bool(second)
+
+    @cached_property
     def rail_distances(self) -> Array:
         """How far (mm) these contacts on both sides are from the edge, (2, n)."""
-        contacts = self.checked_contacts
-        points = [primary.jet(uv)[0] for primary, uv in zip(self.joint.primaries, contacts.uv, strict=True)]
-        return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
+        return np.linalg.norm(self.contact_points - self.checked_contacts.edge_points, axis=2)
 
     def measure_reach(self) -> float:
         """Return the largest distance (mm) of the rails from the edge."""

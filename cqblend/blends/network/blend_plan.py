@@ -150,8 +150,9 @@ class StripPlan:
     A boundary goes around the outward normal of the solid clockwise. Where the strip ``is_mirrored``, so does it around
     the normal of its surface, else counter-clockwise.
 
-    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
-    ``end_edges`` of an open strip are those at the start and at the stop of its spine.
+    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. A rail
+    that is one point has no edges, but a pole of the blend face. The ``end_edges`` of an open strip are those at the
+    start and at the stop of its spine. It takes the place of the ``removed_faces``, by their numbers.
     """
 
     spine: tuple[int, ...]
@@ -159,16 +160,18 @@ class StripPlan:
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
     rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
-    end_edges: tuple[NewEdge, ...] = ()
+    poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
+    end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
+    removed_faces: tuple[int, ...] = ()
     is_mirrored: bool = False
 
     @property
     def other_edges(self) -> tuple[NewEdge, ...]:
-        """The edges of the boundary that are no rails, each once."""
+        """The edges of the boundary that are neither rails nor poles, each once."""
         rails = {edge for side in self.rails for edge in side}
         edges = dict.fromkeys(use.edge for use in self.boundary)
-        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge not in rails)
+        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge.role != "pole" and edge not in rails)
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,11 @@ class SolidPlan:
         """Every new vertex, once."""
         ends = (vertex for edge in self.edges for vertex in edge.vertices)
         return tuple(dict.fromkeys(vertex for vertex in ends if not vertex.number))
+
+    @property
+    def removed_faces(self) -> tuple[int, ...]:
+        """The numbers of the faces of the input of which nothing remains."""
+        return tuple(number for strip in self.strips for number in strip.removed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:
@@ -211,6 +219,8 @@ class SolidPlan:
             ends = f", {len(strip.caps)} flat ends" if strip.caps else ""
             spine = ", ".join(map(str, strip.spine))
             lines.append(f"blend of edge {spine} between faces {first} and {second}, {len(strip.boundary)} sides{ends}")
+        if self.removed_faces:
+            lines.append(f"faces gone: {', '.join(map(str, self.removed_faces))}")
         for face in self.faces:
             cut = ", ".join(f"{number} in {len(pieces)}" for number, pieces in sorted(face.pieces.items()))
             roles = Counter(use.edge.role for use in face.added if isinstance(use.edge, NewEdge))

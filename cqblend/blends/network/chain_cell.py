@@ -30,7 +30,7 @@ from cqblend.blends.rails.ribbon_end import EndJets, GivenEnds, RibbonEnd, find_
 from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonTargets
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 LightFit = Callable[[Domain], tuple[Ribbon, Ribbon] | None]
 """A function that makes straight or circular ribbons over a domain, or returns None if they are neither."""
@@ -344,9 +344,35 @@ class ChainCell:
         contacts = replace(self._natural, shifts=shifts, moves=moves)
         first, second = (tuple(None if one is None else one.lifted[side] for one in wanted) for side in (0, 1))
         ends: tuple[GivenEnds, GivenEnds] = ((first[0], first[1]), (second[0], second[1]))
-        return fit_cubic_ribbons(
+        ribbons = fit_cubic_ribbons(
             rails.primaries, contacts, self.domain, targets, closed=False, corners=corners, ends=ends
         )
+        return (
+            replace(ribbons[0], bend=self._measure_bend(0, shifts, moves[0])),
+            replace(ribbons[1], bend=self._measure_bend(1, shifts, moves[1])),
+        )
+
+    def _measure_bend(self, side: int, shifts: tuple[Fades, Fades], moves: Fades) -> float:
+        """Return the largest distance (mm) by which moves bring a rail off its natural course; 0 within tolerance."""
+        primary = self.rails.primaries[side]
+
+        def measure_steps(uv: Array, steps: Array) -> Array:
+            jet = primary.jet(uv)
+            return measure_lengths(steps[:, :1] * jet[1] + steps[:, 1:] * jet[2])
+
+        starts = [self._probes[0 if fade.inward > 0 else 1].contacts.uv[side][:1] for fade in moves]
+        reach = [
+            measure_steps(uv, np.stack([fade.value, fade.rate * fade.length])).max()
+            for uv, fade in zip(starts, moves, strict=True)
+        ]
+        if max(reach, default=0.0) <= self.rails.targets.position:
+            return 0.0
+        shares = np.linspace(0, 1, NETWORK_TOLERANCES.bend_samples)
+        t = np.unique(np.concatenate([fade.t + fade.inward * fade.length * shares for fade in moves]))
+        uv = replace(self._natural, shifts=shifts)(t).uv[side]
+        points, moved = primary.jet(uv)[0], primary.jet(uv + sum_fades(moves, t))[0]
+        along = normalise_vectors(np.gradient(points, t, axis=0))
+        return float(measure_lengths(cross_product(moved - points, along)).max())
 
     def _bend_contacts(self, wanted: WantedEnds) -> tuple[tuple[Fades, Fades], tuple[Fades, Fades]]:
         """Return shifts of stations and moves of native parameters, by side, that lead to wanted ends."""

@@ -12,7 +12,7 @@ before one whose ribbons are cubic, else the one of lower rank.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,6 +77,8 @@ def fit_chain_ribbons(
         cell.fit_to_ends((start, stop)) if one is None else one.ribbons
         for cell, one, (start, stop) in zip(chain, light, wanted, strict=True)
     ]
+    if links:
+        ribbons = [(replace(first, joined=True), replace(second, joined=True)) for first, second in ribbons]
     return ChainRibbons(tuple(ribbons), tuple(mismatches))
 
 

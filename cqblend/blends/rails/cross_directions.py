@@ -97,7 +97,13 @@ def measure_arc_lengths(directions: Array, chords: Array) -> Array:
 
 
 def _orient_towards_blend(vectors: Array, stations: RailStations) -> Array:
-    """Return a field, or its negative, whichever points to the blend at most stations by the sum of its vectors."""
+    """Return a field, or its negative, whichever points to the blend at most stations by the sum of its vectors.
+
+    A rail that is one point has no direction across it, so that the field is the one straight to the edge.
+    """
+    sizes = [float(measure_lengths(one).max()) for one in (stations.velocity, stations.towards_blend)]
+    if sizes[0] <= RAIL_TOLERANCES.point_rail_share * sizes[1]:
+        return stations.towards_blend
     return vectors * (np.sign((vectors * stations.towards_blend).sum()) or 1.0)
 
 

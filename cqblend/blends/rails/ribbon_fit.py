@@ -29,7 +29,7 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 Domain = tuple[float, float]
 LengthFactor = Callable[[Array], Array]
@@ -162,7 +162,7 @@ def fit_ribbon(
     offset, slack = (point - samples.jets[side][0])[inside], steering.evaluate_slack(t)
     errors = RibbonErrors(
         measure_lengths(offset),
-        measure_lengths(offset if wanted.given_derivatives else cross_product(offset, normalise_vectors(rate[inside]))),
+        measure_lengths(offset) if wanted.given_derivatives else _measure_across(offset, rate[inside]),
         (fitted.angle_errors - slack)[inside],
         (fitted.length_errors - slack)[inside],
     )
@@ -179,6 +179,12 @@ def fit_ribbon(
         fades=wanted.fades,
     )
     return ribbon, errors
+
+
+def _measure_across(offset: Array, rate: Array) -> Array:
+    """Return the parts (n,) of offsets (n, 3) from a rail that are across it; none where it stays at one point."""
+    speed = measure_lengths(rate)
+    return measure_lengths(cross_product(offset, rate)) / np.where(speed > 0, speed, 1.0)
 
 
 def _fit_rail(samples: ContactSamples, side: int, curves: RibbonCurves) -> tuple[Curve, ParametricKinks | None]:

@@ -81,7 +81,7 @@ def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve
     sides = together[: len(first)], together[len(first) :]
     _check_jumps(ribbons, sides)
     for ribbon, jets in zip(ribbons, sides, strict=True):
-        if ribbon.order:
+        if ribbon.order and not ribbon.is_point:
             _check_tangent_plane(ribbon, jets[0], jets[1])
     return sides
 

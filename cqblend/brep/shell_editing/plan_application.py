@@ -109,6 +109,7 @@ class BuiltStrip:
     geometry: SurfaceGeometry  # of the blend face
     trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
+    poles: tuple[TopoDS_Edge | None, TopoDS_Edge | None]  # those of rails that are one point
     other_edges: tuple[BuiltEdge, ...]
     cap_count: int
 
@@ -159,8 +160,11 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
-        strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    solid = replace_body_faces(index.solid, rebuilt, index.faces, new_faces)
+        poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
+        strips.append(
+            BuiltStrip(blend_face, geometry, (first, second), rails, (poles[0], poles[1]), others, len(strip.caps))
+        )
+    solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -199,7 +203,7 @@ def _list_other_edges(
         if planned.role == "section" and not faces[0].IsSame(blend_face):
             continue
         deviation = deviations.get(edge)
-        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
         if len(faces) == 1:
             found.append(BuiltEdge("border", ((blend_face, edge),), deviation, end))
             continue
