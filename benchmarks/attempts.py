@@ -13,7 +13,7 @@ import multiprocessing
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from multiprocessing.connection import Connection
 from typing import NamedTuple
@@ -123,9 +123,9 @@ def _load_modules() -> None:
 
 
 def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float, judge: Judge | None = None) -> Outcome:
-    """Run an operation on a shape in a process of its own, and measure what it makes.
+    """Run an operation on a shape in a process of its own, and measure what it makes, or ask a judge about it.
 
-    With a judge, what counts is not the time but the result, which it is asked about.
+    With a judge the operation runs once: its time is a rough one.
     """
     _load_modules()
     context = multiprocessing.get_context("fork")
@@ -149,23 +149,21 @@ def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation, judge: 
     warnings.simplefilter("ignore", CqblendWarning)  # the outcome tells
     start = time.process_time()
     try:
-        made, ms = run_timed(operation, repeats=5 if judge is None else 1)
+        made, ms = run_timed(operation, repeats=5 if judge is None else 0)
     except Exception as error:  # noqa: BLE001 - OCCT throws anything
         status = "not done" if type(error) is ArithmeticError else type(error).__name__
         verdict = "refused" if isinstance(error, CqblendError) else "failed"
         outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start), verdict=verdict)
     else:
-        outcome = _measure_made(shape, made.shape, made.faces, ms)
-        if judge is not None:
-            score = judge(made)
-            outcome = replace(
-                outcome,
-                verdict=score.verdict,
-                faults=score.message,
-                joint_gap=score.gap,
-                joint_angle=score.angle,
-            )
+        outcome = _measure_made(shape, made.shape, made.faces, ms) if judge is None else _ask(judge, made, ms)
     sender.send(outcome)
+
+
+def _ask(judge: Judge, made: Made, ms: float) -> Outcome:
+    score = judge(made)
+    status = "invalid" if score.verdict == "unsound" else "ok"
+    joints = {"joint_gap": score.gap, "joint_angle": score.angle}
+    return Outcome(status, ms=ms, verdict=score.verdict, faults=score.message, **joints)
 
 
 def _measure_made(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], ms: float) -> Outcome:
