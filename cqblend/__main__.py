@@ -16,6 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
@@ -231,6 +232,13 @@ def _build_parser() -> argparse.ArgumentParser:
         default=BLEND_DEFAULTS.on_error,
         help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
     )
+    blend.add_argument(
+        "--hold",
+        type=_parse_point,
+        metavar="X,Y,Z",
+        action="append",
+        help="hold a rail on the edge nearest to this point, mm; may be repeated",
+    )
     blend.add_argument("--no-chain", dest="chain", action="store_false", help="do not go on along tangential edges")
     blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
@@ -350,11 +358,11 @@ def _parse_sheet_size(text: str) -> tuple[float, float]:
 
 
 def _attach_points(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with each point joined to its ``--near`` by "=": argparse takes ``-1,2,3`` for an option."""
+    """Return the arguments with each point joined to its option by "=": argparse takes ``-1,2,3`` for an option."""
     attached: list[str] = []
     for argument in arguments:
-        if attached and attached[-1] == "--near":
-            attached[-1] = f"--near={argument}"
+        if attached and attached[-1] in ("--near", "--hold"):
+            attached[-1] += f"={argument}"
         else:
             attached.append(argument)
     return attached
@@ -367,14 +375,19 @@ def _run_blend(options: argparse.Namespace) -> None:
 
     section = "potential" if options.potential else "hermite" if options.order is None else "pde"
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
-    request = collect_options(BlendOptions, {**vars(options), "section": section, **relation}).to_request()
+    wanted = collect_options(BlendOptions, {**vars(options), "section": section, **relation})
+    request = wanted.to_request()
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _announce_step("looking for the edges"):
         picked = [find_nearest_edge(shape, point, sharp=True) for point in options.near]
+        held = [find_nearest_edge(shape, point, sharp=False) for point in options.hold or ()]
     for edge in picked:
         print(f"edge {edge.index}, {edge.distance:.3g} mm from the point")
+    for edge in held:
+        print(f"held on edge {edge.index}, {edge.distance:.3g} mm from the point")
+    request = replace(request, hold=tuple(edge.edge for edge in held))
     with _announce_step("blending"):
         result = blend_shape(shape, [edge.edge for edge in picked], request)
     with _announce_step(f"writing {options.output}"):

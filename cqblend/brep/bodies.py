@@ -6,7 +6,7 @@ they were in.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from OCP.BRep import BRep_Tool
 from OCP.BRepTools import BRepTools_ReShape
@@ -64,19 +64,20 @@ def replace_body_faces(
     replacements: dict[int, TopoDS_Face],
     face_index: ShapeIndex,
     new_faces: Sequence[TopoDS_Face],
+    removed: Collection[int] = (),
 ) -> TopoDS_Shape:
-    """Return a body with faces replaced, by their number in its face index.
+    """Return a body with faces replaced, or removed, by their number in its face index.
 
     New faces go into the first shell of which a face is replaced.
     """
     if not is_solid(body):
-        return _replace_shell_faces(body, replacements, face_index, new_faces)
+        return _replace_shell_faces(body, replacements, face_index, new_faces, removed)
     out = TopoDS_Solid()
     BUILDER.MakeSolid(out)
     pending = new_faces
     for shell in explore_subshapes(orient_forward(body), TopAbs_SHELL):
         if any(face_index.find_number(face) in replacements for face in explore_subshapes(shell, TopAbs_FACE)):
-            shell, pending = _replace_shell_faces(shell, replacements, face_index, pending), ()
+            shell, pending = _replace_shell_faces(shell, replacements, face_index, pending, removed), ()
         BUILDER.Add(out, shell)
     return out
 
@@ -86,8 +87,10 @@ def _replace_shell_faces(
     replacements: dict[int, TopoDS_Face],
     face_index: ShapeIndex,
     new_faces: Sequence[TopoDS_Face],
+    removed: Collection[int],
 ) -> TopoDS_Shell:
-    kept = (replacements.get(face_index.find_number(face), face) for face in explore_subshapes(shell, TopAbs_FACE))
+    numbered = [(face_index.find_number(face), face) for face in explore_subshapes(shell, TopAbs_FACE)]
+    kept = [replacements.get(number, face) for number, face in numbered if number not in removed]
     return make_shell([*kept, *new_faces])
 
 

@@ -79,7 +79,7 @@ class EdgePiece:
     """An edge of the input over another span of its own curves.
 
     ``gaps`` (mm) are the distances of its vertices from its curve. A piece that also bounds a flat ``cap`` lies in its
-    plane.
+    plane; one that a rail is held on has ``pcurves`` on the blend. No continuity is promised across it.
     """
 
     number: int
@@ -87,6 +87,8 @@ class EdgePiece:
     vertices: tuple[PlannedVertex, PlannedVertex]
     gaps: tuple[float, float] = (0.0, 0.0)
     cap: PlannedSurface | None = None
+    pcurves: tuple[PlannedPcurve, ...] = ()
+    order = 0
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,7 @@ class StripPlan:
     support_faces: tuple[int, int]
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
-    rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    rails: tuple[tuple[PlannedEdge, ...], tuple[PlannedEdge, ...]]
     end_edges: tuple[NewEdge, ...] = ()
     caps: tuple[CapPlan, ...] = ()
     is_mirrored: bool = False
@@ -173,10 +175,11 @@ class StripPlan:
 
 @dataclass(frozen=True)
 class SolidPlan:
-    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes."""
+    """What becomes of a solid: the blend faces that it gets, every face whose boundary changes, and those that go."""
 
     strips: tuple[StripPlan, ...]
     faces: tuple[FacePlan, ...]
+    consumed_faces: tuple[int, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -217,4 +220,5 @@ class SolidPlan:
             added = ", ".join(f"{count} {role}" for role, count in roles.items())
             axis = ", axis turned" if face.surface is not None else ""
             lines.append(f"face {face.number}: edges cut: {cut or 'none'}; added: {added or 'none'}{axis}")
+        lines += [f"face {number} is consumed" for number in self.consumed_faces]
         return "\n".join(lines)

@@ -111,6 +111,7 @@ class BuiltStrip:
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
     other_edges: tuple[BuiltEdge, ...]
     cap_count: int
+    is_held: tuple[bool, bool]  # whether the rail on either side is held on an edge of the input
 
 
 @dataclass(frozen=True)
@@ -159,8 +160,10 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
-        strips.append(BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps)))
-    solid = replace_body_faces(index.solid, rebuilt, index.faces, new_faces)
+        held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
+        built = BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps), (held1, held2))
+        strips.append(built)
+    solid = replace_body_faces(index.solid, rebuilt, index.faces, new_faces, plan.consumed_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -274,6 +277,8 @@ class _PartBuilder:
             face = self.get_face(planned.cap)
             plane = BRep_Tool.Surface_s(face)
             attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
+        for pcurve in planned.pcurves:
+            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
         return edge
 
 

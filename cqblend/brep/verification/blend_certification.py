@@ -82,6 +82,7 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
                 length=rail.length,
                 tolerance=max(one.tolerance for one in found),
                 kept=_measure_faded_share(rail),
+                held=strip.is_held[i],
             )
         )
     measured = _Measurements(
