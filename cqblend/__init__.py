@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from cqblend.blends.rails.rail import Rail
     from cqblend.brep.measurement.edge_continuity import Continuity
     from cqblend.brep.verification.solid_verification import Verification
+    from cqblend.sizes.size_functions import linear, table
     from cqblend.splines.curve import Curve
     from cqblend.splines.field_normalisation import Normalised, normalise
     from cqblend.splines.reparametrisation import change_of_parameter, reparameterise, with_end_speeds
@@ -78,6 +79,7 @@ __all__ = [
     "errors",
     "hermite_blend",
     "insert_blend",
+    "linear",
     "max_size",
     "normalise",
     "pde_blend",
@@ -85,6 +87,7 @@ __all__ = [
     "projected",
     "reparameterise",
     "reshape",
+    "table",
     "to_curve",
     "to_edge",
     "to_face",
@@ -120,6 +123,7 @@ _HOME = {
     "curve_on": "api.surface_blend",
     "hermite_blend": "api.surface_blend",
     "insert_blend": "api.solid_functions",
+    "linear": "sizes.size_functions",
     "max_size": "api.solid_functions",
     "normalise": "splines.field_normalisation",
     "pde_blend": "api.pde_surface",
@@ -127,6 +131,7 @@ _HOME = {
     "projected": "api.surface_blend",
     "reparameterise": "splines.reparametrisation",
     "reshape": "api.potential_surface",
+    "table": "sizes.size_functions",
     "to_curve": "api.solid_functions",
     "to_edge": "api.solid_functions",
     "to_face": "api.solid_functions",

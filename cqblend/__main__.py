@@ -6,7 +6,6 @@ by a child process, and this one reports the crash.
 """
 
 import argparse
-import math
 import os
 import signal
 import subprocess
@@ -16,13 +15,23 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
 
 from cqblend import __version__
-from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions
+from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions, BlendRequest
+from cqblend.command_line_values import (
+    SIZES_EPILOG,
+    assign_sizes,
+    attach_points,
+    parse_orders,
+    parse_point,
+    parse_relation,
+    parse_sheet_size,
+    parse_size,
+    parse_width,
+)
 from cqblend.errors import CqblendError, CqblendWarning, FileError, InputError, InstallationError, StepError
 from cqblend.installation_check import build_interpreter_command
 from cqblend.option_records import collect_options
@@ -61,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         try:
-            options = _build_parser().parse_args(_attach_points(sys.argv[1:] if arguments is None else arguments))
+            options = _build_parser().parse_args(attach_points(sys.argv[1:] if arguments is None else arguments))
             return _run_in_child(options, sys.argv[1:]) if arguments is None else _run_command(options)
         finally:
             if sys.stdout is not None:
@@ -203,25 +212,44 @@ def _build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     blend = _add_command(
-        commands, "blend", _run_blend, "blend edges of the solid in a STEP file and print the certificate"
+        commands,
+        "blend",
+        _run_blend,
+        "blend edges of the solid in a STEP file and print the certificate",
+        epilog=SIZES_EPILOG + _EPILOG,
     )
     blend.add_argument("input", type=Path, metavar="IN.step")
     blend.add_argument("output", type=Path, metavar="OUT.step", help="replaced only when the new one is complete")
     _add_near_option(blend, repeatable=True)
     size = blend.add_mutually_exclusive_group(required=True)
-    size.add_argument("--radius", type=float, metavar="R", help="of the rolling ball, mm")
-    size.add_argument("--width", type=float, metavar="W", help="distance from the edge to either rail, mm")
+    each = "; once, or once for each --near"
+    size.add_argument(
+        "--radius", type=parse_size, metavar="SIZE", action="append", help=f"of the rolling ball, mm{each}"
+    )
+    size.add_argument(
+        "--width",
+        type=parse_width,
+        metavar="SIZE[/SIZE]",
+        action="append",
+        help=f"distance from the edge to either rail, or to those on side 1 and side 2, mm{each}",
+    )
     size.add_argument(
         "--potential",
-        type=_parse_relation,
+        type=parse_relation,
         metavar="A[,B[,L]]",
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
+    blend.add_argument(
+        "--taper",
+        type=float,
+        metavar="L",
+        help="length over which the sizes of edges that go on in each other change, mm",
+    )
     blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
-        type=_parse_orders,
+        type=parse_orders,
         metavar="N",
         help="fill by partial differential equations of order 2, 4 or 6 (G0, G1, G2), or 4,4,6 for x, y and z",
     )
@@ -232,13 +260,8 @@ def _build_parser() -> argparse.ArgumentParser:
         default=BLEND_DEFAULTS.on_error,
         help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
     )
-    blend.add_argument(
-        "--hold",
-        type=_parse_point,
-        metavar="X,Y,Z",
-        action="append",
-        help="hold a rail on the edge nearest to this point, mm; may be repeated",
-    )
+    hold_help = "hold a rail on the edge nearest to this point, mm; may be repeated"
+    blend.add_argument("--hold", type=parse_point, metavar="X,Y,Z", action="append", help=hold_help)
     blend.add_argument("--no-chain", dest="chain", action="store_false", help="do not go on along tangential edges")
     blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
@@ -274,7 +297,7 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
     unroll.add_argument("--tolerance", type=float, metavar="T", required=True, help="between shape and strips, mm")
     unroll.add_argument(
         "--near",
-        type=_parse_point,
+        type=parse_point,
         metavar="X,Y,Z",
         action="append",
         help="only the face nearest to this point, mm; may be repeated",
@@ -292,7 +315,7 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
     unroll.add_argument("--tabs", choices=("one", "alternating", "both", "strips", "allowance"), help="default: none")
     unroll.add_argument("--tab-width", type=float, metavar="W", help=f"mm; default: {_TAB_WIDTH:g}")
     unroll.add_argument(
-        "--sheet", type=_parse_sheet_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
+        "--sheet", type=parse_sheet_size, metavar="WxH", help="of the stock, mm; default: as large as it needs to be"
     )
     unroll.add_argument("--per-sheet", action="store_true", help="a file for every sheet: OUT-1.dxf, OUT-2.dxf, ..")
     unroll.add_argument("--kerf", type=float, metavar="K", default=0.0, help="of the cutter, mm; default: %(default)g")
@@ -300,10 +323,14 @@ def _add_unroll_command(commands: "argparse._SubParsersAction[argparse.ArgumentP
 
 
 def _add_command(
-    commands: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, run: Command, text: str
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    name: str,
+    run: Command,
+    text: str,
+    epilog: str = _EPILOG,
 ) -> argparse.ArgumentParser:
     parser = commands.add_parser(
-        name, help=text, description=text, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+        name, help=text, description=text, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.set_defaults(run=run)
     return parser
@@ -313,59 +340,12 @@ def _add_near_option(parser: argparse.ArgumentParser, *, repeatable: bool) -> No
     """Add ``--near``, which picks the nearest edge: never a seam or a pole, a smooth edge only for measuring."""
     parser.add_argument(
         "--near",
-        type=_parse_point,
+        type=parse_point,
         metavar="X,Y,Z",
         required=True,
         action="append" if repeatable else "store",
         help=f"the {'sharp ' * repeatable}edge nearest to this point, mm" + ("; may be repeated" if repeatable else ""),
     )
-
-
-def _parse_point(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = map(float, text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected three numbers X,Y,Z, not {text!r}") from None
-    if not all(map(math.isfinite, (x, y, z))):
-        raise argparse.ArgumentTypeError(f"the numbers must be finite, not {text!r}")
-    return x, y, z
-
-
-def _parse_relation(text: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(map(float, text.split(",")))
-    except ValueError:
-        numbers = ()
-    if not 1 <= len(numbers) <= 3:
-        raise argparse.ArgumentTypeError(f"{text!r} is not one to three numbers, as in 2 or 2,3,-10")
-    return numbers
-
-
-def _parse_orders(text: str) -> tuple[int, ...]:
-    try:
-        orders = tuple(map(int, text.split(",")))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected a number N or three numbers X,Y,Z, not {text!r}") from None
-    return orders * 3 if len(orders) == 1 else orders
-
-
-def _parse_sheet_size(text: str) -> tuple[float, float]:
-    try:
-        width, height = map(float, text.lower().split("x"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected two numbers WxH, not {text!r}") from None
-    return width, height
-
-
-def _attach_points(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with each point joined to its option by "=": argparse takes ``-1,2,3`` for an option."""
-    attached: list[str] = []
-    for argument in arguments:
-        if attached and attached[-1] in ("--near", "--hold"):
-            attached[-1] += f"={argument}"
-        else:
-            attached.append(argument)
-    return attached
 
 
 def _run_blend(options: argparse.Namespace) -> None:
@@ -375,8 +355,15 @@ def _run_blend(options: argparse.Namespace) -> None:
 
     section = "potential" if options.potential else "hermite" if options.order is None else "pde"
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
-    wanted = collect_options(BlendOptions, {**vars(options), "section": section, **relation})
-    request = wanted.to_request()
+
+    def make_request(edges: Sequence[Any], hold: Sequence[Any] | None) -> BlendRequest:
+        sizes = {name: assign_sizes(name, getattr(options, name), edges) for name in ("radius", "width")}
+        given = {**vars(options), "section": section, "hold": hold, **relation, **sizes}
+        return collect_options(BlendOptions, given).to_request()
+
+    make_request(
+        range(len(options.near)), options.hold
+    )  # so that what is wrong with the options is said before the file is read
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
@@ -387,9 +374,9 @@ def _run_blend(options: argparse.Namespace) -> None:
         print(f"edge {edge.index}, {edge.distance:.3g} mm from the point")
     for edge in held:
         print(f"held on edge {edge.index}, {edge.distance:.3g} mm from the point")
-    request = replace(request, hold=tuple(edge.edge for edge in held))
     with _announce_step("blending"):
-        result = blend_shape(shape, [edge.edge for edge in picked], request)
+        edges = [edge.edge for edge in picked]
+        result = blend_shape(shape, edges, make_request(edges, [edge.edge for edge in held] or None))
     with _announce_step(f"writing {options.output}"):
         write_step(result.shape, options.output)
     print(result.certificate)

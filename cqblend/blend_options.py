@@ -7,12 +7,14 @@ radius fits the shape is not checked here. Light, since ``import cqblend`` loads
 """
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import partial
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from cqblend.argument_checks import (
+    call_user_function,
     check_angle,
     check_choice,
     check_count_or_auto,
@@ -22,25 +24,32 @@ from cqblend.argument_checks import (
     is_default,
     refuse_ignored_options,
 )
-from cqblend.errors import InputError, SizeError, UnsupportedError, shown
+from cqblend.errors import InputError, SizeError, shown
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
     from cqblend.blends.potential.relations import Conic
+    from cqblend.sizes.size_law import SizeLaw
+
+GivenSize: TypeAlias = float | Callable[[Any], Any] | Mapping[Any, Any]
+"""A size as a caller gives it: a number (mm), a function of t in [0, 1], or one of these for each of several edges."""
+
+Size: TypeAlias = "float | SizeLaw"
+"""A size after `BlendOptions.to_request`: a number (mm), or a law along the edge that is no number."""
 
 ContinuityName = Literal["G0", "G1", "G2", "G3"]
 TangentsName = Literal["parametric", "perpendicular", "chord"]
 SectionName = Literal["auto", "arc", "hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
-EndWanted = Literal["auto", "natural", "flat"]
+EndWanted = Literal["natural", "flat", "auto"]
 OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
 TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 SECTIONS: tuple[SectionName, ...] = ("auto", "arc", "hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
-ENDS: tuple[EndWanted, ...] = ("auto", "natural", "flat")
+ENDS: tuple[EndWanted, ...] = ("natural", "flat", "auto")
 ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
 
 _TANGENTS_LATER = ("guide", "combination")
@@ -94,12 +103,19 @@ class BlendOptions:
 
     Attributes
     ----------
-    radius : float, optional
+    radius : float, function or mapping, optional
         Radius of the ball that rolls along the edge and touches both faces on the rails, mm. Give either this or
-        `width`, or, for the potential section, `a` and `b`.
-    width : float or pair of float, optional
+        `width`, or, for the potential section, `a` and `b`. A radius that varies is a function of t, such as
+        `cqblend.linear`, `cqblend.table` or any other, of arrays or of numbers: t runs from 0 to 1 by arc length, in
+        the sense of the picked edge, of several the one with the lowest index in the shape; on a closed edge, from its
+        vertex. Where it is 0 at an end, the blend ends there in a point. A mapping has a number or function for each
+        picked edge; t runs along all edges that are blended in one, not along each.
+    width : float, function, pair of these, or mapping, optional
         Straight distance from the edge to the rails, in the edge's normal plane, mm; a pair is for side 1 and side 2.
-        Not with the potential section.
+        As `radius`, it may vary, and be given for each edge. Not with the potential section.
+    taper : float, optional
+        Where edges go on tangentially, and a mapping gives them sizes that differ at the vertex between them: the
+        length over which the sizes change there, mm, half of it on either side. By default, such sizes are refused.
     continuity : {"G0", "G1", "G2", "G3"} or pair of them, optional
         Order to which the blend meets its neighbours: touching, tangent, with the same curvature, with the same change
         of curvature. A pair is for side 1 and side 2. By default G1, or, with the pde section, what `order` gives. The
@@ -146,11 +162,11 @@ class BlendOptions:
         Largest distance between the rails of the compact form and the exact ones, mm.
     angular_tolerance : float, default 1e-05
         Largest angle between the tangent planes of the compact form and its neighbours', rad.
-    ends : {"auto", "natural", "flat"} or pair of them, default "auto"
-        How the blend of an open edge ends: ``"natural"``, on the face across its end; ``"flat"``, in a flat cap across
-        the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much); ``"auto"``,
-        natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A pair is for
-        the start and the end of the edge, in its own orientation.
+    ends : {"natural", "flat", "auto"} or pair of them, default "natural"
+        How the blend of an open edge ends: ``"natural"``, on whatever faces lie around its end; ``"flat"``, in a flat
+        cap across the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much);
+        ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
+        pair is for the start and the end of the edge, in its own orientation.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape.
     on_error : {"raise", "skip"}, default "raise"
@@ -167,9 +183,10 @@ class BlendOptions:
         it tangentially, as long as the faces on both sides go on smoothly, too. False blends just what was picked.
     """
 
-    radius: float | None = None
+    radius: GivenSize | None = None
     _: KW_ONLY
-    width: float | tuple[float, float] | None = None
+    width: GivenSize | tuple[GivenSize, GivenSize] | None = None
+    taper: float | None = None
     continuity: str | tuple[str, str] | None = None
     tangents: str | tuple[str, str] = "perpendicular"
     bulge: float | tuple[float, float] = 1.0
@@ -185,7 +202,7 @@ class BlendOptions:
     form: str = "auto"
     tolerance: float = 1e-7
     angular_tolerance: float = 1e-5
-    ends: str | tuple[str, str] = "auto"
+    ends: str | tuple[str, str] = "natural"
     first: Any = None
     on_error: str = "raise"
     hold: Any = None
@@ -216,7 +233,7 @@ class BlendOptions:
         section = check_choice("section", self.section, SECTIONS)
         relation = None
         if section == "potential":
-            self._refuse_given(section, "radius", "width", "tangents", "bulge", "steer")
+            self._refuse_given(section, "radius", "width", "taper", "tangents", "bulge", "steer")
             relation = _build_relation(self.a, self.b, self.lam)
         else:
             self._refuse_given(section, "a", "b", "lam")
@@ -227,6 +244,7 @@ class BlendOptions:
                 raise InputError(f"give exactly one of radius and width, not {given}")
         if self.hold is not None:
             self._check_hold(section)
+        edge_sizes = self._check_edge_sizes()
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
         tangents = check_pair("tangents", self.tangents, check_tangents)
@@ -243,8 +261,10 @@ class BlendOptions:
                 steer=(self.steer, BLEND_DEFAULTS.steer),
             )
         return BlendRequest(
-            radius=None if self.radius is None else _check_size("radius", self.radius),
-            width=None if self.width is None else check_pair("width", self.width, _check_size),
+            radius=None if edge_sizes or self.radius is None else _check_size("radius", self.radius),
+            width=None if edge_sizes or self.width is None else check_pair("width", self.width, _check_size),
+            edge_sizes=edge_sizes,
+            taper=None if self.taper is None else check_positive("taper", self.taper),
             continuity=continuity,
             tangents=tangents,
             bulge=bulge,
@@ -271,12 +291,30 @@ class BlendOptions:
             raise InputError(f"hold is no option of section={section!r}: leave it out")
         if self.radius is None:
             raise InputError("hold takes a radius, not a width: the held edge says how wide the blend is")
+        if callable(self.radius) or isinstance(self.radius, Mapping):
+            raise InputError("with hold, radius is a number: it does not vary, nor from edge to edge")
         if isinstance(self.continuity, tuple | list):
             raise InputError("with hold, continuity is that of the side that is not held: give one, not a pair")
         if not is_default(self.tangents, BLEND_DEFAULTS.tangents):
             raise InputError("tangents has no effect with hold: the ball gives the direction; leave it out")
         if "flat" in (self.ends if isinstance(self.ends, tuple | list) else (self.ends,)):
             raise InputError("with hold, the blend ends where the held edge does: ends cannot be flat")
+
+    def _check_edge_sizes(self) -> "tuple[EdgeSizes, ...]":
+        """Return the sizes of single edges, if radius or width is a mapping from edges."""
+        name, given = ("radius", self.radius) if self.width is None else ("width", self.width)
+        if not isinstance(given, Mapping):
+            if self.taper is not None:
+                raise InputError(f"taper has no effect unless {name} is a mapping from edges to sizes: leave taper out")
+            return ()
+        rule = f"{name} is a number, a function of t, or a mapping from edges to these"
+        items = call_user_function(rule, list, call_user_function(rule, given.items))
+        if not items:
+            raise InputError(f"{name} must be a number, not {shown(given)}: as a mapping, it has a size for each edge")
+        return tuple(
+            EdgeSizes(edge, (_check_size(name, size),) if name == "radius" else check_pair(name, size, _check_size))
+            for edge, size in items
+        )
 
     def _check_continuity(
         self, section: SectionName
@@ -325,22 +363,33 @@ _SECTION_OF_OPTION: dict[str, SectionName] = {
 }
 
 
+class EdgeSizes(NamedTuple):
+    """The sizes of one picked edge: the radius, or the widths on side 1 and side 2."""
+
+    edge: "TopoDS_Edge"
+    sizes: "tuple[Size, ...]"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlendRequest:
     """The options of a blend after `BlendOptions.to_request`: checked, and each in one form.
 
-    Fields are documented in `BlendOptions`. What differs: pairs are always pairs, numbers are floats, `relation` stands
-    for a, b and lam, `order` has one number for each coordinate, `terms` is None for ``"auto"``, and `section` is that
-    only where arcs go with all else.
+    Fields are documented in `BlendOptions`. What differs: pairs are always pairs, numbers are floats, sizes that vary
+    are laws, `relation` stands for a, b and lam, `order` has one number for each coordinate, `terms` is None for
+    ``"auto"``, and `section` is that only where arcs go with all else.
 
     Attributes
     ----------
+    edge_sizes : tuple of EdgeSizes
+        The sizes of single edges, in place of radius or width, which are None then.
     relation : Conic or None
         How far side 1 and side 2 are moved together, mm; None for sections other than potential.
     """
 
-    radius: float | None
-    width: tuple[float, float] | None
+    radius: "Size | None"
+    width: "tuple[Size, Size] | None"
+    edge_sizes: tuple[EdgeSizes, ...]
+    taper: float | None
     continuity: tuple[ContinuityName, ContinuityName]
     tangents: tuple[TangentsName, TangentsName]
     bulge: tuple[float, float]
@@ -367,8 +416,10 @@ def _build_relation(a: object, b: object, lam: Any) -> "Conic":
 
     if a is None and b is None:
         raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
-    first = _check_size("b", b) if a is None else _check_size("a", a)
-    second = first if b is None else _check_size("b", b)
+    first = (
+        _check_size_range("b", check_positive("b", b)) if a is None else _check_size_range("a", check_positive("a", a))
+    )
+    second = first if b is None else _check_size_range("b", check_positive("b", b))
     return Conic(first, second, 0.0 if lam is None else lam)
 
 
@@ -388,18 +439,27 @@ def check_pde_orders(order: object) -> tuple[int, int, int]:
 
 _RADIUS_PAIR_MESSAGE = (
     "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
-    "give width={0} for rails that far from the edge on side 1 and side 2. A radius that varies along the edge is "
-    "not built yet: cut the faces into parts and blend these, or take OCCT's own fillet"
+    "give width={0} for rails that far from the edge on side 1 and side 2, or radius=cqblend.linear{0} for a radius "
+    "that varies along the edge"
 )
 
 
-def _check_size(name: str, value: object) -> float:
-    """Return a length that an edge can be blended with, as a float."""
-    if callable(value):
-        raise UnsupportedError(f"a {name} that varies along the edge is not built yet; give a number")
+def _check_size(name: str, value: object) -> "Size":
+    """Return a length that an edge can be blended with, as a float, or as a law if it varies."""
     if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
         raise InputError(_RADIUS_PAIR_MESSAGE.format(shown(value)))
-    size = check_positive(name, value)
+    if not callable(value):
+        return _check_size_range(name, check_positive(name, value))
+    from cqblend.sizes.law_checks import check_law  # which takes NumPy: ``import cqblend`` does not
+
+    law = check_law(name, value)
+    for size in (law,) if isinstance(law, float) else (law.smallest, law.largest):
+        _check_size_range(name, size)
+    return law
+
+
+def _check_size_range(name: str, size: float) -> float:
+    """Return a size (mm) that is neither too small nor too large for any shape."""
     least, most = OPTION_LIMITS.min_size, OPTION_LIMITS.max_size
     if size < least:
         raise SizeError(f"{name} {size:g} mm is below {least:g} mm, ten times OCCT's tolerance; scale the model up")

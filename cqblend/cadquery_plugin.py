@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cqblend.argument_checks import check_callback
-from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, GivenSize
 from cqblend.errors import SelectionError
 from cqblend.option_records import collect_options, document_options
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 @document_options(BlendOptions)
 def blend(
     self: Any,
-    radius: float | None = None,
+    radius: GivenSize | None = None,
     *,
-    width: float | tuple[float, float] | None = None,
+    width: GivenSize | tuple[GivenSize, GivenSize] | None = None,
+    taper: float | None = None,
     continuity: str | tuple[str, str] | None = None,
     tangents: str | tuple[str, str] = BLEND_DEFAULTS.tangents,
     bulge: float | tuple[float, float] = BLEND_DEFAULTS.bulge,

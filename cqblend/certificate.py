@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from cqblend.blends.quality.smoothness_proof import Proof
 
 Form = Literal["exact", "compact"]
-EndKind = Literal["natural", "flat"]
+EndKind = Literal["natural", "flat", "point"]
 NewEdgeKind = Literal["end", "border", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
@@ -75,13 +75,13 @@ class EndRecord:
     edge, vertex : int
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
-    kind : {"natural", "flat"}
-        ``"natural"``: on the face across the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
-        cap across the edge.
+    kind : {"natural", "flat", "point"}
+        ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
+        cap across the edge; ``"point"``: at the vertex itself, where the size is 0.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
-        Why an end is flat although that was not asked for; empty otherwise.
+        Why an end is flat where that was asked for only if it cannot be natural; empty otherwise.
     """
 
     edge: int
@@ -93,7 +93,8 @@ class EndRecord:
     def __str__(self) -> str:
         before = f", {self.before:.3g} mm before it" if self.before else ""
         cause = f": {self.cause}" if self.cause else ""
-        return f"edge {self.edge} has a {self.kind} end at vertex {self.vertex}{before}{cause}"
+        kind = "pointed" if self.kind == "point" else self.kind
+        return f"edge {self.edge} has a {kind} end at vertex {self.vertex}{before}{cause}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import cqblend
 from cqblend.blend_options import OPTION_LIMITS, BlendOptions
 from cqblend.errors import InputError, SizeError, UnsupportedError
+from cqblend.sizes.size_law import SizeLaw
 
 
 def checked(radius=None, **options):
@@ -89,14 +91,61 @@ def test_a_pair_has_two_values(width):
 @pytest.mark.parametrize(
     "options",
     [
-        {"radius": lambda t: 1 + t},
-        {"width": lambda t: 1 + t},
-        {"width": (1, lambda t: 1 + t)},
         *({"radius": 1, "tangents": name} for name in ("guide", "combination", ("chord", "guide"))),
     ],
 )
 def test_what_is_not_built_yet_raises(options):
     with pytest.raises(UnsupportedError, match="not built yet"):
+        checked(**options)
+
+
+def test_sizes_that_vary_become_laws():
+    request = checked(width=(1, lambda t: 1 + t))
+    assert request.width[0] == 1.0
+    assert isinstance(request.width[1], SizeLaw)
+    assert request.width[1](np.array([0.25])) == 1.25
+
+
+def test_functions_that_are_constant_become_numbers():
+    assert type(checked(lambda t: 0 * t + 0.3).radius) is float
+    assert checked(lambda _: 0.3) == checked(0.3)
+    assert checked(width=(cqblend.linear(2, 2), 3)).width == (2.0, 3.0)
+
+
+@pytest.mark.parametrize("law", [lambda t: 1e-7 + 1e-9 * t, cqblend.linear(1e-8, 1e-7)])
+def test_sizes_that_vary_have_the_same_range(law):
+    with pytest.raises(SizeError, match="below 1e-06 mm"):
+        checked(law)
+
+
+def test_a_pair_of_radii_is_refused_and_told_what_to_do():
+    with pytest.raises(InputError, match=r"a ball touches both with one.*width=\(1, 3\).*cqblend\.linear\(1, 3\)"):
+        checked((1, 3))
+
+
+def test_sizes_by_edge():
+    request = checked({"edge 1": 2, "edge 2": cqblend.linear(1, 2)}, taper=3)
+    assert (request.radius, request.width, request.taper) == (None, None, 3.0)
+    assert [one.edge for one in request.edge_sizes] == ["edge 1", "edge 2"]
+    assert request.edge_sizes[0].sizes == (2.0,)
+    assert checked(width={"edge 1": (2, 3)}).edge_sizes[0].sizes == (2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"radius": {}}, "radius must be a number, not {}: as a mapping, it has a size for each edge"),
+        ({"radius": {"edge 1": (1, 2)}}, "a ball touches both with one"),
+        ({"radius": {"edge 1": {}}}, "radius must be a number, not {}"),
+        ({"width": {"edge 1": (1, 2, 3)}}, "one for each side, not 3 values"),
+        ({"radius": 1, "taper": 2}, "taper has no effect unless radius is a mapping"),
+        ({"radius": {"edge 1": 1}, "taper": 0}, "taper must be above 0"),
+        ({"section": "potential", "a": 1, "taper": 2}, "taper is no option of section='potential'"),
+        ({"section": "potential", "a": lambda t: t}, "a must be a number"),
+    ],
+)
+def test_sizes_by_edge_that_are_none(options, message):
+    with pytest.raises(InputError, match=re.escape(message)):
         checked(**options)
 
 

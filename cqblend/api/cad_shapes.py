@@ -4,11 +4,12 @@ A result belongs to the library of the shape that was given. The library is read
 none is imported here, and so that objects of modules that CQ-editor has reloaded are still understood.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from cqblend.argument_checks import call_user_function
 from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
 from cqblend.brep.topology import drop_duplicate_shapes
 from cqblend.errors import InputError, reason, shown, with_article
@@ -105,6 +106,17 @@ def to_topods_edge(thing: Any) -> "TopoDS_Edge":
     if len(edges) > 1:
         raise InputError(f"edge must be one edge, not {len(edges)}")
     return edges[0]
+
+
+def convert_size_keys(name: str, sizes: Mapping[Any, Any]) -> "dict[TopoDS_Edge, Any]":
+    """Return a mapping from edges of any library as one from TopoDS edges; `name` is the caller's parameter."""
+    rule, found = f"{name} for each edge is a mapping from edges to sizes", {}
+    for edge, size in call_user_function(rule, list, call_user_function(rule, sizes.items)):
+        topods = _find_topods(edge)
+        if topods is None or find_shape_kind(topods) != "edge":
+            raise InputError(f"{rule}, not from {_describe_shape(edge)}")
+        found[topods] = size
+    return found
 
 
 def collect_faces(things: Any) -> "list[TopoDS_Face]":

@@ -4,13 +4,16 @@ Each takes shapes of the caller's library, checks the arguments, has `cqblend.so
 work on TopoDS shapes, and returns shapes of the same library. Nothing is computed here.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from cqblend.api.cad_shapes import (
     collect_edges,
     collect_faces,
     collect_held_edges,
+    convert_size_keys,
     resolve_shape,
     to_topods,
     to_topods_edge,
@@ -18,7 +21,7 @@ from cqblend.api.cad_shapes import (
     wrap_like,
 )
 from cqblend.argument_checks import check_choice, check_positive
-from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, BlendRequest
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, BlendRequest, GivenSize
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion import pcurves, spline_conversion
 from cqblend.brep.measurement import edge_continuity
@@ -66,9 +69,10 @@ class BlendResult:
 def blend_edges(
     shape: Any,
     edges: Any,
-    radius: float | None = None,
+    radius: GivenSize | None = None,
     *,
-    width: float | tuple[float, float] | None = None,
+    width: GivenSize | tuple[GivenSize, GivenSize] | None = None,
+    taper: float | None = None,
     continuity: str | tuple[str, str] | None = None,
     tangents: str | tuple[str, str] = BLEND_DEFAULTS.tangents,
     bulge: float | tuple[float, float] = BLEND_DEFAULTS.bulge,
@@ -164,10 +168,15 @@ def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
 
 
 def _to_request(options: BlendOptions) -> BlendRequest:
-    """Check options in which `first` is a face, and `hold` edges, of any library."""
+    """Check options in which `first` is a face, `hold` edges, and edges that have sizes are edges, of any library."""
     first = None if options.first is None else to_topods_face(options.first, "first")
     hold = None if options.hold is None else collect_held_edges(options.hold)
-    return replace(options, first=first, hold=hold).to_request()
+    converted = replace(options, first=first, hold=hold)
+    if isinstance(options.radius, Mapping):
+        converted = replace(converted, radius=convert_size_keys("radius", options.radius))
+    if isinstance(options.width, Mapping):
+        converted = replace(converted, width=convert_size_keys("width", options.width))
+    return converted.to_request()
 
 
 def max_size(
@@ -189,17 +198,19 @@ def max_size(
     shape, edges
         As of `blend_edges`.
     by : {"radius", "width"}
-        Which of the two is looked for.
+        Which of the two is looked for; not where one of them is given.
     tolerance : float
         Relative accuracy of the result, from 0.001 to 0.5: `blend_edges` works with (1 - tolerance) times the result.
         It is not the tolerance of the compact form.
     **options
-        All other options of `blend_edges`, except for its sizes, and for `tolerance`, which has its default there.
+        All other options of `blend_edges`, except for numbers as sizes, and for `tolerance`, which has its default
+        there. A radius or width that varies, differs by side or by edge may be given: then the result is a factor on
+        all these sizes.
 
     Returns
     -------
     float
-        The radius or the width, mm.
+        The radius or the width, mm, or the largest factor on the sizes that are given.
 
     Raises
     ------
@@ -217,13 +228,16 @@ def max_size(
     True
     >>> cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), 0.98 * size).certificate.valid
     True
+    >>> factor = cqblend.max_size(box, box.edges("|Z and >X and >Y"), radius=cqblend.linear(1, 2))
+    >>> 9.5 < factor < 10
+    True
     """
     by = check_choice("by", by, ("radius", "width"))
     tolerance = check_positive("tolerance", tolerance)
     if not 1e-3 <= tolerance <= 0.5:
         raise InputError(f"tolerance is relative, from 0.001 to 0.5, not {tolerance:g}")
-    for name in options:
-        if name in ("radius", "width", "a", "b", "lam"):
+    for name, value in options.items():
+        if name in ("a", "b", "lam") or (name in ("radius", "width") and isinstance(value, Real)):
             raise InputError(f"{name} is a size, which max_size looks for: leave it out")
         if name == "on_error":
             raise InputError("max_size looks for sizes with which all edges can be blended: leave on_error out")
@@ -235,7 +249,10 @@ def max_size(
             raise InputError(f"{name} is no option of blend_edges")
     if options.get("section") == "potential":
         raise InputError('max_size looks for a radius or a width, which section="potential" does not have')
-    options[by] = 1.0
+    if options.get("radius") is None and options.get("width") is None:
+        options[by] = 1.0
+    elif by != "radius":
+        raise InputError("by has no effect where radius or width is given: leave by out")
     request = _to_request(BlendOptions(**options))
     return find_largest_size(to_topods(resolve_shape(shape)), collect_edges(edges), request, tolerance)
 

@@ -22,10 +22,12 @@ from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_ch
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SelectionError, SizeError, UnsupportedError
+from cqblend.solid_blends.blend_sizes import take_largest_sizes
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import record_ends
 from cqblend.solid_blends.held_context import HeldStripContext, make_held_context
-from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method
+from cqblend.solid_blends.section_methods import choose_section_method
+from cqblend.solid_blends.size_assignment import assign_sizes, check_edge_sizes
 from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
 from cqblend.solid_blends.solid_rewriting import CertifiedStrip, DraftedNetwork, FaultyNetworkError, rewrite_solid
 from cqblend.solid_blends.strip_context import StripContext
@@ -46,43 +48,51 @@ class BlendedShape:
 class _Contexts:
     """The contexts of all joints of a call: each made once, so that contacts are solved once."""
 
-    def __init__(self, method: SectionMethod) -> None:
-        self.method = method
+    def __init__(self, request: BlendRequest) -> None:
+        self.request = request
         self._of_joint: dict[Joint, StripContext] = {}
 
-    def get(self, joint: Joint) -> StripContext:
-        """Return the context of a joint."""
-        return self._of_joint.setdefault(joint, StripContext(joint, self.method))
-
-    def get_chain(self, chain: Chain) -> ChainContext:
-        """Return the context of a chain, one rail of which may be held on an edge.
+    def get_chain(self, chain: Chain, picked: Sequence[int]) -> ChainContext:
+        """Return the context of a chain; ``picked`` are the numbers of those of its edges that were picked.
 
         Raises
         ------
+        InputError
+            The sizes that were asked for cannot be those of this chain.
         CqblendError
-            If it cannot be held there.
+            A rail cannot be held on an edge that was given.
         """
-        held = [edge for edge in self.method.request.hold if _is_beside_chain(edge, chain)]
-        if not held:
-            return ChainContext(chain, tuple(map(self.get, chain.cells)))
+        held = [edge for edge in self.request.hold if _is_beside_chain(edge, chain)]
+        if held:
+            return self._hold_chain(chain, held)
+        requests = assign_sizes(self.request, chain, picked)
+        return ChainContext(chain, tuple(map(self._get_cell, chain.cells, requests)))
+
+    def _hold_chain(self, chain: Chain, edges: Sequence[TopoDS_Edge]) -> ChainContext:
+        """Return the context of a chain of which one rail is held on some edges."""
         if len(chain.cells) > 1:
             raise UnsupportedError(
                 f"{chain.cells[0].name} goes on tangentially past smooth edges, and a rail is held beside one face "
                 "only; chain=False blends just what is picked"
             )
-        return ChainContext(chain, (make_held_context(chain.cells[0], self.method, held),))
+        return ChainContext(chain, (make_held_context(chain.cells[0], choose_section_method(self.request), edges),))
 
     def check_held_edges(self, selection: Selection) -> None:
         """Raise SelectionError if an edge to hold a rail on is not beside any chain that was found."""
         chains = [one.chain for network in selection.networks for one in network if one.chain is not None]
-        for edge in self.method.request.hold:
+        for edge in self.request.hold:
             if not any(_is_beside_chain(edge, chain) for chain in chains):
                 raise SelectionError("a held edge is not an edge of a face beside a blended edge")
+
+    def _get_cell(self, joint: Joint, request: BlendRequest) -> StripContext:
+        if request is not self.request:  # a share of sizes that vary
+            return StripContext(joint, choose_section_method(request))
+        return self._of_joint.setdefault(joint, StripContext(joint, choose_section_method(request)))
 
     def estimate_reach(self, joint: Joint) -> float:
         """Return the largest distance (mm) of the rails from the edge; 0 where they are not found."""
         try:
-            return self.get(joint).measure_reach()
+            return self._get_cell(joint, take_largest_sizes(self.request)).measure_reach()
         except CqblendError:
             return 0.0  # whatever is wrong is raised later, about the joint as it is then
 
@@ -104,7 +114,8 @@ def blend_shape(
     CqblendError
         Whatever else stands in the way, by its own type. The input is never changed.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     contexts.check_held_edges(selection)
     networks: list[DraftedNetwork] = []
@@ -199,7 +210,7 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
         if one.error is not None:
             raise one.error
         if one.chain is not None:
-            chains.append(contexts.get_chain(one.chain))
+            chains.append(contexts.get_chain(one.chain, one.edges))
     if len(chains) > 1:
         for chain in chains:
             try:
@@ -232,7 +243,8 @@ def make_cheap_trial(
     CqblendError
         As :func:`blend_shape`, of what no size would mend.
     """
-    contexts = _Contexts(choose_section_method(request))
+    contexts = _Contexts(request)
+    check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
     chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
     return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(

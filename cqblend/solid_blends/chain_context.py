@@ -13,7 +13,7 @@ from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.solid_blends.section_methods import SectionMethod
+from cqblend.solid_blends.section_methods import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 
 
@@ -50,6 +50,21 @@ class ChainContext:
         return self.cells[0].joint, self.cells[-1].joint
 
     @property
+    def largest_size(self) -> float:
+        """The largest size (mm) of a cell, anywhere along it."""
+        return max(cell.method.size for cell in self.cells)
+
+    @property
+    def varies(self) -> bool:
+        """Whether sizes vary along the chain."""
+        return any(cell.method.sizes.laws or cell.method.size != self.method.size for cell in self.cells)
+
+    @property
+    def vanishes(self) -> tuple[bool, bool]:
+        """Whether sizes go to 0 at the start and at the stop of an open chain: then the blend ends in a point there."""
+        return self.cells[0].method.sizes.vanishes[0], self.cells[-1].method.sizes.vanishes[1]
+
+    @property
     def lengths(self) -> Sequence[float]:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]
@@ -70,7 +85,7 @@ class ChainContext:
         fitted = fit_chain_ribbons(
             [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
         )
-        return [cell.section.fill(ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)]
+        return fill_cells([(cell.section, ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)])
 
     @cached_property
     def _crossings(self) -> list[Crossings]:

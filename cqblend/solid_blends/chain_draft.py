@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from cqblend.blends.quality.creases import check_creases
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, place_strip
-from cqblend.brep.shell_editing.strip_planning import PlannedChain, RailsTooShortError, plan_chain
+from cqblend.brep.shell_editing.strip_planning import PlannedChain, plan_chain
 from cqblend.errors import CqblendError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.blend_acceptance import get_crease_limits
 from cqblend.solid_blends.chain_context import ChainContext
@@ -40,7 +41,8 @@ class ChainDrafts:
     def __init__(self, context: ChainContext) -> None:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
-        self.attempts = EndAttempts(request.ends[::-1] if first.is_backward else request.ends)
+        ends = request.ends[::-1] if first.is_backward else request.ends
+        self.attempts = EndAttempts(ends, context.vanishes)
         self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
         self._tried: tuple[EndMethod, EndMethod] | None = None
 

@@ -1,7 +1,7 @@
 """How an open blend is to end: what is asked, in which order it is tried, and where its rails and caps must reach.
 
 An end is *natural*, on the one face that crosses the edge at its vertex, or *flat*, in a planar cap across the edge: at
-the vertex, or, only where that is asked for, some way before it.
+the vertex, or, only where that is asked for, some way before it. Where the size goes to 0, it is a *point*, the vertex.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_int
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.strip_placement import CapStations
-from cqblend.certificate import EndRecord
+from cqblend.certificate import EndKind, EndRecord
 from cqblend.errors import CqblendError, FlatEndWarning, GeometryError, SizeError, TopologyError, warn
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -26,15 +26,18 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 SMALLER_SIZE_HINT = "A smaller size may help"
 EARLIER_BLEND_HINT = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
 
-EndMethod = Literal["natural", "flat at the vertex", "flat"]
-"""On the face across the end; in a cap at the vertex; in a cap at the vertex or before it."""
+EndMethod = Literal["natural", "flat at the vertex", "flat", "point"]
+"""On the faces around the end; in a cap at the vertex; in a cap at the vertex or before it; in a point."""
 
 METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
-    "auto": ("natural", "flat at the vertex"),
     "natural": ("natural",),
     "flat": ("flat",),
+    "auto": ("natural", "flat at the vertex"),
 }
 """Methods tried at one end, in this order, by what is asked for."""
+
+POINT_METHODS: tuple[EndMethod, ...] = ("point",)
+"""The same where the size goes to 0, whatever is asked for."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,12 @@ class EndAttempts:
     Iterate over pairs of methods, and record by :meth:`record_failure` why an attempt failed.
     """
 
-    def __init__(self, wanted: tuple[EndWanted, EndWanted]) -> None:
-        self._wanted = wanted
-        self._combinations = list(product(METHODS_TO_TRY[wanted[0]], METHODS_TO_TRY[wanted[1]]))
+    def __init__(self, wanted: tuple[EndWanted, EndWanted], vanishes: tuple[bool, bool] = (False, False)) -> None:
+        first, last = (
+            POINT_METHODS if is_point else METHODS_TO_TRY[one] for one, is_point in zip(wanted, vanishes, strict=True)
+        )
+        self._methods = first, last
+        self._combinations = list(product(first, last))
         self._failed: dict[tuple[int, EndMethod], CqblendError] = {}
         self._errors: list[CqblendError] = []
         self._errors_of_both_ends: list[CqblendError] = []
@@ -97,7 +103,7 @@ class EndAttempts:
         """
         for end in (0, 1):
             failures = {method: error for (where, method), error in self._failed.items() if where == end}
-            if len(failures) == len(METHODS_TO_TRY[self._wanted[end]]):
+            if len(failures) == len(self._methods[end]):
                 first, *others = failures.values()
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
                 advice = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
@@ -123,9 +129,14 @@ def plan_ends(contexts: tuple[StripContext, StripContext], methods: tuple[EndMet
     domain = []
     for end, (context, method) in enumerate(zip(contexts, methods, strict=True)):
         joint, solve = context.joint, context.solve
-        length, reach = joint.spine.length, float(solve(np.array([0.5])).cross_lengths.max())
-        sign = 1.0 if end else -1.0
+        length, sign = joint.spine.length, 1.0 if end else -1.0
+        if method == "point":
+            caps.append(None)
+            domain.append(float(end))
+            continue
         try:
+            at = float(end) if context.method.sizes.laws else 0.5
+            reach = float(solve(np.array([at])).cross_lengths.max())
             if method == "natural":
                 caps.append(None)
                 domain.append(end + sign * (_measure_end_overrun(joint, solve, end) + reach / 5) / length)
@@ -155,25 +166,26 @@ def record_ends(
             why, help_ = str(cause), SMALLER_SIZE_HINT if isinstance(cause, SizeError) else EARLIER_BLEND_HINT
             where = f"{joint.name}: the blend ends in a flat cap at {joint.name_end(end)}"
             warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
-        kind: Literal["natural", "flat"] = "natural" if cap is None else "flat"
+        kind: EndKind = "point" if method == "point" else "natural" if cap is None else "flat"
         records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, uncovered, why))
     return tuple(records)
 
 
 def _measure_end_overrun(joint: Joint, solve: ContactSolver, end: int) -> float:
-    """Return how far (mm) the rails overrun the end of the edge before they meet the plane of the face there."""
-    corner, normal = joint.find_end_plane(end)
+    """Return how far (mm) the rails overrun the end of the edge before they meet the planes of the faces there."""
     t = np.array([float(end)])
     try:
         contacts = solve(t)
     except (GeometryError, SizeError) as error:
         raise TopologyError("the joint fades out before it gets there") from error
     direction = joint.locate_stations(t).tangents[0] * (1.0 if end else -1.0)
-    cosine = float(direction @ normal)
-    if abs(cosine) < SOLID_BLEND_TOLERANCES.parallel_cosine:
-        return 0.0  # the face runs along the edge: the rails meet it before the end, or at it
     points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return max([0.0, *(float((corner - point) @ normal) / cosine for point in points)])
+    overruns = [0.0]
+    for corner, normal in joint.list_end_planes(end):
+        cosine = float(direction @ normal)
+        if abs(cosine) > SOLID_BLEND_TOLERANCES.parallel_cosine:  # else it runs along the edge
+            overruns += [float((corner - point) @ normal) / cosine for point in points]
+    return max(overruns)
 
 
 def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, offsets: tuple[float, ...]) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cqblend.brep.shell_editing.held_strip import plan_held_chain
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
-from cqblend.brep.shell_editing.strip_planning import RailsTooShortError
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, check_blend

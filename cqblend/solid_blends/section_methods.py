@@ -19,30 +19,35 @@ from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
     Stations,
+    project_to_intersection,
     solve_ball_contacts,
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.relations import Conic
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
 from cqblend.blends.rails import cross_directions
+from cqblend.blends.rails.cross_directions import CrossField
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout
-from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.arc_blend import blend_by_arcs
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import GeometryError, UnsupportedError
+from cqblend.sizes.size_law import SizeLaw
+from cqblend.solid_blends.blend_sizes import BlendSizes, read_sizes, scale_sizes
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Quadric
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 from cqblend.surfaces.vectors import normalise_vectors
 
-CROSS_FIELDS = {
+CROSS_FIELDS: dict[str, CrossField] = {
     "parametric": cross_directions.parametric_field,
     "perpendicular": cross_directions.perpendicular_field,
     "chord": cross_directions.chord_field,
@@ -57,7 +62,7 @@ class SectionMethod(ABC):
 
     @property
     @abstractmethod
-    def lengths(self) -> tuple[float, ...]:
+    def sizes(self) -> BlendSizes:
         """The lengths (mm) that set how large the blend is."""
 
     @abstractmethod
@@ -75,8 +80,8 @@ class SectionMethod(ABC):
 
     @property
     def size(self) -> float:
-        """The largest of the lengths (mm)."""
-        return max(self.lengths)
+        """The largest of these lengths (mm), anywhere along the edge."""
+        return max(self.sizes.largest)
 
     @property
     def steers(self) -> bool:
@@ -98,7 +103,7 @@ class SectionMethod(ABC):
         """
         t, v = _make_grid(blend)
         self._check_turns(t, v, blend)
-        fold = find_fold(blend.surface)
+        fold = find_fold(blend.surface, blend.ribbons)
         if fold is not None:
             raise GeometryError(
                 f"the blend folds at t = {fold:.4g}: its sections cross; take another size{self._fold_advice}"
@@ -125,9 +130,13 @@ class SectionMethod(ABC):
 
 
 def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
-    """Return parameters (t, v), (n, 33) each, all over a blend; its sections are alike if both ribbons are light."""
-    count = 3 if all(ribbon.light for ribbon in blend.ribbons) else 33
-    t, v = np.meshgrid(np.linspace(*blend.surface.domain[0], count), np.linspace(0, 1, 33), indexing="ij")
+    """Return parameters (t, v), (n, 33) each, all over a blend, but for where it has faded.
+
+    Its sections are alike if both ribbons are light.
+    """
+    stations = np.linspace(*blend.surface.domain[0], 3 if all(ribbon.light for ribbon in blend.ribbons) else 33)
+    faded = np.any([is_faded(ribbon, stations) for ribbon in blend.ribbons], axis=0)
+    t, v = np.meshgrid(stations[~faded], np.linspace(0, 1, 33), indexing="ij")
     return t, v
 
 
@@ -182,20 +191,13 @@ class HermiteMethod(SectionMethod):
     """Polynomial sections that leave the rails of a rolling ball, or rails at given widths, in wanted directions."""
 
     @property
-    def lengths(self) -> tuple[float, ...]:
-        """The radius or the widths (mm)."""
-        request = self.request
-        return (request.radius,) if request.radius is not None else request.width or (0.0,)
+    def sizes(self) -> BlendSizes:
+        """The radius, or the widths on both sides (mm)."""
+        return read_sizes(self.request)
 
     def scale(self, factor: float) -> HermiteMethod:
         """Return the same method with radius or widths times a factor."""
-        radius, width = self.request.radius, self.request.width
-        scaled = replace(
-            self.request,
-            radius=None if radius is None else radius * factor,
-            width=None if width is None else (width[0] * factor, width[1] * factor),
-        )
-        return type(self)(scaled)
+        return type(self)(scale_sizes(self.request, factor))
 
     def bind(self, joint: Joint) -> SectionAtJoint:
         """Return what the method does at one joint."""
@@ -211,13 +213,18 @@ class HermiteMethod(SectionMethod):
     def targets(self) -> RibbonTargets:
         """The tolerances, cross fields and orders that the ribbons are fitted to."""
         first, second = (partial(np.full_like, fill_value=factor) for factor in self.request.bulge)
-        tangents = self.request.tangents
+        tangents, radius = self.request.tangents, self.request.radius
+        known: dict[str, CrossField] = CROSS_FIELDS
+        if isinstance(radius, SizeLaw):
+            known = {**CROSS_FIELDS, "perpendicular": cross_directions.BallField(radius)}
         return RibbonTargets(
             position=max(SOLID_BLEND_TOLERANCES.rail * self.size, SOLID_BLEND_TOLERANCES.min_rail),
-            fields=(CROSS_FIELDS[tangents[0]], CROSS_FIELDS[tangents[1]]),
+            fields=(known[tangents[0]], known[tangents[1]]),
             bulges=(first, second),
             orders=self.orders,
             steer=self.request.steer,
+            arcs=isinstance(radius, SizeLaw),
+            fades=any(self.sizes.vanishes),
         )
 
 
@@ -227,16 +234,31 @@ class _HermiteAtJoint(SectionAtJoint):
     joint: Joint
 
     def make_solver(self) -> ContactSolver:
-        joint = self.joint
-        return trace_contacts(joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations)
+        joint, sizes = self.joint, self.method.sizes
+        length, vanishes = joint.spine.length, sizes.vanishes
+        solve = trace_contacts(
+            joint.sides, joint.locate_stations, length, self._solve_at_stations, varies=bool(sizes.laws)
+        )
+        if not any(vanishes):
+            return solve
+        ends = [VanishingEnd(float(end), sizes.find_vanishing_limit(end)) for end in (0, 1) if vanishes[end]]
+        return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
     def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
         """Return the contacts of stations, which are near the ``expected`` ones, if these are given."""
-        sides, radius = self.joint.sides, self.method.request.radius
-        if radius is not None:
-            return solve_ball_contacts(sides, stations, radius, expected)
-        first, second = self.method.lengths
-        return solve_setback_contacts(sides, stations, (first, second), expected)
+        sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
+        if self.method.request.radius is not None:
+            return solve_ball_contacts(sides, stations, sizes[0], expected)
+        return solve_setback_contacts(sides, stations, (sizes[0], sizes[1]), expected)
+
+    def _locate_on_surfaces(self, t: Array) -> Stations:
+        """Return stations at t that lie on both support surfaces."""
+        joint = self.joint
+        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+
+    def _measure_both_sizes(self, t: Array) -> Array:
+        """Return the sizes on both sides at t (n,), (2, n)."""
+        return np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
 
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         request = self.method.request
@@ -262,6 +284,8 @@ class _BallAtJoint(_HermiteAtJoint):
 
     def fill_by_arcs(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         joint = self.joint
+        if self.method.sizes.laws:
+            raise UnsupportedError("the radius varies along the edge")
         try:
             return blend_by_arcs(ribbons, self.method.size)
         except UnsupportedError as error:
@@ -306,7 +330,9 @@ class _PdeAtJoint(_HermiteAtJoint):
         method, request = self.method, self.method.request
         options = request.form, request.tolerance, request.angular_tolerance
         settings = PdeSettings(method.equation_orders, request.parameters, request.terms)
-        return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed))[0]
+        return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed, joined=ribbons[0].joined))[
+            0
+        ]
 
 
 @dataclass(frozen=True)
@@ -321,9 +347,9 @@ class PotentialMethod(SectionMethod):
         return self.request.relation
 
     @property
-    def lengths(self) -> tuple[float, ...]:
+    def sizes(self) -> BlendSizes:
         """How far both sides are moved (mm)."""
-        return self.relation.a, self.relation.b
+        return BlendSizes((self.relation.a, self.relation.b))
 
     def scale(self, factor: float) -> PotentialMethod:
         """Return the same method with both amounts times a factor."""

@@ -22,34 +22,40 @@ def check_size(context: StripContext) -> None:
     rail that is nearer than that cannot be told from it, however obtuse the angle between the faces. New edges may have
     twice that tolerance, so that the least size is three times it.
     """
-    joint, size, least = context.joint, context.method.size, min(context.method.lengths)
+    joint, method = context.joint, context.method
+    size, least = method.size, method.sizes.least
     if size > joint.extent:
         raise SizeError(
             f"size {size:g} is larger than the whole solid, {joint.extent:.4g}", kind="too large", value=size
         )
     contacts = context.checked_contacts
-    for primary, uv in zip(joint.primaries, contacts.uv, strict=True):
-        ahead = (np.diff(primary.jet(uv)[0], axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
+    for points, is_point in zip(context.contact_points, context.has_point_rails, strict=True):
+        if is_point:
+            continue
+        ahead = (np.diff(points, axis=0) * np.diff(contacts.edge_points, axis=0)).sum(1)
         if not np.all(ahead > 0):
             t = float(contacts.t[np.argmin(ahead)])
+            here = method.sizes.measure_largest(t)
             raise SizeError(
-                f"size {size:g} is too large: the rail turns back at t = {t:.3g}, where the edge bends more sharply "
-                "than that",
+                f"size {here:g} is too large: the rail turns back at t = {t:.3g}, where the edge bends more sharply "
+                f"than that{', or the size changes too fast' if method.sizes.laws else ''}",
                 kind="too large",
                 place=t,
-                value=size,
+                value=here,
             )
     left = find_leaving_contact(joint, contacts)
     if left is not None:
         side, index = left
+        t = float(contacts.t[index])
+        here = method.sizes.measure_largest(t)
         raise SizeError(
-            f"size {size:g} is too large: {describe_obstacle(joint, contacts, side, index)}, and at t = "
-            f"{contacts.t[index]:.3g} the rail reaches the end of face {joint.face_numbers[side]}",
+            f"size {here:g} is too large: {describe_obstacle(joint, contacts, side, index)}, and at t = "
+            f"{t:.3g} the rail reaches the end of face {joint.face_numbers[side]}",
             kind="too large",
-            place=float(contacts.t[index]),
-            value=size,
+            place=t,
+            value=here,
         )
-    nearest = float(context.rail_distances.min())
+    nearest = float(context.rail_distances.max() if any(method.sizes.vanishes) else context.rail_distances.min())
     short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
     if short > 1:
         raise SizeError(
@@ -81,11 +87,14 @@ def is_possible_size(context: ChainContext) -> bool:
 
 def suggest_size(context: ChainContext) -> str:
     """Return advice which size may fit instead, as far as contacts tell, and how to find out."""
-    advice, size, extent = context.method.size_advice, context.method.size, context.index.extent
+    advice, size, extent = context.method.size_advice, context.largest_size, context.index.extent
     if size <= extent and is_possible_size(context):
         return f"; less than {size:g} may fit: {advice}"
     largest = size * _bisect_largest(lambda factor: is_possible_size(context.scale(factor)), min(1.0, extent / size))
-    return f"; at most about {_round_down(largest):g} fits, as far as the two faces tell: {advice}" if largest else ""
+    if not largest:
+        return ""
+    factor = f"{_round_down(largest / size):g} times as much" if context.varies else f"{_round_down(largest):g}"
+    return f"; at most about {factor} fits, as far as the two faces tell: {advice}"
 
 
 def _bisect_largest(is_working: Callable[[float], bool], high: float) -> float:

@@ -17,6 +17,7 @@ from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
@@ -61,11 +62,22 @@ class StripContext:
             return self.solve(inside)
 
     @cached_property
+    def contact_points(self) -> Array:
+        """The points of these contacts on both sides, (2, n, 3)."""
+        contacts = self.checked_contacts
+        return np.stack([side.jet(uv)[0] for side, uv in zip(self.joint.primaries, contacts.uv, strict=True)])
+
+    @property
+    def has_point_rails(self) -> tuple[bool, bool]:
+        """Whether all contacts of a side are one point, by side: the ball turns about it."""
+        spread = np.ptp(self.contact_points, axis=1).max(axis=1)
+        first, second = spread <= RAIL_TOLERANCES.point_rail_share * self.rail_distances.max(axis=1)
+        return bool(first), bool(second)
+
+    @cached_property
     def rail_distances(self) -> Array:
         """How far (mm) these contacts on both sides are from the edge, (2, n)."""
-        contacts = self.checked_contacts
-        points = [primary.jet(uv)[0] for primary, uv in zip(self.joint.primaries, contacts.uv, strict=True)]
-        return np.linalg.norm(np.stack(points) - contacts.edge_points, axis=2)
+        return np.linalg.norm(self.contact_points - self.checked_contacts.edge_points, axis=2)
 
     def measure_reach(self) -> float:
         """Return the largest distance (mm) of the rails from the edge."""
@@ -83,7 +95,10 @@ class StripContext:
         if closed:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
-        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.method.targets, closed=closed)
+        corners = self.method.sizes.locate_corners(domain)
+        return fit_cubic_ribbons(
+            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
+        )
 
     def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular rails over a range of t, if these are exact."""
@@ -92,7 +107,7 @@ class StripContext:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
                 return rails
-        turn = joint.spine.measure_arc_angle()
+        turn = None if self.method.sizes.laws else joint.spine.measure_arc_angle()
         if turn is None:
             return None
         layout = ArcLayout(domain, turn, get_largest_arc(joint))
@@ -100,8 +115,16 @@ class StripContext:
 
     def describe_rails(self) -> CellRails:
         """Return what the ribbons of a chain take of this cell."""
-        joint = self.joint
-        return CellRails(joint.primaries, self.solve, self.method.targets, joint.spine.length, self.fit_light_rails)
+        joint, method = self.joint, self.method
+        return CellRails(
+            joint.primaries,
+            self.solve,
+            method.targets,
+            joint.spine.length,
+            self.fit_light_rails,
+            method.sizes.locate_corners,
+            joint.rank,
+        )
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge."""

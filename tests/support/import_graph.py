@@ -21,6 +21,7 @@ ROOMS = (
     ("errors",),
     ("argument_checks", "option_records"),
     ("installation_check", "atomic_files", "unroll_options"),
+    ("sizes",),
     ("splines",),
     ("surfaces",),
     ("blends",),
@@ -49,7 +50,7 @@ ROOMS = (
     ("picture",),
     ("teapot",),
     ("demo",),
-    ("cadquery_plugin",),
+    ("cadquery_plugin", "command_line_values"),
     ("__init__",),
     ("__main__",),
 )

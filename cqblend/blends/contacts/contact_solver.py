@@ -83,8 +83,11 @@ class Contacts:
 
     def merge_with(self, others: Contacts) -> Contacts:
         """Return these contacts and others, sorted by t."""
-        order = np.argsort(np.concatenate([self.t, others.t]))
-        both = Contacts(
+        return self.append(others).select_stations(np.argsort(np.concatenate([self.t, others.t])))
+
+    def append(self, others: Contacts) -> Contacts:
+        """Return these contacts, and others after them."""
+        return Contacts(
             np.concatenate([self.t, others.t]),
             np.concatenate([self.edge_points, others.edge_points]),
             (np.concatenate([self.uv[0], others.uv[0]]), np.concatenate([self.uv[1], others.uv[1]])),
@@ -94,7 +97,6 @@ class Contacts:
             else np.concatenate([self.cross_vectors, others.cross_vectors], axis=1),
             None if self.edge_uv is None or others.edge_uv is None else np.concatenate([self.edge_uv, others.edge_uv]),
         )
-        return both.select_stations(order)
 
 
 ContactSolver = Callable[[Array], Contacts]
@@ -197,16 +199,16 @@ class EdgeStart:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of iterations that go astray
-def grow_contacts(attempt: ContactAttempt, edge: EdgeStart, size: float) -> tuple[Array, Array]:
-    """Find contacts of the given size at all stations; return their parameters (n, k) and the sizes (n,) reached.
+def grow_contacts(attempt: ContactAttempt, edge: EdgeStart, wanted: Array) -> tuple[Array, Array]:
+    """Find contacts of wanted sizes (n,) at all stations; return their parameters (n, k) and the sizes (n,) reached.
 
     Most are found at the first attempt, from the edge point straight ahead. Where that fails, the size is increased
     step by step (continuation), from one so small that the faces are nearly flat, each step being predicted from the
     one before. Stations at which the continuation breaks off, as where a ball would leap over a dent, start from the
     solution of their neighbour.
     """
-    x, solved = attempt(np.arange(len(edge.points)), np.full(len(edge.points), size), edge.points + size * edge.ways)
-    reached = np.where(solved, size, 0.0)
+    x, solved = attempt(np.arange(len(edge.points)), wanted, edge.points + wanted[:, None] * edge.ways)
+    reached = np.where(solved, wanted, 0.0)
     if solved.all():
         return x, reached
 
@@ -221,42 +223,46 @@ def grow_contacts(attempt: ContactAttempt, edge: EdgeStart, size: float) -> tupl
         return accepted
 
     growing = np.flatnonzero(~solved)
-    small = np.full(len(growing), size * CONTACT_TOLERANCES.first_size_share)
+    small = wanted[growing] * CONTACT_TOLERANCES.first_size_share
     expected = edge.points[growing] + small[:, None] * edge.ways[growing]
     growing = growing[correct_prediction(growing, small, expected, edge.points[growing])]
     previous, previous_size = edge.points.copy(), np.zeros(len(edge.points))
     factor = np.full(len(edge.points), 2.0)
     while len(growing):
         current, current_size = x[growing], reached[growing]
-        sizes = np.minimum(factor[growing] * current_size, size)
+        sizes = np.minimum(factor[growing] * current_size, wanted[growing])
         slope = (current - previous[growing]) / (current_size - previous_size[growing])[:, None]
         expected = current + slope * (sizes - current_size)[:, None]
         accepted = correct_prediction(growing, sizes, expected, current)
         previous[growing[accepted]], previous_size[growing[accepted]] = current[accepted], current_size[accepted]
         factor[growing] = np.where(accepted, np.minimum(factor[growing] ** 1.5, 2.0), factor[growing] ** 0.25)
-        going_on = (reached[growing] < size) & (factor[growing] > 1 + CONTACT_TOLERANCES.first_size_share)
+        going_on = (reached[growing] < wanted[growing]) & (factor[growing] > 1 + CONTACT_TOLERANCES.first_size_share)
         growing = growing[going_on]
     spread = True
     while spread:
         spread = False
         for neighbour in (-1, 1):
-            i = np.flatnonzero(reached < size)
+            i = np.flatnonzero(reached < wanted)
             i = i[(i + neighbour >= 0) & (i + neighbour < len(edge.points))]
-            i = i[reached[i + neighbour] == size]
+            i = i[reached[i + neighbour] == wanted[i + neighbour]]
             if len(i):
                 expected = edge.points[i] + x[i + neighbour] - edge.points[i + neighbour]
-                accepted = correct_prediction(i, np.full(len(i), size), expected, edge.points[i])
+                accepted = correct_prediction(i, wanted[i], expected, edge.points[i])
                 spread |= bool(accepted.any())
     return x, reached
 
 
-def _make_size_error(what: str, stations: Stations, reached: Array, size: float) -> SizeError:
-    """Return the error for contacts that were not found: it names the station at which the least size was reached."""
-    short = np.flatnonzero(reached < size)
+def _make_size_error(what: str, stations: Stations, reached: Array, wanted: Array) -> SizeError:
+    """Return the error for contacts that were not found: it names the station at which the least size was reached.
+
+    ``what`` has a place ``{}`` for the size that was wanted there.
+    """
+    short = np.flatnonzero(reached < wanted)
     first = short[reached[short].argmin()]
     most = f", one of {reached[first]:.3g} does" if reached[first] > 0 else ""
-    t = float(stations.t[first])
-    return SizeError(f"{what} at t = {t:.4g} of the edge{most}", kind="too large", place=t, value=size)
+    t, size = float(stations.t[first]), float(wanted[first])
+    text = f"{what.format(f'{size:g}')} at t = {t:.4g} of the edge{most}"
+    return SizeError(text, kind="too large", place=t, value=size)
 
 
 def _make_edge_start(edge: Array, jets: Array, vectors: Sequence[Array]) -> EdgeStart:
@@ -270,13 +276,13 @@ def _make_edge_start(edge: Array, jets: Array, vectors: Sequence[Array]) -> Edge
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _solve_near_expected(
-    attempt: ContactAttempt, expected: Array, edge: Array, jets: Array, size: float
+    attempt: ContactAttempt, expected: Array, edge: Array, jets: Array, sizes: Array
 ) -> Array | None:
-    """Return the contacts (n, k) of a size next to expected ones; None if not all of them are found there.
+    """Return the contacts (n, k) of sizes (n,) next to expected ones; None if not all of them are found there.
 
     ``edge`` (n, k) and ``jets`` are the edge points in the same parameters and the jets there.
     """
-    x, solved = attempt(np.arange(len(expected)), np.full(len(expected), size), expected)
+    x, solved = attempt(np.arange(len(expected)), sizes, expected)
     metric = _measure_unit_steps(jets)
     moved, missed = (np.abs(step * metric).max(axis=1) for step in (expected - edge, x - expected))
     return x if (solved & (missed <= moved * CONTACT_TOLERANCES.largest_tracing_error)).all() else None
@@ -285,16 +291,17 @@ def _solve_near_expected(
 def solve_ball_contacts(
     sides: tuple[SupportSurface, SupportSurface],
     stations: Stations,
-    radius: float,
+    radius: float | Array,
     expected: tuple[Array, Array] | None = None,
 ) -> Contacts:
     """Return where a ball of the given radius, its centre in each station's plane, touches both surfaces.
 
-    Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the unit normals towards the ball: into the material at a
-    convex edge, out of it at a concave one. The length of the cross derivatives is 4 R tan(theta/4), theta the opening
-    of the arc, which makes a cubic Hermite section the best-known approximation of the arc. ``expected`` are native
-    parameters near the contacts, if any are known.
+    The radius (mm) is one, or one for each station (n,). Solves S1 + R m1 = S2 + R m2 with (centre - X).tau = 0, m the
+    unit normals towards the ball: into the material at a convex edge, out of it at a concave one. The length of the
+    cross derivatives is 4 R tan(theta/4), theta the opening of the arc, which makes a cubic Hermite section the
+    best-known approximation of the arc. ``expected`` are native parameters near the contacts, if any are known.
     """
+    radii = np.broadcast_to(radius, stations.t.shape)
     edge_jets, edge = get_edge_jets(sides, stations), np.concatenate(stations.uv, axis=1)
     into1, into2, turn = compute_inward_directions(sides, replace(stations, jets=edge_jets))
     on_edge = (stations.t >= 0) & (stations.t <= 1)  # in the extension past its ends, convexity may change
@@ -331,47 +338,89 @@ def solve_ball_contacts(
 
     found = None
     if expected is not None:
-        found = _solve_near_expected(attempt_ball_contacts, np.concatenate(expected, axis=1), edge, edge_jets, radius)
+        found = _solve_near_expected(attempt_ball_contacts, np.concatenate(expected, axis=1), edge, edge_jets, radii)
     if found is None:
         leaning = np.tan(np.arccos(np.clip(-(into1 * into2).sum(axis=1), -1, 1)) / 2)[:, None]
-        found, reached = grow_contacts(attempt_ball_contacts, _make_edge_start(edge, edge_jets, into * leaning), radius)
-        if reached.min() < radius:
+        found, reached = grow_contacts(attempt_ball_contacts, _make_edge_start(edge, edge_jets, into * leaning), radii)
+        if (reached < radii).any():
             smooth = (reached == 0) & (np.abs(turn) < CONTACT_TOLERANCES.smooth_edge_sine)
             if smooth.any():
                 raise SizeError(
                     f"the two faces are tangent to each other at t = {stations.t[smooth][0]:.4g} of the edge"
                 )
-            raise _make_size_error(f"no ball of radius {radius:g} touches both faces", stations, reached, radius)
-    lengths = np.tile(4 * radius * np.tan(openings / 4), (2, 1))
+            raise _make_size_error("no ball of radius {} touches both faces", stations, reached, radii)
+    found = _settle_turning_contacts(sides, stations, found, radii * signs[..., 0])
+    lengths = np.tile(4 * radii * np.tan(openings / 4), (2, 1))
     return Contacts(stations.t, stations.points, (found[:, :2], found[:, 2:]), lengths, edge_uv=edge)
+
+
+def _settle_turning_contacts(
+    sides: tuple[SupportSurface, SupportSurface], stations: Stations, x: Array, reaches: Array
+) -> Array:
+    """Move contacts (n, 4) that any point of a circle would be into the planes of their stations.
+
+    A ball that fits into a round face exactly touches it along a circle, and turns about one point of the other face,
+    so that its centre tells nothing. ``reaches`` (2, n) are its radii, signed as the normals of the surfaces.
+    """
+    out = x
+    for i, (side, reach) in enumerate(zip(sides, reaches, strict=True)):
+        own = slice(2 * i, 2 * i + 2)
+        motion, _ = _differentiate_centres(side, x[:, own], reach)
+        squares, mixed = (motion**2).sum(axis=1), motion.prod(axis=2).sum(axis=1)
+        product, total = squares.prod(axis=1) - mixed**2, squares.sum(axis=1)
+        free = product <= (CONTACT_TOLERANCES.turning_ball_share * total) ** 2
+        if not free.any():
+            continue
+        out, uv = out.copy(), x[free, own]
+        points, tangents = stations.points[free], stations.tangents[free]
+        for _ in range(CONTACT_TOLERANCES.turning_steps):
+            motion, speeds = _differentiate_centres(side, uv, reach[free])
+            ways = np.linalg.svd(motion)[2][:, -1] / speeds  # in which the contact moves, and the centre does not
+            jet = side.primary.jet(uv)
+            rates = ((ways[:, :1] * jet[1] + ways[:, 1:] * jet[2]) * tangents).sum(axis=1)
+            uv = uv - (((jet[0] - points) * tangents).sum(axis=1) / rates)[:, None] * ways
+        out[free, own] = uv
+    return out
+
+
+def _differentiate_centres(side: SupportSurface, uv: Array, reach: Array) -> tuple[Array, Array]:
+    """Return the motion of the centres of balls with their contacts, (n, 3, 2), and the speeds of the contacts, (n, 2).
+
+    The contacts move at unit speed along either parameter of the surface.
+    """
+    jet = side.primary.jet(uv)
+    _, du, dv = differentiate_normals(jet[None])[:, 0]
+    speeds = measure_lengths(jet[1:3]).T
+    return np.stack([jet[1] + reach[:, None] * du, jet[2] + reach[:, None] * dv], axis=2) / speeds[:, None], speeds
 
 
 def solve_setback_contacts(
     sides: tuple[SupportSurface, SupportSurface],
     stations: Stations,
-    widths: tuple[float, float],
+    widths: tuple[float | Array, float | Array],
     expected: tuple[Array, Array] | None = None,
 ) -> Contacts:
     """Return the points of each face at a straight distance from the edge point, within the station's plane.
 
+    The widths (mm) of both sides are one each, or one for each station (n,).
     The length of the cross derivatives is the chord between them, divided between the sides as the widths are: a third
     of it, where the section's inner control points stand, never reaches the edge. ``expected`` are native parameters
     near the contacts, if any are known.
     """
     jets = get_edge_jets(sides, stations)
+    wanted = np.stack([np.broadcast_to(width, stations.t.shape) for width in widths])
     into = compute_inward_directions(sides, replace(stations, jets=jets))[:2]
     first, second = (
         _solve_setback_points(
             sides[i].primary,
             stations,
             _FaceFeet(stations.uv[i], jets[i : i + 1], into[i], None if expected is None else expected[i]),
-            widths[i],
+            wanted[i],
         )
         for i in (0, 1)
     )
     chord = sides[1].primary.jet(second)[0] - sides[0].primary.jet(first)[0]
-    shares = 2 * np.array(widths) / sum(widths)
-    cross_lengths = np.multiply.outer(shares, measure_lengths(chord))
+    cross_lengths = 2 * wanted / wanted.sum(axis=0) * measure_lengths(chord)
     edge = np.concatenate(stations.uv, axis=1)
     return Contacts(stations.t, stations.points, (first, second), cross_lengths, edge_uv=edge)
 
@@ -388,8 +437,8 @@ class _FaceFeet(NamedTuple):
     expected: Array | None
 
 
-def _solve_setback_points(primary: Primary, stations: Stations, feet: _FaceFeet, width: float) -> Array:
-    """Return the native parameters (n, 2) of the points of one face at a distance ``width`` from the edge points."""
+def _solve_setback_points(primary: Primary, stations: Stations, feet: _FaceFeet, widths: Array) -> Array:
+    """Return native parameters (n, 2) of the points of one face at distances ``widths`` (n,) from the edge points."""
 
     def attempt_setback_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
         point, tau = stations.points[index], stations.tangents[index]
@@ -409,10 +458,10 @@ def _solve_setback_points(primary: Primary, stations: Stations, feet: _FaceFeet,
         return x, solved
 
     if feet.expected is not None:
-        found = _solve_near_expected(attempt_setback_contacts, feet.expected, feet.uv, feet.jets, width)
+        found = _solve_near_expected(attempt_setback_contacts, feet.expected, feet.uv, feet.jets, widths)
         if found is not None:
             return found
-    x, reached = grow_contacts(attempt_setback_contacts, _make_edge_start(feet.uv, feet.jets, (feet.into,)), width)
-    if reached.min() < width:
-        raise _make_size_error(f"no point of the face lies at width {width:g} from the edge", stations, reached, width)
+    x, reached = grow_contacts(attempt_setback_contacts, _make_edge_start(feet.uv, feet.jets, (feet.into,)), widths)
+    if (reached < widths).any():
+        raise _make_size_error("no point of the face lies at width {} from the edge", stations, reached, widths)
     return x

@@ -56,11 +56,13 @@ def trace_contacts(
     locate_stations: Callable[[Array], Stations],
     scale: float,
     solve_at_stations: StationSolver,
+    *,
+    varies: bool = False,
 ) -> ContactSolver:
     """Return a solver of contacts along an edge between two faces, which starts from those that it has found.
 
     ``locate_stations`` returns stations near both surfaces at parameters (n,), ``scale`` is the length of the edge.
-    Straight edges and arcs along which nothing changes take one station.
+    Straight edges and arcs along which nothing changes take one station, unless the size ``varies`` along them.
     """
 
     def solve_contacts_at(t: Array, known: Contacts | None) -> Contacts:
@@ -75,7 +77,7 @@ def trace_contacts(
     def solve_contacts(t: Array) -> Contacts:
         nonlocal solve
         if solve is None:
-            solve = _carry_from_middle(sides, locate_stations, scale, solve_at_stations)
+            solve = None if varies else _carry_from_middle(sides, locate_stations, scale, solve_at_stations)
             solve = cache_contacts(solve_contacts_at) if solve is None else solve
         return solve(t)
 

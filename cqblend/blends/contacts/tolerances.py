@@ -25,6 +25,10 @@ class ContactTolerances:
     quadratic_step, quadratic_residual
         A step, as a share of the longest one, and the residual before it, as that share, that lead to the solution: the
         error left is about the square of the step.
+    turning_ball_share
+        Motion of the centre of a ball, as a share of that of its contact, up to which it stays where it is.
+    turning_steps
+        Newton steps that bring such a contact into the plane of its station.
     longest_projection_step
         Longest Newton step onto the intersection of two surfaces, as a share of the length of the edge.
     least_ball_opening
@@ -66,6 +70,8 @@ class ContactTolerances:
     converged_residual: float = 1e-9
     quadratic_step: float = 1e-8
     quadratic_residual: float = 1e-6
+    turning_ball_share: float = 1e-7
+    turning_steps: int = 8
     longest_projection_step: float = 0.1
     least_ball_opening: float = 1e-9
     first_size_share: float = 1 / 128

@@ -25,7 +25,7 @@ from cqblend.surfaces.quadrics import Plane
 EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
 """What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
 the face or cap that it ends on; where a cap meets a support face; where two faces of the input go on meeting; a point
-that bounds a sphere."""
+that bounds a sphere or a blend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +152,9 @@ class StripPlan:
     A boundary goes around the outward normal of the solid clockwise. Where the strip ``is_mirrored``, so does it around
     the normal of its surface, else counter-clockwise.
 
-    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. The
-    ``end_edges`` of an open strip are those at the start and at the stop of its spine.
+    ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. A rail
+    that is one point has no edges, but a pole of the blend face. The ``end_edges`` of an open strip are those at the
+    start and at the stop of its spine. It takes the place of the ``removed_faces``, by their numbers.
     """
 
     spine: tuple[int, ...]
@@ -161,16 +162,18 @@ class StripPlan:
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
     rails: tuple[tuple[PlannedEdge, ...], tuple[PlannedEdge, ...]]
-    end_edges: tuple[NewEdge, ...] = ()
+    poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
+    end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
+    removed_faces: tuple[int, ...] = ()
     is_mirrored: bool = False
 
     @property
     def other_edges(self) -> tuple[NewEdge, ...]:
-        """The edges of the boundary that are no rails, each once."""
+        """The edges of the boundary that are neither rails nor poles, each once."""
         rails = {edge for side in self.rails for edge in side}
         edges = dict.fromkeys(use.edge for use in self.boundary)
-        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge not in rails)
+        return tuple(edge for edge in edges if isinstance(edge, NewEdge) and edge.role != "pole" and edge not in rails)
 
 
 @dataclass(frozen=True)
@@ -179,7 +182,6 @@ class SolidPlan:
 
     strips: tuple[StripPlan, ...]
     faces: tuple[FacePlan, ...]
-    consumed_faces: tuple[int, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -191,6 +193,11 @@ class SolidPlan:
         """Every new vertex, once."""
         ends = (vertex for edge in self.edges for vertex in edge.vertices)
         return tuple(dict.fromkeys(vertex for vertex in ends if not vertex.number))
+
+    @property
+    def removed_faces(self) -> tuple[int, ...]:
+        """The numbers of the faces of the input of which nothing remains."""
+        return tuple(number for strip in self.strips for number in strip.removed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:
@@ -214,11 +221,12 @@ class SolidPlan:
             ends = f", {len(strip.caps)} flat ends" if strip.caps else ""
             spine = ", ".join(map(str, strip.spine))
             lines.append(f"blend of edge {spine} between faces {first} and {second}, {len(strip.boundary)} sides{ends}")
+        if self.removed_faces:
+            lines.append(f"faces gone: {', '.join(map(str, self.removed_faces))}")
         for face in self.faces:
             cut = ", ".join(f"{number} in {len(pieces)}" for number, pieces in sorted(face.pieces.items()))
             roles = Counter(use.edge.role for use in face.added if isinstance(use.edge, NewEdge))
             added = ", ".join(f"{count} {role}" for role, count in roles.items())
             axis = ", axis turned" if face.surface is not None else ""
             lines.append(f"face {face.number}: edges cut: {cut or 'none'}; added: {added or 'none'}{axis}")
-        lines += [f"face {number} is consumed" for number in self.consumed_faces]
         return "\n".join(lines)

@@ -24,16 +24,22 @@ from cqblend.blends.network.bent_contacts import (
 )
 from cqblend.blends.network.shared_section import SectionEnd
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
-from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
+from cqblend.blends.rails.cubic_ribbons import NO_CORNERS, fit_cubic_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import EndJets, GivenEnds, RibbonEnd, find_foot, lift_end
 from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonTargets
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 LightFit = Callable[[Domain], tuple[Ribbon, Ribbon] | None]
 """A function that makes straight or circular ribbons over a domain, or returns None if they are neither."""
+
+
+def _locate_no_corners(domain: Domain) -> Array:
+    """Return no corners, those of contacts that are smooth."""
+    del domain
+    return NO_CORNERS
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,10 @@ class CellRails:
         The length (mm) of the cell's spine.
     fit_light
         What makes ribbons in lighter forms, if these may be exact.
+    locate_corners
+        What returns the parameters in a range at which contacts are known to be no more than C1.
+    rank
+        Of two like cells, the one of lower rank dictates; so the result does not depend on the sense of the chain.
     """
 
     primaries: tuple[Primary, Primary]
@@ -60,6 +70,8 @@ class CellRails:
     targets: RibbonTargets
     length: float
     fit_light: LightFit | None = None
+    locate_corners: Callable[[Domain], Array] = _locate_no_corners
+    rank: int = 0
 
     @property
     def jet_counts(self) -> tuple[int, int]:
@@ -322,14 +334,45 @@ class ChainCell:
     def fit_to_ends(self, wanted: WantedEnds) -> tuple[Ribbon, Ribbon]:
         """Fit cubic ribbons with wanted jets at the ends of the cell, free ones where nothing is wanted."""
         rails = self.rails
+        corners = rails.locate_corners(self.domain)
         if wanted == (None, None):
-            return fit_cubic_ribbons(rails.primaries, rails.solve, self.domain, rails.targets, closed=False)
+            return fit_cubic_ribbons(
+                rails.primaries, rails.solve, self.domain, rails.targets, closed=False, corners=corners
+            )
         shifts, moves = self._bend_contacts(wanted)
         targets = self._turn_targets(wanted, shifts, moves)
         contacts = replace(self._natural, shifts=shifts, moves=moves)
         first, second = (tuple(None if one is None else one.lifted[side] for one in wanted) for side in (0, 1))
         ends: tuple[GivenEnds, GivenEnds] = ((first[0], first[1]), (second[0], second[1]))
-        return fit_cubic_ribbons(rails.primaries, contacts, self.domain, targets, closed=False, ends=ends)
+        ribbons = fit_cubic_ribbons(
+            rails.primaries, contacts, self.domain, targets, closed=False, corners=corners, ends=ends
+        )
+        return (
+            replace(ribbons[0], bend=self._measure_bend(0, shifts, moves[0])),
+            replace(ribbons[1], bend=self._measure_bend(1, shifts, moves[1])),
+        )
+
+    def _measure_bend(self, side: int, shifts: tuple[Fades, Fades], moves: Fades) -> float:
+        """Return the largest distance (mm) by which moves bring a rail off its natural course; 0 within tolerance."""
+        primary = self.rails.primaries[side]
+
+        def measure_steps(uv: Array, steps: Array) -> Array:
+            jet = primary.jet(uv)
+            return measure_lengths(steps[:, :1] * jet[1] + steps[:, 1:] * jet[2])
+
+        starts = [self._probes[0 if fade.inward > 0 else 1].contacts.uv[side][:1] for fade in moves]
+        reach = [
+            measure_steps(uv, np.stack([fade.value, fade.rate * fade.length])).max()
+            for uv, fade in zip(starts, moves, strict=True)
+        ]
+        if max(reach, default=0.0) <= self.rails.targets.position:
+            return 0.0
+        shares = np.linspace(0, 1, NETWORK_TOLERANCES.bend_samples)
+        t = np.unique(np.concatenate([fade.t + fade.inward * fade.length * shares for fade in moves]))
+        uv = replace(self._natural, shifts=shifts)(t).uv[side]
+        points, moved = primary.jet(uv)[0], primary.jet(uv + sum_fades(moves, t))[0]
+        along = normalise_vectors(np.gradient(points, t, axis=0))
+        return float(measure_lengths(cross_product(moved - points, along)).max())
 
     def _bend_contacts(self, wanted: WantedEnds) -> tuple[tuple[Fades, Fades], tuple[Fades, Fades]]:
         """Return shifts of stations and moves of native parameters, by side, that lead to wanted ends."""

@@ -6,13 +6,13 @@ its derivative along the rail, can be the same on both faces, and the end sectio
 jets alone, then agree with a common tangent plane all along (:mod:`cqblend.blends.network.shared_section`).
 
 Of two cells at a junction one *dictates* its jets, the other takes them: a cell whose ribbons are straight or circular
-before one whose ribbons are cubic, else the one before.
+before one whose ribbons are cubic, else the one of lower rank.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,20 +66,33 @@ def fit_chain_ribbons(
     for before, after in links:
         first, second = light[before], light[after]
         start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
-        if start is None:
-            wanted[before][1] = own = (
-                _dictate_section(chain[before], 1) if stop is None else _take_section(chain[before], 1, stop)
-            )
-            start = own.section
+        if start is None and (stop is not None or cells[before].rank <= cells[after].rank):
+            start = _settle_section(chain, wanted, (before, 1), stop)
         if stop is None:
-            wanted[after][0] = own = _take_section(chain[after], 0, start)
-            stop = own.section
+            stop = _settle_section(chain, wanted, (after, 0), start)
+        if start is None:
+            start = _settle_section(chain, wanted, (before, 1), stop)
         mismatches.append(measure_mismatch(start, stop))
     ribbons = [
         cell.fit_to_ends((start, stop)) if one is None else one.ribbons
         for cell, one, (start, stop) in zip(chain, light, wanted, strict=True)
     ]
+    if links:
+        ribbons = [(replace(first, joined=True), replace(second, joined=True)) for first, second in ribbons]
     return ChainRibbons(tuple(ribbons), tuple(mismatches))
+
+
+def _settle_section(
+    chain: Sequence[ChainCell],
+    wanted: Sequence[list[WantedEnd | None]],
+    place: tuple[int, int],
+    given: SectionEnd | None,
+) -> SectionEnd:
+    """Settle, and return, the section of a cubic cell at a place, cell and end: its own, or one that is given to it."""
+    cell, end = place
+    own = _dictate_section(chain[cell], end) if given is None else _take_section(chain[cell], end, given)
+    wanted[cell][end] = own
+    return own.section
 
 
 def _divide_chain(
@@ -134,7 +147,8 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
             ]
             if not heavy and first is not None and second is not None:
                 mismatch = measure_mismatch(first.sections[1], second.sections[0])
-                heavy = [] if mismatch.is_natural(chain[before].ends[1].roughness) else [after]
+                if not mismatch.is_natural(chain[before].ends[1].roughness):
+                    heavy = [max(after, before, key=lambda k: chain[k].rails.rank)]
             for k in heavy:
                 light[k], changed = None, True
     return light

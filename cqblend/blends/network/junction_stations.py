@@ -14,8 +14,8 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.local_interpolation import interpolate_locally
-from cqblend.surfaces.angles import shift_to_period
-from cqblend.surfaces.vectors import cross_product, normalise_vectors, to_tangent_coordinates
+from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
 CurveOnSurface = Callable[[Array], tuple[Array, Array]]
 """A function from parameters (n,) to native parameters (n, 2) on a surface and velocities (n, 3) in space."""
@@ -132,28 +132,30 @@ def _find_crossing(
 ) -> _Crossing:
     """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters.
 
-    Newton's method, with the derivative of the contacts along the cell from polynomials through some known ones.
+    Newton's method, with the derivative of the contacts along the cell from a polynomial through some of them at first,
+    then from the last step.
     """
     primary, (low, high) = cell.primaries[side], domain
     nodes = np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1)
-    known = cell.solve(nodes).uv[side]
-    sigmas = np.linspace(low, high, NETWORK_TOLERANCES.edge_samples)
-    point = primary.jet(known[[int(start) * -1]])[0]
-    nearest = np.linalg.norm(primary.jet(curve(sigmas)[0])[0] - point, axis=1).argmin()
-    t, sigma = start, float(sigmas[nearest])
-    probes = NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
-    previous = np.inf
+    known, sigmas = cell.solve(nodes), np.linspace(low, high, NETWORK_TOLERANCES.edge_samples)
+    first = -int(start)
+    point = primary.jet(known.uv[side][[first]])[0]
+    t, sigma = start, float(sigmas[measure_lengths(primary.jet(curve(sigmas)[0])[0] - point).argmin()])
+    longest = max(
+        NETWORK_TOLERANCES.longest_station_step,
+        float(measure_lengths(point - known.edge_points[[first]])[0]) * NETWORK_TOLERANCES.probe_width / cell.length,
+    )
+    probes = t + NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
+    rate = np.diff(interpolate_locally(nodes, known.uv[side], probes, NETWORK_TOLERANCES.probe_count), axis=0)[0]
+    rate /= probes[1] - probes[0]
+    uv, previous = known.uv[side][first], np.inf
     for _ in range(NETWORK_TOLERANCES.station_steps):
         at, velocity = curve(np.array([sigma]))
         (along,) = to_tangent_coordinates(primary.jet(at), velocity)
-        difference = cell.solve(np.array([t])).uv[side][0] - at[0]
-        for axis, period in enumerate(primary.periods):
-            if period is not None:
-                difference[axis] = shift_to_period(difference[axis], np.zeros(()), period)
-        before, after = interpolate_locally(nodes, known, t + probes, NETWORK_TOLERANCES.probe_count)
-        rate = (after - before) / (probes[1] - probes[0])
         try:
-            step_t, step_sigma = np.linalg.solve(np.stack([rate, -along], axis=1), -difference)
+            step_t, step_sigma = np.linalg.solve(
+                np.stack([rate, -along], axis=1), -_subtract_parameters(primary, uv, at[0])
+            )
         except np.linalg.LinAlgError:
             break
         moved = max(abs(step_t), abs(step_sigma) / (high - low))
@@ -166,6 +168,20 @@ def _find_crossing(
                 )
             return _Crossing(t, sigma)
         previous = moved
-        damping = min(1.0, NETWORK_TOLERANCES.longest_station_step / moved)
-        t, sigma = float(t + damping * step_t), float(sigma + damping * step_sigma)
+        damping = min(1.0, longest / abs(step_t)) if step_t else 1.0
+        step_t *= damping
+        t, sigma = float(t + step_t), float(sigma + damping * step_sigma)
+        following = cell.solve(np.array([t])).uv[side][0]
+        if abs(step_t) > NETWORK_TOLERANCES.station_probe:
+            rate = _subtract_parameters(primary, following, uv) / step_t
+        uv = following
     raise GeometryError("the rail of the blend does not cross the smooth edge at the end of its face")
+
+
+def _subtract_parameters(primary: Primary, first: Array, second: Array) -> Array:
+    """Return the difference of native parameters (2,), less whole periods."""
+    difference = first - second
+    for axis, period in enumerate(primary.periods):
+        if period is not None:
+            difference[axis] -= period * np.round(difference[axis] / period)
+    return np.asarray(difference)

@@ -53,7 +53,8 @@ class SectionEnd:
         smooth edge that is crossed.
         """
         rates = np.concatenate([jets.rates[: order + 1] for jets, order in zip(self.jets, self.orders, strict=True)])
-        direction = rates[0] / np.linalg.norm(rates[0])
+        longest = rates[measure_lengths(rates).argmax()]
+        direction = longest / np.linalg.norm(longest)
         off = rates - np.multiply.outer(rates @ direction, direction)
         limit = (NETWORK_TOLERANCES.parallel_rates + 2 * roughness) * np.abs(rates).max()
         return direction if np.abs(off).max() <= limit else None
@@ -81,4 +82,8 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     first, second = before.evaluate_section(v), after.evaluate_section(v)
     normals = [cross_product(section[2], section[1]) for section in (first, second)]
     sine, cosine = measure_lengths(cross_product(*normals)), (normals[0] * normals[1]).sum(axis=1)
-    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(np.arctan2(sine, cosine).max()))
+    lengths = [measure_lengths(one) for one in normals]
+    # a cell has no normal where its rail is one point
+    is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
+    angles = np.arctan2(sine, cosine)[is_regular]
+    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(angles.max()))

@@ -54,6 +54,9 @@ class NetworkTolerances:
     bending_widths: float = 1.0
     """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
 
+    bend_samples: int = 17
+    """Points along a bend at which it is measured how far it is from the natural rail."""
+
     turning_widths: float = 2.0
     """Length over which stations at the end of a cell are shifted, and cross derivatives turned, in the same unit."""
 
@@ -88,7 +91,10 @@ class NetworkTolerances:
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
 
     longest_station_step: float = 0.1
-    """Longest step, in t or as a share of the edge."""
+    """Longest step in t, unless ``probe_width`` is more: a short cell may be left by several times its length."""
+
+    least_normal_share: float = 1e-9
+    """Length of the normal of a cell along its end section, as a share of the longest, from which on it has one."""
 
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""

@@ -45,11 +45,15 @@ class SideSetup:
         nearer to the solution than ``PDE_TOLERANCES.interior``, and the solution is computed accordingly.
     ends : EndSections or None
         End sections of open sides; None for those of the Hermite section.
+    joined : bool
+        Whether other blends go on at the ends of open sides: then the derivative along is that of the Hermite section
+        there, too.
     """
 
     closed: bool
     by_length: bool = True
     ends: EndSections | None = None
+    joined: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,7 @@ class PdeSettings:
             setup.closed,
             np.concatenate([knots, kinks]),
             np.concatenate([np.full(len(knots), LEAST_SPLINE_DEGREE - 1), orders]),
+            setup.joined,
             solution,
         )
         blend = blend_ribbons(ribbons, form, tolerance, angular_tolerance, interior)
@@ -173,6 +178,7 @@ class PdeSettings:
             minimise=minimise,
             points=self.points,
             ends=setup.ends,
+            joined=setup.joined,
             accuracy=accuracy,
             relative_accuracy=relative_accuracy,
             keeps_low_degree=setup.by_length,

@@ -162,6 +162,8 @@ class BoundaryProblem:
     ends : EndSections or None
         End sections of an open blend; None for Hermite's between the boundary data. Of these, the energy keeps the
         position alone.
+    joined : bool
+        Whether the derivative along at open ends is Hermite's as well, also with the energy.
     accuracy, relative_accuracy : float
         What the last two bubbles may change, where their number is free: mm, and a share of what all bubbles change;
         with the energy, a share of its root.
@@ -176,6 +178,7 @@ class BoundaryProblem:
     minimise: Minimise
     points: CollocationCounts
     ends: EndSections | None
+    joined: bool
     accuracy: float
     relative_accuracy: float
     keeps_low_degree: bool
@@ -247,7 +250,8 @@ class BoundaryProblem:
         """Return the outermost coefficients of the bubbles at both ends of open rails, (2, k, terms, c)."""
         ends = self.ends
         if ends is None:
-            return np.zeros((2, equation.half if self.minimise == "residual" else 1, terms, len(members)))
+            count = equation.half if self.minimise == "residual" else 1
+            return np.zeros((2, max(count, 2) if self.joined else count, terms, len(members)))
         k = min(equation.half, ends.jets.shape[1])
         jets = ends.jets[:, :k] - self.data.centre * (np.arange(k) == 0)[:, None, None]
         along = np.stack([basis(np.array(basis.domain), order) for order in range(k)])  # (k, 2, count)

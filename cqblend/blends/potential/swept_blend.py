@@ -206,13 +206,13 @@ class Sweep:
         first, second = (family.primary for family in self.curves.pair.families)
         unwrap: Callable[..., ContactSolver] = unwrap_closed_solver if self.closed else unwrap_open_solver
         solve = unwrap(self.solve_contacts, (first, second))
-        wanted = make_ribbon_targets(tolerance, self.width)
+        wanted = replace(make_ribbon_targets(tolerance, self.width), fades=True)
         straight = (
             None if self.closed else fit_straight_ribbons((first, second), solve, self.domain, wanted, self.width)
         )
         kinks, orders = self.kinks
         try:
-            first_ribbon, second_ribbon = straight or fit_cubic_ribbons(
+            return straight or fit_cubic_ribbons(
                 (first, second),
                 solve,
                 self.domain,
@@ -222,7 +222,6 @@ class Sweep:
             )
         except TooManySpansError as error:
             raise TooManySpansError(error.finding, self._explain_roughness()) from error
-        return replace(first_ribbon, fades=True), replace(second_ribbon, fades=True)
 
 
 def sweep_branch(family_pair: FamilyPair, branch: IntersectionBranch, x0: float) -> Sweep:

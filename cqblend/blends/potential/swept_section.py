@@ -66,7 +66,7 @@ class SweptSection(FilledSection):
         cls, swept: SweptSurface, closed: bool, tolerance: float, kinks: tuple[Array, Array] = NO_KINKS
     ) -> SweptSection:
         """Return the interior of G1 sections, within a tolerance (mm)."""
-        return cls((2, 2, 2), POTENTIAL_LIMITS.points_across, tolerance, closed, *kinks, swept)
+        return cls((2, 2, 2), POTENTIAL_LIMITS.points_across, tolerance, closed, *kinks, joined=False, swept=swept)
 
     def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return the difference of the swept surface from the Hermite section, as a function of t (n,): (n, m, 3)."""

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
@@ -60,8 +61,49 @@ def chord_field(stations: RailStations) -> Array:
     return stations.chord
 
 
+@dataclass(frozen=True)
+class BallField:
+    """T = +-(m' x n): along the circle in which a ball of varying radius R(t) touches its envelope, m its centre.
+
+    That circle lies in the plane square to m', the path of the centre; the contacts on both surfaces are points of it.
+    As m = C + R n, with the normal n towards the ball, m' x n = (C' + R n') x n. If R is constant along a plane or
+    around an axis, T is perpendicular to the rail.
+    """
+
+    measure_radii: Callable[[Array], Array]
+    """The radii (n,) at t (n,), mm."""
+
+    def __call__(self, stations: RailStations) -> Array:
+        """Return the vectors (n, 3) of the field at stations."""
+        normals, by_u, by_v = differentiate_normal(stations.jet)
+        sign = np.sign((normals * stations.chord).sum()) or 1.0  # the other contact is on the ball's side
+        r, s = to_tangent_coordinates(stations.jet, stations.velocity).T[..., None]
+        reach = sign * self.measure_radii(stations.t)[:, None]
+        return _orient_towards_blend(
+            cross_product(stations.velocity + reach * (by_u * r + by_v * s), normals), stations
+        )
+
+
+def measure_arc_lengths(directions: Array, chords: Array) -> Array:
+    """Return the lengths (n,) of the derivatives at the start of circular arcs with these chords (n, 3).
+
+    ``directions`` (n, 3) are the unit tangents there. Of an arc of radius r and angle Theta, it is 4 r tan(Theta / 4):
+    that of the cubic that is nearest to the arc. As Theta / 2 is the angle between tangent and chord d, that is
+    2 |d| / (1 + cos(Theta / 2)).
+    """
+    lengths = measure_lengths(chords)
+    sums = lengths + (directions * chords).sum(axis=1)
+    return 2 * lengths**2 / sums
+
+
 def _orient_towards_blend(vectors: Array, stations: RailStations) -> Array:
-    """Return a field, or its negative, whichever points to the blend at most stations by the sum of its vectors."""
+    """Return a field, or its negative, whichever points to the blend at most stations by the sum of its vectors.
+
+    A rail that is one point has no direction across it, so that the field is the one straight to the edge.
+    """
+    sizes = [float(measure_lengths(one).max()) for one in (stations.velocity, stations.towards_blend)]
+    if sizes[0] <= RAIL_TOLERANCES.point_rail_share * sizes[1]:
+        return stations.towards_blend
     return vectors * (np.sign((vectors * stations.towards_blend).sum()) or 1.0)
 
 

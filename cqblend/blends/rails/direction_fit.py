@@ -111,7 +111,9 @@ def add_higher_directions(rail: SampledRail, first: Curve, method: DirectionMeth
         space = dehomogenise_jets(jets)
         target = np.zeros_like(space[1])
         if k == 3:
-            target -= space[1] * ((space[2] ** 2).sum(1) / (space[1] ** 2).sum(1))[:, None]
+            squared = (space[1] ** 2).sum(1)  # 0 where the blend ends in a point
+            share = np.divide((space[2] ** 2).sum(1), squared, out=np.zeros_like(squared), where=squared > 0)
+            target -= space[1] * share[:, None]
         plain = to_tangent_coordinates(rail.jet, target - space[k])
         rs = steering.align_second_directions(plain, rail.t)
         values = lift_without_weight(rail.uv, lifted, rs, jets)

@@ -89,6 +89,11 @@ class Ribbon:
         reduced to lower degrees.
     fades
         Whether cross derivatives may vanish somewhere: there, the joint stays as sharp as it was.
+    joined
+        Whether the blend is to share the sections at its ends with others, which follow it in a chain.
+    bend
+        Largest distance (mm) of the rail from where its contacts alone would lead it: it is bent where it would else
+        meet that of another blend at an angle.
     """
 
     primary: Primary
@@ -100,11 +105,22 @@ class Ribbon:
     length: float = 0.0
     light: bool = False
     fades: bool = False
+    joined: bool = False
+    bend: float = 0.0
 
     def find_native_parameters(self, t: Array) -> Array:
         """Return the native parameters (n, 2) at t, continuous along the rail."""
         near = np.stack([np.interp(t, self.c.breaks, column) for column in self.uv.T], -1)
         return self.primary.unlift_points(self.c(t), near)
+
+    @cached_property
+    def is_point(self) -> bool:
+        """Whether the rail is one point, around which the blend turns."""
+        if not self.light:
+            return False
+        t = np.linspace(*self.c.domain, 2 * len(self.c.breaks) - 1)
+        point, vector = dehomogenise_jets(np.stack([jet(t) for jet in self.jets[:2]]))
+        return bool(np.ptp(point, axis=0).max() <= RAIL_TOLERANCES.point_rail_share * np.abs(vector).max())
 
     @cached_property
     def jets(self) -> tuple[Curve, ...]:

@@ -14,7 +14,13 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData
-from cqblend.blends.rails.cross_directions import CrossField, RailStations, compute_unit_directions, perpendicular_field
+from cqblend.blends.rails.cross_directions import (
+    CrossField,
+    RailStations,
+    compute_unit_directions,
+    measure_arc_lengths,
+    perpendicular_field,
+)
 from cqblend.blends.rails.direction_fit import DirectionMethod, fit_directions
 from cqblend.blends.rails.direction_steering import Steering
 from cqblend.blends.rails.parametric_kinks import ParametricKinks
@@ -23,7 +29,7 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
-from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 Domain = tuple[float, float]
 LengthFactor = Callable[[Array], Array]
@@ -45,6 +51,11 @@ class RibbonTargets:
         Orders of continuity, by side.
     steer
         Largest angle (rad) by which directions are turned so that the blend has no crease inside.
+    arcs
+        Whether the lengths are those of the circular arcs that leave in the wanted directions to the other contact,
+        instead of those that the contacts suggest.
+    fades
+        Whether the cross derivatives may vanish somewhere.
     given_derivatives
         Whether the cross derivatives are those that the contacts have, instead of fields, bulges and lengths. They
         belong to points of the rails, so rails may not shift along themselves then.
@@ -57,6 +68,8 @@ class RibbonTargets:
     bulges: tuple[LengthFactor, LengthFactor] = (np.ones_like, np.ones_like)
     orders: tuple[int, int] = (1, 1)
     steer: float = 0.0
+    arcs: bool = False
+    fades: bool = False
     given_derivatives: bool = False
 
 
@@ -77,10 +90,15 @@ class ContactSamples:
         """Return the wanted cross derivatives (n, 3) of a side, whose rail has the derivative ``rate`` (n, 3)."""
         if wanted.given_derivatives:
             return self.contacts.get_cross_vectors(side)
-        jet = self.jets[side]
+        jet, lengths = self.jets[side], self.contacts.cross_lengths[side]
         towards_blend, chord = self.contacts.edge_points - jet[0], self.jets[1 - side][0] - jet[0]
-        unit = compute_unit_directions(wanted.fields[side], RailStations(self.t, jet, rate, towards_blend, chord))
-        return unit * (wanted.bulges[side](self.t) * self.contacts.cross_lengths[side])[:, None]
+        vectors, bulges = np.zeros_like(rate), wanted.bulges[side](self.t)
+        held = lengths > (RAIL_TOLERANCES.vanishing_share * lengths.max() if wanted.fades else -1.0)
+        stations = RailStations(self.t[held], jet[:, held], rate[held], towards_blend[held], chord[held])
+        unit = compute_unit_directions(wanted.fields[side], stations)
+        lengths = measure_arc_lengths(unit, stations.chord) if wanted.arcs else lengths[held]
+        vectors[held] = unit * (bulges[held] * lengths)[:, None]
+        return vectors
 
     @cached_property
     def jets(self) -> tuple[Array, Array]:
@@ -144,13 +162,29 @@ def fit_ribbon(
     offset, slack = (point - samples.jets[side][0])[inside], steering.evaluate_slack(t)
     errors = RibbonErrors(
         measure_lengths(offset),
-        measure_lengths(offset if wanted.given_derivatives else cross_product(offset, normalise_vectors(rate[inside]))),
+        measure_lengths(offset) if wanted.given_derivatives else _measure_across(offset, rate[inside]),
         (fitted.angle_errors - slack)[inside],
         (fitted.length_errors - slack)[inside],
     )
     direction = (fitted.angle_errors + np.abs(steering.evaluate_angle(t)))[inside].max()
     length = fitted.length_errors[inside].max()
-    return Ribbon(primary, c, directions, break_uv, wanted.orders[side], float(direction), float(length)), errors
+    ribbon = Ribbon(
+        primary,
+        c,
+        directions,
+        break_uv,
+        wanted.orders[side],
+        direction=float(direction),
+        length=float(length),
+        fades=wanted.fades,
+    )
+    return ribbon, errors
+
+
+def _measure_across(offset: Array, rate: Array) -> Array:
+    """Return the parts (n,) of offsets (n, 3) from a rail that are across it; none where it stays at one point."""
+    speed = measure_lengths(rate)
+    return measure_lengths(cross_product(offset, rate)) / np.where(speed > 0, speed, 1.0)
 
 
 def _fit_rail(samples: ContactSamples, side: int, curves: RibbonCurves) -> tuple[Curve, ParametricKinks | None]:

@@ -16,7 +16,8 @@ class RailTolerances:
     domain_slack
         How far a rail may run outside the domain of its surface, as a share of the width of the domain.
     vanishing_share
-        Speed and |Su x Sv| up to this, as a share of the largest along the rail, count as zero.
+        Speed, |Su x Sv| and wanted cross derivatives up to this, as a share of the largest along the rail, count as
+        zero.
     kink_angle
         Angle (rad) by which a rail, or the surface across a knot line, may turn at a break.
     samples_per_piece
@@ -35,6 +36,8 @@ class RailTolerances:
         How far the domain of an operand of a field may differ from that of the rail, relative.
     least_tangent_share
         Share of a vector that must be tangent to the surface, else it gives no cross direction.
+    point_rail_share
+        Size of a rail, as a share of its distance from the edge, up to which it is one point.
     measurable_share
         Shortest cross derivative that spans a tangent plane with the rail, as a share of the longest along it.
     periodic_share
@@ -104,6 +107,7 @@ class RailTolerances:
     """
 
     domain_slack: float = 1e-9
+    point_rail_share: float = 1e-10
     vanishing_share: float = 1e-9
     crease_angle: float = 1e-6
     samples_per_piece: int = 8

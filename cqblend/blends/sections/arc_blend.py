@@ -78,7 +78,7 @@ def _find_first_arc(blend: BlendSurface, radius: float) -> _FirstArc:
     t = np.array(blend.surface.domain[0][:1])
     jets = [np.stack([jet(t) for jet in ribbon.jets[:2]]) for ribbon in blend.ribbons]
     ends, tangents = np.stack([dehomogenise_jets(jet)[:, 0] for jet in jets], axis=1)
-    tangents, along = normalise_vectors(tangents), normalise_vectors(blend.surface(t, np.zeros(1), 1, 0)[0])
+    tangents, along = normalise_vectors(tangents), normalise_vectors(blend.surface(t, np.full(1, 0.5), 1, 0)[0])
     normals = cross_product(along, tangents)
     inward = normals * np.sign((normals * (ends[::-1] - ends)).sum(axis=1))[:, None]
     first, second = tangents

@@ -13,7 +13,7 @@ of any degree. The *compact* form replaces them by quintics within a tolerance
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -81,18 +81,17 @@ def _align_jets(ribbons: tuple[Ribbon, Ribbon]) -> tuple[list[Curve], list[Curve
     sides = together[: len(first)], together[len(first) :]
     _check_jumps(ribbons, sides)
     for ribbon, jets in zip(ribbons, sides, strict=True):
-        if ribbon.order:
+        if ribbon.order and not ribbon.is_point:
             _check_tangent_plane(ribbon, jets[0], jets[1])
     return sides
 
 
 def _check_tangent_plane(ribbon: Ribbon, rail: Curve, field: Curve) -> None:
     """Raise GeometryError where rail and cross direction are parallel: there, the blend would turn over."""
+    t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
+    t = t[~is_faded(ribbon, t)]
     if ribbon.light:  # all its points are alike
-        t = rail.breaks[:1]
-    else:
-        t = (rail.breaks[:-1] + np.diff(rail.breaks) * (np.arange(4)[:, None] / 4)).T.ravel()
-        t = t[~is_faded(ribbon, t)]
+        t = t[:1]
     rail_jet = rail.jet(t, 1)
     rate, vector = dehomogenise_jets(rail_jet)[1], dehomogenise_jets(np.stack([rail_jet[0], field(t)]))[1]
     sine = (
@@ -183,14 +182,18 @@ def blend_ribbons(
     return BlendSurface(fill(jets), ribbons, "exact")
 
 
-def find_fold(surface: Surface) -> float | None:
+def find_fold(surface: Surface, ribbons: Sequence[Ribbon] = ()) -> float | None:
     """Return a t at which the normal of a blend turns over between neighbours of a grid; None if it does not.
+
+    Where one of its ribbons has faded, it is not looked at: what is there is as thin as what a fit misses.
 
     The grid has six points for each piece, some next to its ends, and 97 across. It is looked at only if the normal
     turns, or gets shorter, so much between neighbours of a coarser one that it may turn over in between.
     """
     breaks, finest = surface.breaks[0], SECTION_TOLERANCES.fold_sections
     t = (breaks[:-1] + np.multiply.outer(FOLD_SAMPLES, np.diff(breaks))).T.ravel()
+    for ribbon in ribbons:
+        t = t[~is_faded(ribbon, t)]
     pieces = len(surface.breaks[1]) - 1
     coarse = min(finest, (SECTION_TOLERANCES.fold_sections_per_degree * surface.degree[1] + 1) * pieces)
     if not _may_turn_over(_evaluate_grid_normals(surface, t, coarse)):

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, NamedTuple
 
@@ -33,6 +33,9 @@ from cqblend.splines.knots import extract_pieces
 Sampler = Callable[[Array], Array]
 """A function from parameters t (n,) to values there, (n, ..)."""
 
+
+MOST_CLEARED = 4
+"""Degree of an interior along that has coefficients left when two are cleared at either end of one piece."""
 
 PLACES_BETWEEN_NODES = np.array([0.13, 0.41, 0.77])
 """Where in a piece, as shares of it, polynomials are compared with an interior."""
@@ -58,7 +61,9 @@ class FilledSection(ABC):
     """Builds the surface between jets, with an interior that is approximated within a tolerance (mm).
 
     ``conditions`` is how many jets x, y and z take from each rail, ``points`` at how many points across the interior is
-    sampled. ``kinks`` are the parameters t at which the interior is not smooth, ``orders`` its continuity there.
+    sampled. ``kinks`` are the parameters t at which the interior is not smooth, ``orders`` its continuity there. With
+    ``joined``, the interior vanishes at both ends along, with its first derivative along, to the last digit: other
+    blends go on there, whose sections are Hermite's as well.
     """
 
     conditions: tuple[int, int, int]
@@ -67,6 +72,7 @@ class FilledSection(ABC):
     closed: bool
     kinks: Array
     orders: Array
+    joined: bool
 
     kinks_are_certain: ClassVar[bool] = False
     """Whether the kinks are known to exist, so that smooth splines need not be tried."""
@@ -108,6 +114,7 @@ class FilledSection(ABC):
             if degree <= SECTION_TOLERANCES.most_simple_degree:
                 interior = self._fit_on_pieces(sampled, breaks, degree)
                 if interior is not None:
+                    interior = self._clear_ends(interior)
                     is_zero = np.abs(interior.curve.coefs).max(initial=0.0) <= self.tolerance / 4
                     return None if is_zero else interior
             spread = np.linspace(breaks[0], breaks[-1], SECTION_TOLERANCES.size_samples)
@@ -117,12 +124,23 @@ class FilledSection(ABC):
                 return None
             across = self._choose_across_basis(values)
             if across is not None:
-                return across.make_interior(self._fit_splines(sampled, across, sides, jets))
+                return self._clear_ends(across.make_interior(self._fit_splines(sampled, across, sides, jets)))
         raise TooManySpansError(
             f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
             f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans across",
             f"ask for a larger tolerance, or {self.advice[0]}",
         )
+
+    def _clear_ends(self, interior: SectionInterior) -> SectionInterior:
+        """Return an interior that vanishes at joined ends, where it does so but for what the fit has missed."""
+        if not self.joined:
+            return interior
+        curve = interior.curve if interior.curve.degree >= MOST_CLEARED else interior.curve.elevate(MOST_CLEARED)
+        coefs = curve.coefs.copy()
+        coefs[:2, :, 0] = coefs[-2:, :, -1] = 0.0
+        # two coefficients at one end of a piece do not change its lower derivatives at the other
+        continuity = np.minimum(curve.continuity, curve.degree - 2)
+        return replace(interior, curve=Curve(curve.breaks, coefs, continuity=continuity))
 
     def _sample_across(self, sides: tuple[Jets, Jets], points: int) -> _SampledInterior:
         """Return the interior at so many points across."""

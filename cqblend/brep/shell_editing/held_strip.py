@@ -57,7 +57,7 @@ def plan_held_chain(placement: StripPlacement, held: HeldEdge) -> PlannedChain:
     ends: tuple[StripEnd, ...] = ()
     if placement.joint.spine.closed:
         corner = PlannedVertex(placement.rail_curves[free](np.array(placement.domain[:1]))[0])
-        part = RailSpan(placement.domain, (corner, corner), continues=True)
+        part = RailSpan(placement.domain, (corner, corner), joined=(True, True))
     else:
         low, high = ends = (_plan_end(placement, held, 0), _plan_end(placement, held, 1))
         check_reach((placement, placement), ends)
@@ -71,7 +71,7 @@ def plan_held_chain(placement: StripPlacement, held: HeldEdge) -> PlannedChain:
     free_path = [EdgeUse(edge) for edge in rail.edges]
     first, second = (held_path, free_path) if held.side == 0 else (free_path, held_path)
     if ends:
-        start, stop = EdgeUse(ends[0].edge), EdgeUse(ends[1].edge)
+        start, stop = EdgeUse(ends[0].edges[0]), EdgeUse(ends[1].edges[0])
     else:
         start = stop = EdgeUse(_plan_seam(placement, held, part.vertices[0]))
     beyond = index.faces.find_number(held.face_beyond)
@@ -83,7 +83,8 @@ def plan_held_chain(placement: StripPlacement, held: HeldEdge) -> PlannedChain:
         placement.surface,
         (*first, stop, *reverse_path(second), start.reverse()),
         (edges[0], edges[1]),
-        tuple(end.edge for end in ends),
+        end_edges=tuple(end.edges for end in ends),
+        removed_faces=(index.faces.find_number(held.face),),
         is_mirrored=placement.strip.is_mirrored,
     )
     own = [
@@ -93,9 +94,7 @@ def plan_held_chain(placement: StripPlacement, held: HeldEdge) -> PlannedChain:
     ]
     trims = tuple(trim for end in ends for trim in end.edge_trims)
     crossings = () if rail.crossings is None else (rail.crossings,)
-    consumed = index.faces.find_number(held.face)
-    cuts = tuple(plan for plan in cut_shared_edges(index, trims, crossings) if plan.number != consumed)
-    return PlannedChain((strip,), tuple(own), trims, crossings, cuts, (consumed,))
+    return PlannedChain((strip,), tuple(own), trims, crossings, tuple(cut_shared_edges(index, trims, crossings)))
 
 
 def _plan_held_piece(placement: StripPlacement, held: HeldEdge) -> EdgePiece:
@@ -131,6 +130,8 @@ def _end_on_face(placement: StripPlacement, held: HeldEdge, end: int) -> StripEn
     vertex, corner_vertex = joint.spine.vertices[end], held.vertices[end]
     between = held.end_edges[end]
     target = joint.read_end_face(end)
+    if target is None:
+        raise TopologyError("there is not one face across from the end of the edge")
     number, face = placement.number_face(target.face), placement.face_numbers[free]
     shared = [
         edge
@@ -140,7 +141,7 @@ def _end_on_face(placement: StripPlacement, held: HeldEdge, end: int) -> StripEn
     if len(shared) != 1 or between not in ShapeIndex(target.face, TopAbs_EDGE):
         raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
     uv, point = find_vertex_uv(corner_vertex, target.face), locate_vertex(corner_vertex)
-    start = EndCurveStart(placement.locate_edge_parameter(float(end)), uv, point)
+    start = EndCurveStart(end, placement.locate_edge_parameter(float(end)), uv, point)
     cut = solve_end_curve(placement.strip, target.face_primary, start)
     off = float(np.linalg.norm(cut.ends[held.side] - point))
     if off > 10 * max(BRep_Tool.Tolerance_s(corner_vertex), CONFUSION):
@@ -153,7 +154,7 @@ def _end_on_face(placement: StripPlacement, held: HeldEdge, end: int) -> StripEn
     is_forward = _starts_at_side_1(between if held.side == 0 else shared[0], target.face, vertex)
     plan = FacePlan(number, {index.edges.find_number(between): ()}, (EdgeUse(edge, forward=is_forward),))
     vertices, parameters = (corners[0], corners[1]), cut.rail_parameters
-    return StripEnd(edge, vertices, parameters, placement.keep_vertex(vertex), (trim,), (plan,))
+    return StripEnd((edge,), vertices, parameters, placement.keep_vertex(vertex), (trim,), (plan,))
 
 
 def _starts_at_side_1(edge: TopoDS_Edge, face: TopoDS_Face, vertex: TopoDS_Vertex) -> bool:

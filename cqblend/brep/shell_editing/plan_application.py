@@ -109,6 +109,7 @@ class BuiltStrip:
     geometry: SurfaceGeometry  # of the blend face
     trimmed_faces: tuple[TopoDS_Face, TopoDS_Face]
     rail_edges: tuple[list[TopoDS_Edge], list[TopoDS_Edge]]
+    poles: tuple[TopoDS_Edge | None, TopoDS_Edge | None]  # those of rails that are one point
     other_edges: tuple[BuiltEdge, ...]
     cap_count: int
     is_held: tuple[bool, bool]  # whether the rail on either side is held on an edge of the input
@@ -160,10 +161,21 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
+        poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
         held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
-        built = BuiltStrip(blend_face, geometry, (first, second), rails, others, len(strip.caps), (held1, held2))
-        strips.append(built)
-    solid = replace_body_faces(index.solid, rebuilt, index.faces, new_faces, plan.consumed_faces)
+        strips.append(
+            BuiltStrip(
+                blend_face,
+                geometry,
+                (first, second),
+                rails,
+                (poles[0], poles[1]),
+                others,
+                len(strip.caps),
+                (held1, held2),
+            )
+        )
+    solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
@@ -196,11 +208,13 @@ def _list_other_edges(
     """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
     found = []
     for planned in strip.other_edges:
+        if planned.role == "pole":
+            continue
         edge, faces = parts.build_edge(planned), owners[planned]
         if planned.role == "section" and not faces[0].IsSame(blend_face):
             continue
         deviation = deviations.get(edge)
-        end = strip.end_edges.index(planned) if planned in strip.end_edges else None
+        end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
         if len(faces) == 1:
             found.append(BuiltEdge("border", ((blend_face, edge),), deviation, end))
             continue

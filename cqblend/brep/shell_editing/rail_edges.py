@@ -27,6 +27,7 @@ from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import find_end_vertices, find_seam_edges, is_among
+from cqblend.errors import TopologyError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.splines.roots import find_sign_changes
@@ -37,14 +38,14 @@ class RailSpan:
     """The part of one rail that bounds the blend face: its range of t, and the vertices at both ends.
 
     Where the blend ends in flat caps, ``cap_borders`` are their borders in the support face at the low and at the high
-    end, from the blended edge to the rail. ``continues`` tells that another rail, or this one,
-    ends where it starts.
+    end, from the blended edge to the rail. ``joined`` tells at which ends another rail of the
+    chain goes on, or the rail itself, if it closes.
     """
 
     span: tuple[float, float]
     vertices: tuple[PlannedVertex, PlannedVertex]
     cap_borders: tuple[tuple[EdgeUse, ...], tuple[EdgeUse, ...]] = ((), ())
-    continues: bool = False
+    joined: tuple[bool, bool] = (False, False)
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,10 @@ class SpineRemoval:
 
 @dataclass(frozen=True)
 class TrimmedRail:
-    """The edges of one rail, in its order, what they do to the support face, and where they may cross its seams."""
+    """The edges of one rail, in its order, what they do to the support face, and where they may cross its seams.
+
+    A rail that is one point has a pole for its only edge, which is none of the support face.
+    """
 
     edges: tuple[NewEdge, ...]
     face_plan: FacePlan
@@ -73,6 +77,9 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
         If the rail passes beyond the end of the face.
     """
     side, sphere, span = placement.sides[i], placement.spheres[i], part.span
+    if placement.blend.ribbons[i].is_point:
+        face_plan = FacePlan(placement.face_numbers[i], removed.remainders)
+        return TrimmedRail((_plan_pole(placement, i, part),), face_plan, None)
     crossings = find_seam_crossings(placement, i) if sphere is None else np.empty(0)
     crossings = crossings[(crossings > span[0]) & (crossings < span[1])]
     points = placement.rail_curves[i](crossings)
@@ -96,29 +103,50 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
         return TrimmedRail(edges, FacePlan(number, added=boundary, surface=sphere), None)
     if not any(side.face_primary.periods):  # no face without a period has seams
         return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), None)
-    if part.continues:  # it may cross a seam where it starts
+    if part.joined[0]:  # it may cross a seam where it starts
         crossings, between = np.array(stops[:-1]), vertices[:-1]
-    for end in _find_ends_on_seams(placement, i, removed):  # and there end on the seam, of which the rest remains
+    # an open chain may end on a seam, of which the rest remains
+    for end in _find_ends_on_seams(placement, i, part, removed):
         crossings, between = np.append(crossings, span[end]), [*between, part.vertices[end]]
     directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
     at_seams = SeamCrossings(side.face, between, directions, removed.vertices)
     return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), at_seams)
 
 
-def _find_ends_on_seams(placement: StripPlacement, i: int, removed: SpineRemoval) -> list[int]:
-    """Return at which ends, 0 and 1, an open joint ends at a vertex that goes, and from which a seam leaves."""
-    if placement.joint.spine.closed:
-        return []
+def _plan_pole(placement: StripPlacement, i: int, part: RailSpan) -> NewEdge:
+    """Plan the degenerate edge of rail ``i``, which is one point.
+
+    Raises
+    ------
+    TopologyError
+        If the neighbours of the strip do not meet in that point.
+    """
+    first, last = part.vertices
+    if first is not last:
+        raise TopologyError(
+            f"the ball turns about one point of face {placement.joint.face_numbers[i]} and has nothing to end on "
+            "there: blend the edges that go on tangentially as well, with chain=True"
+        )
+    line = Curve.bezier([(part.span[0], i), (part.span[1], i)], domain=part.span)
+    return NewEdge("pole", None, part.span, part.vertices, (placement.plan_pcurve(line),))
+
+
+def _find_ends_on_seams(placement: StripPlacement, i: int, part: RailSpan, removed: SpineRemoval) -> list[int]:
+    """Return at which ends, 0 and 1, an open chain ends at a vertex that goes, and from which a seam leaves."""
     seam_vertices = [v for seam in find_seam_edges(placement.sides[i].face) for v in find_end_vertices(seam)]
     ends = enumerate(placement.joint.spine.vertices)
-    return [end for end, vertex in ends if is_among(vertex, seam_vertices) and is_among(vertex, removed.vertices)]
+    return [
+        end
+        for end, vertex in ends
+        if not part.joined[end] and is_among(vertex, seam_vertices) and is_among(vertex, removed.vertices)
+    ]
 
 
 def _plan_rail_edge(
     placement: StripPlacement, i: int, vertices: tuple[PlannedVertex, PlannedVertex], span: tuple[float, float]
 ) -> NewEdge:
     """Plan the edge of rail ``i`` over a span of t, with pcurves on the support face and on the blend face."""
-    side, curve = placement.sides[i], placement.rail_pcurves[i]
+    side, curve = placement.sides[i], placement.get_rail_pcurve(i)
     middle = curve(np.array([sum(span) / 2]))[0]
     shift = np.zeros(2)
     for axis, period in enumerate(side.face_primary.periods):

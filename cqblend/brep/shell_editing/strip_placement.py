@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.arc_strip import ArcStrip
@@ -18,10 +19,14 @@ from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.realigned_spheres import realign_sphere
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import locate_vertex
 from cqblend.splines import Curve
 from cqblend.surfaces.circle import PlanarCircle
 from cqblend.surfaces.quadrics import Sphere
+
+RailPcurves = tuple[Curve | PlanarCircle | None, Curve | PlanarCircle | None]
+"""Functions from s to the parameters of the rails on both support faces; None for a rail that is one point."""
 
 CapStations = tuple[float | None, float | None]
 """The t of the flat caps at both ends of an open blend, None for an end on the face across the edge."""
@@ -38,7 +43,7 @@ class StripPlacement:
     strip: StripSurface  # the blend surface, in the parameters in which it goes into the solid
     surface: PlannedSurface  # the same, to be built
     rail_curves: tuple[RailCurve, RailCurve]  # its rows v = 0 and v = 1
-    rail_pcurves: tuple[Curve | PlanarCircle, Curve | PlanarCircle]  # s -> parameters on the support faces
+    rail_pcurves: RailPcurves
 
     @property
     def index(self) -> SolidIndex:
@@ -68,6 +73,12 @@ class StripPlacement:
         first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
         return first, second
 
+    def is_point(self, end: int) -> bool:
+        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1)."""
+        at = np.array([self.domain[end]])
+        first, second = (row(at)[0] for row in self.rail_curves)
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent)
+
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
 
@@ -78,6 +89,13 @@ class StripPlacement:
             return PlannedPcurve(self.surface, own)
         other = self.strip.map_to_surface(reversed_curve)
         return PlannedPcurve(self.surface, *((other, own) if self.strip.is_mirrored else (own, other)))
+
+    def get_rail_pcurve(self, i: int) -> Curve | PlanarCircle:
+        """Return the parameters on its support face of rail ``i``, which is not a point, as a function of s."""
+        pcurve = self.rail_pcurves[i]
+        if pcurve is None:
+            raise TypeError("a rail that is one point has no pcurve")
+        return pcurve
 
     def get_support(self, i: int) -> int | PlannedSurface:
         """Return what pcurves on support face ``i`` refer to: its number, or the sphere that it gets."""
@@ -118,12 +136,14 @@ def place_strip(
 
 def _describe_strip(
     blend: BlendSurface, sides: tuple[SupportFace, SupportFace]
-) -> tuple[SplineStrip | RevolvedStrip | ArcStrip, tuple[Curve | PlanarCircle, Curve | PlanarCircle]]:
+) -> tuple[SplineStrip | RevolvedStrip | ArcStrip, RailPcurves]:
     """Return the surface of a strip and its rails on the support faces, around an axis if all of it is so."""
     if blend.arc is not None:
         strip = ArcStrip(blend.arc)
         one, other = (
-            find_analytic_pcurve(side, ribbon, rail, blend.arc.stops, blend.arc.map_to_parameters)
+            None
+            if ribbon.is_point
+            else find_analytic_pcurve(side, ribbon, rail, blend.arc.stops, blend.arc.map_to_parameters)
             for side, ribbon, rail in zip(sides, blend.ribbons, strip.rail_curves, strict=True)
         )
         return strip, (one, other)
@@ -131,10 +151,12 @@ def _describe_strip(
     if section is not None:
         revolved = RevolvedStrip(section)
         first, second = (
-            find_circular_pcurve(side, ribbon, circle, section.turn)
+            None if ribbon.is_point else find_circular_pcurve(side, ribbon, circle, section.turn)
             for side, ribbon, circle in zip(sides, blend.ribbons, revolved.rail_curves, strict=True)
         )
-        if first is not None and second is not None:
+        if all(
+            found is not None or ribbon.is_point for found, ribbon in zip((first, second), blend.ribbons, strict=True)
+        ):
             return revolved, (first, second)
     one, other = (build_rail_pcurve(side, ribbon) for side, ribbon in zip(sides, blend.ribbons, strict=True))
     return SplineStrip(blend.surface), (one, other)

@@ -11,6 +11,7 @@ put together (:func:`merge_chains`): seams and neighbour edges that several of t
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import (
+    EdgeRole,
     EdgeUse,
     FacePlan,
     NewEdge,
@@ -29,15 +31,16 @@ from cqblend.blends.network.blend_plan import (
 from cqblend.blends.network.edge_networks import group_networks
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.cell_junctions import join_cells
+from cqblend.brep.shell_editing.cell_junctions import join_chain
 from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
-from cqblend.brep.shell_editing.end_on_face import end_on_face
+from cqblend.brep.shell_editing.end_in_point import end_in_point
+from cqblend.brep.shell_editing.end_on_faces import end_on_faces
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import StripEnd
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -48,7 +51,7 @@ class PlannedChain:
     """The strips of one chain as planned for themselves: what they do to faces, and what they share with other chains.
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
-    ``cut_faces`` has as they are if there is no other chain. ``consumed_faces`` are the numbers of those that go.
+    ``cut_faces`` has as they are if there is no other chain.
     """
 
     strips: tuple[StripPlan, ...]
@@ -56,23 +59,11 @@ class PlannedChain:
     edge_trims: tuple[EdgeTrim, ...]
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
-    consumed_faces: tuple[int, ...] = ()
 
     @property
     def cut_edges(self) -> frozenset[int]:
         """The numbers of the seams and neighbour edges that it cuts."""
         return frozenset(number for face in self.cut_faces for number in face.pieces)
-
-
-class RailsTooShortError(GeometryError):
-    """The blend must be made over a longer range, ``needed_domain``, to reach the faces at its ends.
-
-    That is from a t of the first cell of its chain to one of the last cell.
-    """
-
-    def __init__(self, needed: tuple[float, float]) -> None:
-        super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
-        self.needed_domain = needed
 
 
 class ChainConflictError(CqblendError):
@@ -101,10 +92,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
     if chain.closed and not chain.junctions:
         (placement,) = placements
         return _finish_chain(placement.index, [_plan_ring(placement)])
-    joined = [
-        join_cells(placements[k], placements[(k + 1) % len(placements)], junction)
-        for k, junction in enumerate(chain.junctions)
-    ]
+    joined = join_chain(placements, chain)
     starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
     if chain.closed:
         starts = [starts[-1], *starts[:-1]]
@@ -151,7 +139,7 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
     removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), list_spine_vertices(placement))
     first, second = (
-        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), continues=True), removed)
+        trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), joined=(True, True)), removed)
         for i, corner in enumerate(corners)
     )
     section = placement.strip.locate_section(low)
@@ -176,14 +164,14 @@ def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps:
                 "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
             )
         borders = (low.cap_borders[i], high.cap_borders[i])
-        part = RailSpan(span, (low.corners[i], high.corners[i]), borders, low.edge.role == "section")
+        part = RailSpan(span, (low.corners[i], high.corners[i]), borders, (low.is_junction, high.is_junction))
         rails.append(trim_at_rail(placement, i, part, removed))
     first, second = rails
     boundary = (
         *map(EdgeUse, first.edges),
-        EdgeUse(high.edge),
+        *map(EdgeUse, high.edges),
         *reverse_path([EdgeUse(edge) for edge in second.edges]),
-        EdgeUse(low.edge).reverse(),
+        *reverse_path([EdgeUse(edge) for edge in low.edges]),
     )
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ends), (first, second), ends)
 
@@ -200,11 +188,18 @@ def _make_strip_plan(
         placement.face_numbers,
         placement.surface,
         boundary,
-        (rails[0].edges, rails[1].edges),
-        tuple(end.edge for end in ends),
+        (_list_edges(rails[0], "rail"), _list_edges(rails[1], "rail")),
+        (next(iter(_list_edges(rails[0], "pole")), None), next(iter(_list_edges(rails[1], "pole")), None)),
+        tuple(end.edges for end in ends),
         tuple(end.cap for end in ends if end.cap is not None),
+        tuple(number for end in ends for number in end.removed_faces),
         placement.strip.is_mirrored,
     )
+
+
+def _list_edges(rail: TrimmedRail, role: EdgeRole) -> tuple[NewEdge, ...]:
+    """Return the edges of a rail that have a role."""
+    return tuple(edge for edge in rail.edges if edge.role == role)
 
 
 def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedChain:
@@ -254,17 +249,13 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
         except CqblendError as error:
             raise ChainConflictError(group, error.cause if isinstance(error, BlendEndError) else error) from error
     own = [plan for chain in chains for plan in chain.own_faces]
+    removed = [number for chain in chains for strip in chain.strips for number in strip.removed_faces]
     try:
         faces = _merge_face_plans([*own, *cuts])
+        _require_unchanged(removed, faces)
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
-    strips = tuple(strip for chain in chains for strip in chain.strips)
-    consumed = tuple(number for chain in chains for number in chain.consumed_faces)
-    touched = next((face.number for face in faces if face.number in consumed), 0)
-    if touched:
-        conflict = TopologyError(f"a blend consumes face {touched} of the solid, and another one touches it")
-        raise ChainConflictError(range(len(chains)), conflict)
-    return SolidPlan(strips, faces, consumed)
+    return SolidPlan(tuple(strip for chain in chains for strip in chain.strips), faces)
 
 
 def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:
@@ -290,23 +281,39 @@ def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:
     return tuple(merged.values())
 
 
+def _require_unchanged(removed: Sequence[int], faces: Iterable[FacePlan]) -> None:
+    """Raise TopologyError if a face that goes is changed by another blend, or goes with two."""
+    changed = Counter([*removed, *(plan.number for plan in faces)])
+    twice = [number for number in removed if changed[number] > 1]
+    if twice:
+        raise TopologyError(f"face {twice[0]} of the solid goes with one blend, and another changes it")
+
+
 def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges."""
     return [vertex for edge in placement.joint.spine.edges for vertex in find_end_vertices(edge)]
 
 
 def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
-    """Return the vertices of the blended edges but for those at an end with a flat cap."""
-    kept = [vertex for vertex, cap in zip(placement.joint.spine.vertices, caps, strict=True) if cap is not None]
+    """Return the vertices of the blended edges but for those at an end with a flat cap, or in a point."""
+    kept = [
+        vertex
+        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
+        if cap is not None or placement.is_point(end)
+    ]
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
-    """End the blend at one end of the edge: in a flat cap at t = ``cap``, on the face across it, or in the border."""
+    """End the blend: in a flat cap at t = ``cap``, in a point, on the face across the edge, or in the border."""
     try:
         if cap is not None:
             return end_in_cap(placement, end, cap)
+        if placement.is_point(end):
+            return end_in_point(placement, end)
         border = placement.joint.border_ends[end]
-        return end_on_face(placement, end) if border is None else end_at_border(placement, end, border)
+        return end_on_faces(placement, end) if border is None else end_at_border(placement, end, border)
+    except RailsTooShortError:
+        raise
     except (SizeError, TopologyError, GeometryError) as error:
         raise BlendEndError(end, error) from error

@@ -17,6 +17,9 @@ class ShellEditTolerances:
     rail_end_at_seam: float = 1e-9
     """Relative to a parameter's range or period: parameters this near to a seam, or to an end, lie on it."""
 
+    point_end: float = 1e-12
+    """Relative to the extent of the solid: a section of a blend that is shorter is a point."""
+
     tangent_faces: float = 1e-3
     """Radians: an end face and a support face that meet at less are tangent to each other."""
 
@@ -25,6 +28,39 @@ class ShellEditTolerances:
 
     max_fit_refinement: int = 64
     """Largest number by which the six spans of the samples of such a curve are multiplied."""
+
+    boundary_chords: int = 32
+    """Number of chords, at least, that an edge is replaced by where a first guess of crossings is looked for."""
+
+    rail_chords: int = 128
+    """The same of a rail between the middle of its edge and its end."""
+
+    chord_slack: float = 1e-9
+    """Share of a chord by which a crossing may miss its ends."""
+
+    trace_step: float = 1 / 16
+    """Relative to the blend's width: length of the steps in which it is followed over the faces at its end."""
+
+    trace_sag: float = 0.1
+    """Relative to such a step: largest distance of its chord in the parameter plane from that in space."""
+
+    least_trace_step: float = 1e-3
+    """Relative to these steps: the smallest."""
+
+    guide_terms: int = 8
+    """Number of terms by which a polynomial is brought near to the points of such a curve, at most."""
+
+    max_trace_steps: int = 500
+    """Largest number of these steps on one face."""
+
+    max_end_faces: int = 24
+    """Largest number of faces that one end of a blend runs over."""
+
+    near_rail_end: float = 1e-2
+    """Relative to a step in which a blend is followed: what is nearer to the end of a rail than that is there."""
+
+    checked_end_points: int = 7
+    """Number of points of an end curve of which it is asked whether they are on the face that it ends on."""
 
     unit_speed: float = 4 * EPSILON
     """Share of a pcurve's parameters by which its length may differ from its range: rounding, at unit speed."""

@@ -25,8 +25,10 @@ from cqblend.brep.measurement.edge_parameters import spread_samples
 from cqblend.brep.measurement.edge_samples import sample_outline
 from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
+from cqblend.brep.measurement.pole_contact import measure_pole_contact
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.topology import find_end_vertices
 from cqblend.brep.verification.arc_joints import prove_arc_strip
 from cqblend.brep.verification.circular_joints import prove_revolved_strip
 from cqblend.brep.verification.edge_certification import certify_edge
@@ -56,35 +58,8 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
 
     ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
     """
-    records = []
     blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(strip.blend_face))
-    for i, (rail, edges) in enumerate(zip(blend.ribbons, strip.rail_edges, strict=True)):
-        is_held = partial(_is_not_faded, rail) if rail.fades else None
-        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(strip.trimmed_faces[i])))
-        found = [
-            measure_continuity_between(
-                ((strip.blend_face, edge), (strip.trimmed_faces[i], edge)),
-                VERIFICATION_TOLERANCES.certificate_samples,
-                is_held,
-                surfaces,
-            )
-            for edge in edges
-        ]
-        records.append(
-            RailRecord(
-                side=i + 1,
-                face=joint.face_numbers[i],
-                edge=joint.edge_number,
-                gap=max(one.gap for one in found),
-                angle=max(one.angle for one in found),
-                curvature_jump=max(one.curvature_jump for one in found),
-                direction=rail.direction,
-                length=rail.length,
-                tolerance=max(one.tolerance for one in found),
-                kept=_measure_faded_share(rail),
-                held=strip.is_held[i],
-            )
-        )
+    records = [_certify_rail(joint, strip, blend.ribbons[i], i, blend_surface) for i in (0, 1)]
     measured = _Measurements(
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
@@ -96,6 +71,39 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
         outlined=None if joint.spine.closed else strip,
     )
     return _build_certificate(blend, measured)
+
+
+def _certify_rail(
+    joint: Joint, strip: BuiltStrip, ribbon: Ribbon, i: int, blend_surface: SurfaceEvaluator
+) -> RailRecord:
+    """Measure a blend along one of its rails, or at the one point that the rail is."""
+    samples, pole, support = VERIFICATION_TOLERANCES.certificate_samples, strip.poles[i], strip.trimmed_faces[i]
+    if pole is not None:
+        found = [measure_pole_contact(strip.blend_face, pole, support, samples)]
+        tolerance = BRep_Tool.Tolerance_s(find_end_vertices(pole)[0])
+    else:
+        is_held = partial(_is_not_faded, ribbon) if ribbon.fades else None
+        surfaces = (blend_surface, SurfaceEvaluator(BRep_Tool.Surface_s(support)))
+        measured = [
+            measure_continuity_between(((strip.blend_face, edge), (support, edge)), samples, is_held, surfaces)
+            for edge in strip.rail_edges[i]
+        ]
+        found = [(one.gap, one.angle, one.curvature_jump) for one in measured]
+        tolerance = max(one.tolerance for one in measured)
+    gap, angle, curvature_jump = np.max(found, axis=0).tolist()
+    return RailRecord(
+        side=i + 1,
+        face=joint.face_numbers[i],
+        edge=joint.edge_number,
+        gap=gap,
+        angle=angle,
+        curvature_jump=curvature_jump,
+        direction=ribbon.direction,
+        length=ribbon.length,
+        tolerance=tolerance,
+        kept=_measure_faded_share(ribbon),
+        held=strip.is_held[i],
+    )
 
 
 def _choose_proof(joint: Joint, strip: BuiltStrip, blend: BlendSurface) -> Callable[[], Proof]:
@@ -133,7 +141,7 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         inner_crease=find_inner_crease(face).angle,
         method="surfaces",
         stations=VERIFICATION_TOLERANCES.surface_certificate_samples,
-        validity=(lambda: find_fold(blend.surface) is None,),
+        validity=(lambda: find_fold(blend.surface, blend.ribbons) is None,),
     )
     return _build_certificate(blend, measured)
 
