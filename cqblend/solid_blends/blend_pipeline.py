@@ -227,7 +227,7 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
 def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, if it is one of size, what may fit."""
     is_held = isinstance(context.cells[0], HeldStripContext)
-    hint = suggest_size(context) if hints and isinstance(error, SizeError) and not is_held else ""
+    hint = suggest_size(context, error) if hints and isinstance(error, SizeError) and not is_held else ""
     return error.with_details(shape="" if error.shape else context.name, after=hint)
 
 

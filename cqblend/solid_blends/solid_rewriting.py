@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
+from cqblend.brep.shell_editing.planned_solid import FaceConflictError, PlannedSolid
+from cqblend.brep.shell_editing.remaining_faces import settle_faces
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.solid_verification import check_solid
@@ -144,7 +147,11 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     """
     drafts = [draft for network in networks for draft in network.drafts]
     cells = [cell for draft in drafts for cell in draft.context.cells]
-    proposal = apply_plan(index, merge_chains(index, [draft.planned for draft in drafts]))
+    plan = merge_chains(index, [draft.planned for draft in drafts])
+    convex, name_part = [cell.joint.is_convex for cell in cells], cells[0].joint.name_part
+    planned = settle_faces(PlannedSolid(index, plan, convex, name_part))
+    proposal = apply_plan(index, planned.plan)
+    check_swallowed_faces(planned, proposal.solid, [strip.blend_face for strip in proposal.strips])
     check = check_solid(
         index.solid,
         proposal.solid,
@@ -168,9 +175,13 @@ def _get_edge_tolerance(context: StripContext) -> float:
 
 def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: CqblendError) -> FaultyNetworkError:
     """Return which of some networks is to blame for an error: one that fails alone, or with those before it."""
+    if isinstance(error, FaceConflictError):
+        owners = [network for network, _, _ in _list_cells(networks)]
+        first, last = owners[error.strips[0]], owners[error.strips[-1]]
+        return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if isinstance(error, ChainConflictError):
-        owners = [network for network in networks for _ in network.drafts]
-        first, last = owners[error.chains[0]], owners[error.chains[-1]]
+        chains = [network for network in networks for _ in network.drafts]
+        first, last = chains[error.chains[0]], chains[error.chains[-1]]
         return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if len(networks) == 1:
         return FaultyNetworkError(networks[0], error)

@@ -178,10 +178,15 @@ class StripPlan:
 
 @dataclass(frozen=True)
 class SolidPlan:
-    """What becomes of a solid: the blend faces that it gets, every face whose boundary changes, and those that go."""
+    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes, or that goes.
+
+    ``consumed_faces`` lie between rails that meet on them; ``swallowed_faces`` hang on loops inside a strip.
+    """
 
     strips: tuple[StripPlan, ...]
     faces: tuple[FacePlan, ...]
+    consumed_faces: tuple[int, ...] = ()
+    swallowed_faces: tuple[int, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -197,7 +202,8 @@ class SolidPlan:
     @property
     def removed_faces(self) -> tuple[int, ...]:
         """The numbers of the faces of the input of which nothing remains."""
-        return tuple(number for strip in self.strips for number in strip.removed_faces)
+        past_ends = (number for strip in self.strips for number in strip.removed_faces)
+        return (*past_ends, *self.consumed_faces, *self.swallowed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:

@@ -29,7 +29,7 @@ class SelectTolerances:
     """Deviation, relative to the radius, up to which a spine is an arc of a circle."""
     full_turn: float = 1e-6
     """rad: a closed arc that turns by less or more than that beside 2 pi is no full circle."""
-    contact_boundary: float = 1e-6
+    contact_boundary: float = 1e-7
     """In parameters: a contact this near to its face's boundary lies on it, and leaves nothing of the face."""
     face_boundary: float = 1e-9
     """In parameters: any other point this near to a face's boundary lies on it."""

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
 from cqblend.blends.network.strip_surface import StripCut
@@ -45,8 +46,10 @@ from cqblend.brep.topology import (
     find_end_vertices,
     find_vertex_uv,
     locate_vertex,
+    make_vertex,
 )
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
+from cqblend.splines.bernstein import Array
 
 
 def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
@@ -110,8 +113,13 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
         for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
     )
     reach = [reaches_corner(trim) for trim in trims]
-    if all(reach) and not _grows(placement, end, target, cut) and _leaves_face(placement, target, cut):
-        raise SizeError("the face there is too small for the end of the blend: the size is too large", kind="too large")
+    outside = None if not all(reach) or _grows(placement, end, target, cut) else _find_outside(placement, target, cut)
+    if outside is not None:
+        raise SizeError(
+            f"the end curve on {joint.name_part(target.face)} runs into "
+            f"{joint.name_part(_find_nearest_edge(target, outside))}: the size is too large",
+            kind="too large",
+        )
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
     return StripEnd((edge,), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
 
@@ -123,12 +131,20 @@ def _grows(placement: StripPlacement, end: int, target: SupportFace, cut: StripC
     return bool(Meeting.at_end(placement, end, target).evaluate_rates(x)[1] < 0)
 
 
-def _leaves_face(placement: StripPlacement, target: SupportFace, cut: StripCut) -> bool:
-    """Whether an end curve runs outside of the face that it is on."""
+def _find_outside(placement: StripPlacement, target: SupportFace, cut: StripCut) -> Array | None:
+    """Return a point (3,) of an end curve outside of the face that it is on; None if there is none."""
     shares = (np.arange(SHELL_EDIT_TOLERANCES.checked_end_points) + 0.5) / SHELL_EDIT_TOLERANCES.checked_end_points
     classifier = placement.index.get_classifier(target.face, SELECT_TOLERANCES.face_boundary)
-    inside = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
-    return any(classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT for uv in inside.tolist())
+    on_face = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
+    outside = [k for k, uv in enumerate(on_face.tolist()) if classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT]
+    return np.asarray(target.face_primary.jet(on_face[outside[:1]])[0, 0]) if outside else None
+
+
+def _find_nearest_edge(target: SupportFace, point: Array) -> TopoDS_Edge:
+    """Return the edge of a face that is nearest to a point (3,)."""
+    vertex = make_vertex(point)
+    edges = (TopoDS.Edge_s(edge) for edge in explore_subshapes(target.face, TopAbs_EDGE))
+    return min(edges, key=lambda edge: BRepExtrema_DistShapeShape(vertex, edge).Value())
 
 
 def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[TopoDS_Edge]:

@@ -154,7 +154,10 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
-        first, second = (rebuilt[number] for number in strip.support_faces)
+        first, second = (
+            rebuilt[number] if number in rebuilt else _find_partner(plan, strip, rail, blend_faces)
+            for number, rail in zip(strip.support_faces, strip.rails, strict=True)
+        )
         rails = ([parts.build_edge(edge) for edge in strip.rails[0]], [parts.build_edge(e) for e in strip.rails[1]])
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
@@ -177,6 +180,15 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         )
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
+
+
+def _find_partner(
+    plan: SolidPlan, strip: StripPlan, rail: Sequence[PlannedEdge], blend_faces: Sequence[TopoDS_Face]
+) -> TopoDS_Face:
+    """Return the face of the other strip that shares a rail, whose support face is consumed."""
+    return next(
+        face for other, face in zip(plan.strips, blend_faces, strict=True) if other is not strip and rail in other.rails
+    )
 
 
 def _list_edge_owners(

@@ -37,6 +37,7 @@ from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
+from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
@@ -233,6 +234,12 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     ChainConflictError
         If chains want to cut one edge of the solid in ways that exclude each other.
     """
+    trims: dict[int, list[EdgeTrim]] = {}
+    for trim in (trim for chain in chains for trim in chain.edge_trims):
+        trims.setdefault(index.edges.find_number(trim.edge), []).append(trim)
+    shared = share_rails([strip for chain in chains for strip in chain.strips], trims)
+    if shared.vertices:
+        chains = [_use_shared_rails(chain, shared, index) for chain in chains]
     cuts: list[FacePlan] = []
     for group in group_networks([chain.cut_edges for chain in chains]):
         members = [chains[k] for k in group]
@@ -251,11 +258,25 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     own = [plan for chain in chains for plan in chain.own_faces]
     removed = [number for chain in chains for strip in chain.strips for number in strip.removed_faces]
     try:
-        faces = _merge_face_plans([*own, *cuts])
+        faces = _merge_face_plans(plan for plan in [*own, *cuts] if plan.number not in shared.consumed)
         _require_unchanged(removed, faces)
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
-    return SolidPlan(tuple(strip for chain in chains for strip in chain.strips), faces)
+    return SolidPlan(
+        tuple(strip for chain in chains for strip in chain.strips), faces, consumed_faces=tuple(sorted(shared.consumed))
+    )
+
+
+def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidIndex) -> PlannedChain:
+    """Return the plan of a chain on the rails that it shares with others."""
+    crossings = [one for one in chain.crossings if index.faces.find_number(one.face) not in shared.consumed]
+    return PlannedChain(
+        tuple(map(shared.replace_strip, chain.strips)),
+        tuple(shared.replace_face(plan) for plan in chain.own_faces if plan.number not in shared.consumed),
+        tuple(map(shared.replace_trim, chain.edge_trims)),
+        tuple(map(shared.replace_crossings, crossings)),
+        tuple(map(shared.replace_face, chain.cut_faces)),
+    )
 
 
 def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:
