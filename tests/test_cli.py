@@ -103,6 +103,18 @@ def test_blend(capsys, box, tmp_path, size):
     assert len(solid.Faces()) == 7
 
 
+@pytest.mark.parametrize(("option", "count"), [([], 8), (["--no-chain"], 1)])
+def test_a_point_picks_a_whole_chain_or_one_edge(capsys, tmp_path, option, count):
+    path, output = tmp_path / "rounded.step", tmp_path / "out.step"
+    cq.exporters.export(cq.Workplane().box(*BOX).edges("|Z").fillet(3), str(path))
+    code, _, _ = run(capsys, "blend", path, output, "--near", "0,10,5", "--radius", "1", "--ends", "flat", *option)
+    assert code == 0
+    solid = cq.importers.importStep(str(output)).val()
+    assert solid.isValid()
+    flat_ends = 0 if count > 1 else 2
+    assert len(solid.Faces()) == 10 + count + flat_ends
+
+
 def test_near_may_be_repeated_and_negative(capsys, tmp_path):
     centered, output = tmp_path / "centered.step", tmp_path / "out.step"
     cq.exporters.export(cq.Workplane().box(*BOX), str(centered))

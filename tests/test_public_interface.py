@@ -240,10 +240,11 @@ EDGE_OPTIONS = {
     "form": "auto",
     "tolerance": 1e-7,
     "angular_tolerance": 1e-5,
-    "ends": "auto",
+    "ends": "natural",
     "first": None,
     "on_error": "raise",
     "chain": True,
+    "hold": None,
 }
 
 UNROLL_OPTIONS = {

@@ -13,8 +13,9 @@ from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
-from cqblend.brep.shell_editing.strip_planning import RailsTooShortError, merge_chains, plan_chain
+from cqblend.brep.shell_editing.strip_planning import merge_chains, plan_chain
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.solid_verification import check_solid

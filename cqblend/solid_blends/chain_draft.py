@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from cqblend.blends.quality.creases import check_creases
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, place_strip
-from cqblend.brep.shell_editing.strip_planning import PlannedChain, RailsTooShortError, plan_chain
+from cqblend.brep.shell_editing.strip_planning import PlannedChain, plan_chain
 from cqblend.errors import CqblendError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.blend_acceptance import get_crease_limits
 from cqblend.solid_blends.chain_context import ChainContext
@@ -96,7 +97,7 @@ def draft_chain(
     for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
         blends = tuple(context.make_blends(domain))
         for cell, blend in zip(context.cells, blends, strict=True):
-            _check_blend(cell, blend)
+            check_blend(cell, blend)
         placements = [place_strip(cell.joint, blend) for cell, blend in zip(context.cells, blends, strict=True)]
         try:
             return blends, plan_chain(placements, context.chain, caps)
@@ -106,7 +107,7 @@ def draft_chain(
     raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
 
 
-def _check_blend(context: StripContext, blend: BlendSurface) -> None:
+def check_blend(context: StripContext, blend: BlendSurface) -> None:
     """Check that a blend neither folds nor has a sharper crease inside than is allowed."""
     context.method.check(blend)
     if all(ribbon.light for ribbon in blend.ribbons):  # these run along lines and arcs without knot lines

@@ -27,12 +27,12 @@ SMALLER_SIZE_HINT = "A smaller size may help"
 EARLIER_BLEND_HINT = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
 
 EndMethod = Literal["natural", "flat at the vertex", "flat", "point"]
-"""On the face across the end; in a cap at the vertex; in a cap at the vertex or before it; in a point."""
+"""On the faces around the end; in a cap at the vertex; in a cap at the vertex or before it; in a point."""
 
 METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
-    "auto": ("natural", "flat at the vertex"),
     "natural": ("natural",),
     "flat": ("flat",),
+    "auto": ("natural", "flat at the vertex"),
 }
 """Methods tried at one end, in this order, by what is asked for."""
 
@@ -172,19 +172,20 @@ def record_ends(
 
 
 def _measure_end_overrun(joint: Joint, solve: ContactSolver, end: int) -> float:
-    """Return how far (mm) the rails overrun the end of the edge before they meet the plane of the face there."""
-    corner, normal = joint.find_end_plane(end)
+    """Return how far (mm) the rails overrun the end of the edge before they meet the planes of the faces there."""
     t = np.array([float(end)])
     try:
         contacts = solve(t)
     except (GeometryError, SizeError) as error:
         raise TopologyError("the joint fades out before it gets there") from error
     direction = joint.locate_stations(t).tangents[0] * (1.0 if end else -1.0)
-    cosine = float(direction @ normal)
-    if abs(cosine) < SOLID_BLEND_TOLERANCES.parallel_cosine:
-        return 0.0  # the face runs along the edge: the rails meet it before the end, or at it
     points = [primary.jet(uv)[0, 0] for primary, uv in zip(joint.primaries, contacts.uv, strict=True)]
-    return max([0.0, *(float((corner - point) @ normal) / cosine for point in points)])
+    overruns = [0.0]
+    for corner, normal in joint.list_end_planes(end):
+        cosine = float(direction @ normal)
+        if abs(cosine) > SOLID_BLEND_TOLERANCES.parallel_cosine:  # else it runs along the edge
+            overruns += [float((corner - point) @ normal) / cosine for point in points]
+    return max(overruns)
 
 
 def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, offsets: tuple[float, ...]) -> float:

@@ -79,7 +79,7 @@ class EdgePiece:
     """An edge of the input over another span of its own curves.
 
     ``gaps`` (mm) are the distances of its vertices from its curve. A piece that also bounds a flat ``cap`` lies in its
-    plane.
+    plane; one that a rail is held on has ``pcurves`` on the blend. No continuity is promised across it.
     """
 
     number: int
@@ -87,6 +87,8 @@ class EdgePiece:
     vertices: tuple[PlannedVertex, PlannedVertex]
     gaps: tuple[float, float] = (0.0, 0.0)
     cap: PlannedSurface | None = None
+    pcurves: tuple[PlannedPcurve, ...] = ()
+    order = 0
 
 
 @dataclass(frozen=True)
@@ -152,17 +154,18 @@ class StripPlan:
 
     ``spine`` has the numbers of the blended edges, ``support_faces`` those of the faces that the rails run on. A rail
     that is one point has no edges, but a pole of the blend face. The ``end_edges`` of an open strip are those at the
-    start and at the stop of its spine.
+    start and at the stop of its spine. It takes the place of the ``removed_faces``, by their numbers.
     """
 
     spine: tuple[int, ...]
     support_faces: tuple[int, int]
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
-    rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    rails: tuple[tuple[PlannedEdge, ...], tuple[PlannedEdge, ...]]
     poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
-    end_edges: tuple[NewEdge, ...] = ()
+    end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
+    removed_faces: tuple[int, ...] = ()
     is_mirrored: bool = False
 
     @property
@@ -175,10 +178,15 @@ class StripPlan:
 
 @dataclass(frozen=True)
 class SolidPlan:
-    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes."""
+    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes, or that goes.
+
+    ``consumed_faces`` lie between rails that meet on them; ``swallowed_faces`` hang on loops inside a strip.
+    """
 
     strips: tuple[StripPlan, ...]
     faces: tuple[FacePlan, ...]
+    consumed_faces: tuple[int, ...] = ()
+    swallowed_faces: tuple[int, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -190,6 +198,12 @@ class SolidPlan:
         """Every new vertex, once."""
         ends = (vertex for edge in self.edges for vertex in edge.vertices)
         return tuple(dict.fromkeys(vertex for vertex in ends if not vertex.number))
+
+    @property
+    def removed_faces(self) -> tuple[int, ...]:
+        """The numbers of the faces of the input of which nothing remains."""
+        past_ends = (number for strip in self.strips for number in strip.removed_faces)
+        return (*past_ends, *self.consumed_faces, *self.swallowed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:
@@ -213,6 +227,8 @@ class SolidPlan:
             ends = f", {len(strip.caps)} flat ends" if strip.caps else ""
             spine = ", ".join(map(str, strip.spine))
             lines.append(f"blend of edge {spine} between faces {first} and {second}, {len(strip.boundary)} sides{ends}")
+        if self.removed_faces:
+            lines.append(f"faces gone: {', '.join(map(str, self.removed_faces))}")
         for face in self.faces:
             cut = ", ".join(f"{number} in {len(pieces)}" for number, pieces in sorted(face.pieces.items()))
             roles = Counter(use.edge.role for use in face.added if isinstance(use.edge, NewEdge))

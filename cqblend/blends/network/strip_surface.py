@@ -65,6 +65,13 @@ class StripCut:
         first, last = self.on_strip(np.array(self.span))[:, 0]
         return float(first), float(last)
 
+    def restrict(self, first: float, last: float) -> StripCut:
+        """Return the part of a cut whose parameter is a linear function of v from one v to another."""
+        low, high = self.span
+        span = (low + first * (high - low), low + last * (high - low))
+        on_other = self.on_other.clip(*span) if isinstance(self.on_other, Curve) else self.on_other
+        return StripCut(self.curve, span, self.on_strip.clip(*span), on_other)
+
     @property
     def ends(self) -> Array:
         """Its ends in space, (2, 3)."""

@@ -20,6 +20,30 @@ class NetworkTolerances:
     section_plane: float = 1e-15
     """Relative to the size: by how much an axis may miss a plane that a section is to lie in."""
 
+    first_chords: int = 16
+    """Chords of each curve of a face's boundary to begin with."""
+
+    chord_parts: int = 6
+    """Parts of a chord that is too long to tell whether it meets another one."""
+
+    chord_refinements: int = 14
+    """Largest number of times that chords are cut finer."""
+
+    most_chord_pairs: int = 50_000
+    """Pairs of chords above which curves that run along each other are taken to meet."""
+
+    sagitta_margin: float = 1.25
+    """Factor on the distance of a curve from the middle of its chord: the most that it is from all of the chord."""
+
+    same_parameter: float = 1e-12
+    """Relative: chords whose parameters are this near to each other are neighbours."""
+
+    parting_angle: float = 1e-2
+    """Radians: curves that leave a common end at more do not meet again before they bend."""
+
+    coincident_lines: float = 1e-7
+    """Radians: straight curves that leave a common end at less lie on each other."""
+
     arc_plane: float = 1e-12
     """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
     lie may miss its axis, or turn from it."""
@@ -74,6 +98,12 @@ class NetworkTolerances:
 
     lifted_step: float = 0.05
     """Step from an end into a cell, as a share of it, on which derivatives of lifted curves are taken."""
+
+    inner_share: float = 0.05
+    """Share of a cell, from its end, at which its rail tells on which side of a smooth edge the cell is."""
+
+    side_step: float = 1e-11
+    """Share of the way from the edge to there: a step that passes a knot line, and nothing else."""
 
     edge_samples: int = 65
     """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""

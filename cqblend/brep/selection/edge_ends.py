@@ -9,11 +9,10 @@ from OCP.BRep import BRep_Tool
 from OCP.GeomAPI import GeomAPI_ProjectPointOnCurve
 from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_EDGE
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.topology import (
     CONFUSION,
     drop_duplicate_shapes,
@@ -25,7 +24,6 @@ from cqblend.brep.topology import (
     locate_vertex,
     orient_forward,
 )
-from cqblend.errors import TopologyError
 from cqblend.splines.bernstein import Array
 
 SAME_DIRECTION = 0.15
@@ -37,26 +35,14 @@ def find_neighbour_faces(index: SolidIndex, vertex: TopoDS_Vertex, sides: Sequen
     return [face for face in index.faces_at_vertex(vertex) if not is_among(face, [side.face for side in sides])]
 
 
-def find_end_face(index: SolidIndex, spine: EdgeSpine, end: int, sides: Sequence[SupportFace]) -> TopoDS_Face:
-    """Return the one face at the start (``end`` 0) or stop (1) of the blended edge on which its blend can end.
-
-    Raises
-    ------
-    TopologyError
-        If there is not exactly one further face, or another edge continues the blended one past the vertex.
-    """
-    vertex, edge = spine.vertices[end], spine.edges[-end]
-    others = find_neighbour_faces(index, vertex, sides)
-    if len(others) != 1:
-        raise TopologyError(
-            f"the joint goes on there: a natural end takes one further face, across the edge, not {len(others)}"
-        )
+def find_continuing_edge(index: SolidIndex, vertex: TopoDS_Vertex, edge: TopoDS_Edge) -> TopoDS_Edge | None:
+    """Return another edge that leaves a vertex in the direction in which this edge arrives; None if none does."""
     arriving = -find_outgoing_tangent(vertex, edge)
     for other in index.edges_at_vertex(vertex):
         turn = np.linalg.norm(find_outgoing_tangent(vertex, other) - arriving)
         if not other.IsSame(edge) and turn < SAME_DIRECTION:
-            raise TopologyError("the joint goes on there: another edge leaves in the same direction")
-    return others[0]
+            return TopoDS.Edge_s(other)
+    return None
 
 
 def find_edge_in_plane(

@@ -15,14 +15,14 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.brep.bodies import is_solid
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
 from cqblend.brep.measurement.nearest_side import measure_height
 from cqblend.brep.selection.border_ends import BorderEnd, find_border_end
-from cqblend.brep.selection.edge_ends import find_edge_in_plane, find_end_face, find_neighbour_faces
+from cqblend.brep.selection.edge_ends import find_continuing_edge, find_edge_in_plane, find_neighbour_faces
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
@@ -32,9 +32,10 @@ from cqblend.brep.topology import (
     find_vertex_uv,
     locate_vertex,
 )
-from cqblend.errors import TopologyError
+from cqblend.errors import GeometryError, TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,38 @@ class Joint:
         """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
         return self.spine.extend_along_circle(self.spine.locate_stations(t, self.sides), self.sides)
 
+    @cached_property
+    def fading_ends(self) -> tuple[bool, bool]:
+        """Whether the two faces become tangent to each other at t = 0 and at t = 1."""
+        if self.spine.closed:
+            return False, False
+        uses = self.spine.edges[0], self.spine.edges[-1]
+        angles = [self.index.measure_dihedral_angles(use) for use in uses]
+        first, last = (
+            one is None or abs(one.find_end_angle(use, end)) < SELECT_TOLERANCES.smooth_angle
+            for end, (use, one) in enumerate(zip(uses, angles, strict=True))
+        )
+        return first, last
+
+    def find_fading_limit(self, end: int) -> float:
+        """Return the t next to an end, at which the joint fades out, where its faces meet at a measurable angle.
+
+        Raises
+        ------
+        GeometryError
+            If they do not in the half of the joint at this end.
+        """
+        shares = np.geomspace(*SELECT_TOLERANCES.fading_range, SELECT_TOLERANCES.fading_samples)
+        t = shares if end == 0 else 1 - shares
+        stations = self.locate_stations(np.sort(t))
+        n1, n2 = (side.primary.evaluate_normals(uv) for side, uv in zip(self.sides, stations.uv, strict=True))
+        sine = measure_lengths(cross_product(n1, n2))[:: 1 if end == 0 else -1]
+        if sine[-1] < SELECT_TOLERANCES.fading_sine:
+            raise GeometryError(
+                f"the faces are nearly tangent to each other over half of the edge, at {sine[-1]:.2g} rad"
+            )
+        return float(t[np.argmax(sine >= SELECT_TOLERANCES.fading_sine)])
+
     def to_face_parameters(self, contacts: Contacts) -> list[Array]:
         """Return contacts in the own parameters (n, 2) of both faces, in their windows."""
         return [
@@ -135,21 +168,6 @@ class Joint:
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
-    def find_end_plane(self, end: int) -> tuple[Array, Array]:
-        """Return point and normal of the one face, or of the border, in which a blend can end at t = ``end``, 0 or 1.
-
-        Raises
-        ------
-        TopologyError
-            If there is not exactly one.
-        """
-        border = self.border_ends[end]
-        if border is not None:
-            return border.point, border.normal
-        vertex, side = self.spine.vertices[end], self.read_end_face(end)
-        uv = find_vertex_uv(vertex, side.face)
-        return locate_vertex(vertex), side.face_primary.evaluate_normals(uv[None])[0]
-
     @cached_property
     def border_ends(self) -> tuple[BorderEnd | None, BorderEnd | None]:
         """What lies at both ends of the edge where these are in the border of an open shell; None at other ends."""
@@ -158,23 +176,27 @@ class Joint:
         first, last = (find_border_end(self.index, self.spine, end, self.sides) for end in (0, 1))
         return first, last
 
-    @cached_property
-    def _end_faces(self) -> dict[int, SupportFace]:
-        """The faces on which a blend can end that have been read, by the end."""
-        return {}
+    def find_continuing_edge(self, end: int) -> TopoDS_Edge | None:
+        """Return the edge that continues this one tangentially past t = ``end``, 0 or 1; None if there is none."""
+        return find_continuing_edge(self.index, self.spine.vertices[end], self.spine.edges[-end])
 
-    def read_end_face(self, end: int) -> SupportFace:
-        """Return the one face on which a blend can end at t = ``end``, 0 or 1.
+    def list_end_planes(self, end: int) -> list[tuple[Array, Array]]:
+        """Return point and normal of every face, or of the border, across the edge at t = ``end``, 0 or 1."""
+        border = self.border_ends[end]
+        if border is not None:
+            return [(border.point, border.normal)]
+        vertex, planes = self.spine.vertices[end], []
+        point = locate_vertex(vertex)
+        for face in find_neighbour_faces(self.index, vertex, self.sides):
+            side = read_support_face(face, point[None])
+            planes.append((point, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]))
+        return planes
 
-        Raises
-        ------
-        TopologyError
-            If there is not exactly one.
-        """
-        if end not in self._end_faces:
-            across = find_end_face(self.index, self.spine, end, self.sides)
-            self._end_faces[end] = read_support_face(across, locate_vertex(self.spine.vertices[end])[None])
-        return self._end_faces[end]
+    def read_end_face(self, end: int) -> SupportFace | None:
+        """Return the one face across the edge at t = ``end``, 0 or 1; None if there is not exactly one."""
+        vertex = self.spine.vertices[end]
+        across = find_neighbour_faces(self.index, vertex, self.sides)
+        return read_support_face(across[0], locate_vertex(vertex)[None]) if len(across) == 1 else None
 
     def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
         """Check that a blend can end in a flat cap at the one t of contacts and stations, towards ``end`` (0 or 1).

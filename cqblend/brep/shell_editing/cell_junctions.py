@@ -63,6 +63,6 @@ def _join_cells(
         trims += [EdgeTrim(before, 1, smooth, junction.vertex, corners[i], faces) for smooth in crossed]
     vertex = before.keep_vertex(junction.vertex)
     return (
-        StripEnd(edge, corners, (stop, stop), vertex, tuple(trims)),
-        StripEnd(edge, corners, (start, start), vertex),
+        StripEnd((edge,), corners, (stop, stop), vertex, tuple(trims)),
+        StripEnd((edge,), corners, (start, start), vertex),
     )

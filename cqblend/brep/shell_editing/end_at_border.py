@@ -53,7 +53,7 @@ def end_at_border(placement: StripPlacement, end: int, border: BorderEnd) -> Str
         for free, corner, side in zip(border.edges, corners, placement.joint.sides, strict=True)
     )
     low, high = found.on_strip(np.array(found.span))[:, 0].tolist()
-    return StripEnd(edge, corners, (low, high), placement.keep_vertex(border.vertex), trims)
+    return StripEnd((edge,), corners, (low, high), placement.keep_vertex(border.vertex), trims)
 
 
 class _FreeEnd(NamedTuple):
@@ -68,7 +68,7 @@ def _cut_border_plane(placement: StripPlacement, end: int, border: BorderEnd) ->
     """Return the curve in which the blend meets the plane of the border."""
     x = normalise_vectors(np.cross(border.normal, np.eye(3)[int(np.abs(border.normal).argmin())]))
     plane = Plane(LocalFrame(border.point, np.array([x, np.cross(border.normal, x), border.normal])))
-    start = EndCurveStart(placement.locate_edge_parameter(end), np.zeros(2), border.point)
+    start = EndCurveStart(end, placement.locate_edge_parameter(end), np.zeros(2), border.point)
     cut = solve_end_curve(placement.strip, plane, start)
     return _FreeEnd(cut.curve, cut.span, cut.on_strip)
 

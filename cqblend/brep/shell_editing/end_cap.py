@@ -59,7 +59,7 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
         If the blend does not meet that plane, or the edge's vertex is too far from the surfaces for a cap there.
     """
     cap, joint = _place_cap(placement, end, t), placement.joint
-    start = EndCurveStart(placement.locate_edge_parameter(t), np.zeros(2), cap.foot)
+    start = EndCurveStart(end, placement.locate_edge_parameter(t), np.zeros(2), cap.foot)
     cut = solve_end_curve(placement.strip, cap.plane, start)
     edge, corners = plan_end_edge(placement, cut, cap.surface)
     vertex, foot = joint.spine.vertices[end], _plan_foot_vertex(placement, end, t, cap.foot)
@@ -83,7 +83,7 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
     use = EdgeUse(edge)
     boundary = (use, borders[1].reverse(), borders[0]) if end else (use.reverse(), borders[0].reverse(), borders[1])
     return StripEnd(
-        edge,
+        (edge,),
         corners,
         cut.rail_parameters,
         foot,

@@ -38,12 +38,23 @@ PointSolver = Callable[[Array, Array | None], Array]
 class EndCurveStart:
     """Where the solution of an end curve starts: on the blend at t, on the other surface at ``uv``, which is ``point``.
 
-    That is near the end, not exactly on the curve.
+    That is near the end of the edge, ``end`` 0 or 1, not exactly on the curve.
     """
 
+    end: int
     t: float
     uv: Array  # (2,)
     point: Array  # (3,)
+
+
+@dataclass(frozen=True)
+class TouchPoint:
+    """Where rail ``side`` (0 or 1) of a blend touches the surface of a face, and how the curve of both leaves there."""
+
+    side: int
+    t: float
+    uv: Array  # (2,) on the face
+    slope: float  # dt/dv
 
 
 def fit_solved_curve(solve_points: PointSolver, measure_error: Callable[[Array, Array], float]) -> Curve:
@@ -78,29 +89,28 @@ def _interpolate_cubic(values: Array) -> Curve:
 
 
 def solve_end_curve(
-    blend: StripSurface, target: Primary, start: EndCurveStart, tangent_side: int | None = None
+    blend: StripSurface, target: Primary, start: EndCurveStart, touch: TouchPoint | None = None
 ) -> StripCut:
     """Return the end curve, in which the blend surface H meets the surface N that it ends on.
 
     It is v -> (t, v, a, b, x, y, z) with H(t, v) = N(a, b) = (x, y, z), v in [0, 1]: in closed form on a plane that
-    cuts a straight blend, or one around an axis along a section; else solved point by point. Where the support face on
-    ``tangent_side`` (0 or 1) is tangent to N, the blend touches N where its rail crosses over.
+    cuts a straight blend, or one around an axis along a section; else solved point by point. Where a support face is
+    tangent to N, the blend touches N where its rail crosses over, at ``touch``.
 
     Raises
     ------
     TopologyError
         If the blend does not meet N for all v.
     """
-    if isinstance(target, Plane) and tangent_side is None:
+    if isinstance(target, Plane) and touch is None:
         section = blend.cut_with_plane(target, start.t)
         if section is not None:
             return section
     first, last = blend(np.full(2, start.t), np.array([0.0, 1.0]))
     size = float(np.linalg.norm(first - last))
-    touch, slope = None, 0.0
-    if tangent_side is not None:
-        touch, slope = _solve_tangent_contact(blend, target, start, tangent_side)
-        start = EndCurveStart(float(touch[0]), touch[1:], target.jet(touch[None, 1:])[0, 0])
+    slope = 0.0 if touch is None else touch.slope
+    if touch is not None:
+        start = EndCurveStart(start.end, touch.t, touch.uv, target.jet(touch.uv[None])[0, 0])
 
     def solve_curve_points(v: Array, near: Array | None) -> Array:
         """Return the curve's values (n, 7) at v (n,)."""
@@ -112,7 +122,7 @@ def solve_end_curve(
             return h[0, 0] - n[0], jacobian, np.linalg.norm(jacobian, axis=1)
 
         if near is None:
-            t = start.t + slope * (v - (tangent_side or 0))
+            t = start.t + slope * (v - (touch.side if touch is not None else 0))
             offset = blend(t, v) - start.point
             guess = start.uv + to_tangent_coordinates(target.jet(np.tile(start.uv, (len(v), 1))), offset)
             first = np.column_stack([t, guess])
@@ -120,7 +130,7 @@ def solve_end_curve(
             first = near[:, [0, 2, 3]]
         x, good = solve_damped_newton(evaluate_system, first, size, size)
         if touch is not None:  # where the equations are singular, and the solution is known
-            x[v == tangent_side], good[v == tangent_side] = touch, True
+            x[v == touch.side], good[v == touch.side] = (touch.t, *touch.uv), True
         if not good.all():
             raise TopologyError("the blend does not meet the face there all across: the size is too large for it")
         return np.column_stack([x[:, 0], v, x[:, 1:], target.jet(x[:, 1:])[0]])
@@ -133,13 +143,19 @@ def solve_end_curve(
     return StripCut.from_solution(fit_solved_curve(solve_curve_points, measure_error))
 
 
-def _solve_tangent_contact(
-    blend: StripSurface, target: Primary, start: EndCurveStart, side: int
-) -> tuple[Array, float]:
-    """Return (t, a, b) at which rail ``side`` (0 or 1) of a blend H touches N(a, b), and dt/dv of the end curve there.
+def solve_touch_point(
+    blend: StripSurface, target: Primary, start: EndCurveStart, side: int, *, into_blend: bool
+) -> TouchPoint:
+    """Return where rail ``side`` (0 or 1) of a blend H touches N(a, b), to which its support face is tangent.
 
-    The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and the curve leaves in a direction in which the
-    second derivative of g vanishes, into the blend.
+    The distance g of H from N is stationary there, dg/dt = H_t.n = 0, and two curves in which H and N meet leave in the
+    directions in which the second derivative of g vanishes: one ``into_blend``, back along the edge, one on past its
+    end.
+
+    Raises
+    ------
+    TopologyError
+        If there is no such point, or no such curve.
     """
     v = np.array([float(side)])
 
@@ -174,10 +190,11 @@ def _solve_tangent_contact(
     roots = np.roots(
         [evaluate_second_derivative(0, 0), 2 * evaluate_second_derivative(0, 1), evaluate_second_derivative(1, 1)]
     )
-    into_blend = [float(root) for root in roots.real if root * (0.5 - side) * (0.5 - start.t) > 0]
-    if np.iscomplex(roots).any() or not into_blend:
+    wanted = (0.5 - side) * (0.5 - start.end) * (1.0 if into_blend else -1.0)
+    slopes = [float(root) for root in roots.real if root * wanted > 0]
+    if np.iscomplex(roots).any() or not slopes:
         raise TopologyError("the blend does not run out on the face there")
-    return x[0], min(into_blend, key=abs)
+    return TouchPoint(side, float(x[0, 0]), x[0, 1:], min(slopes, key=abs))
 
 
 def plan_end_edge(
@@ -186,8 +203,15 @@ def plan_end_edge(
     """Plan the edge of an end curve, with its pcurves on the blend and on the face it ends on, and its two corners."""
     first, last = cut.ends
     corners = (PlannedVertex(first), PlannedVertex(last))
+    return plan_cut_edge(placement, cut, corners, face), corners
+
+
+def plan_cut_edge(
+    placement: StripPlacement, cut: StripCut, vertices: tuple[PlannedVertex, PlannedVertex], face: int | PlannedSurface
+) -> NewEdge:
+    """Plan the edge of an end curve between given vertices."""
     pcurves = (placement.plan_pcurve(cut.on_strip), PlannedPcurve(face, cut.on_other))
-    return NewEdge("end curve", cut.curve, cut.span, corners, pcurves), corners
+    return NewEdge("end curve", cut.curve, cut.span, vertices, pcurves)
 
 
 def plan_shared_edge(

@@ -30,4 +30,4 @@ def end_in_point(placement: StripPlacement, end: int) -> StripEnd:
         raise TopologyError("the edge's vertex is too far from its faces for a blend to end there in a point")
     kept = placement.keep_vertex(vertex)
     across = PlannedPcurve(placement.surface, Curve.bezier([(at, 0.0), (at, 1.0)]))
-    return StripEnd(NewEdge("pole", None, (0.0, 1.0), (kept, kept), (across,)), (kept, kept), (at, at), kept)
+    return StripEnd((NewEdge("pole", None, (0.0, 1.0), (kept, kept), (across,)),), (kept, kept), (at, at), kept)

@@ -33,14 +33,18 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
+LEAST_REMAINDER = 10 * CONFUSION
+"""mm: what is shorter does not remain of an edge."""
+
 
 @dataclass(frozen=True)
 class EdgeTrim:
     """An edge of the input next to one ``end`` (0 or 1) of a blend, to be trimmed or extended to the blend's corner.
 
-    It loses what is between ``spine_vertex``, its end at the blended edge, and ``corner``; or it is lengthened to
-    there, but for a free edge, which has one face. Where a flat cap stands on the edge, ``cap_border`` is the part
-    between vertex and corner: then only the face ``face_without_border``, which ends at the rail, loses that part.
+    It loses what is between ``spine_vertex``, its end on the side of the blended edge, and ``corner``; or it is
+    lengthened to there, but for a free edge, which has one face. Where a flat cap stands on the edge, ``cap_border`` is
+    the part between vertex and corner: then only the face ``face_without_border``, which ends at the rail, loses that
+    part.
     """
 
     placement: StripPlacement
@@ -100,17 +104,24 @@ def _trim_edge(edge: TopoDS_Edge, number: int, trims: Sequence[EdgeTrim]) -> lis
             raise BlendEndError(trim.end, error.with_details(before=f"{name} next to the blend: ")) from error
         span[which], gaps[which] = found
         vertices[which] = trim.corner
+    if len(trims) > 1 and vertices[0] is vertices[1]:
+        return extensions  # two blends meet there, and consume it
     distance = np.linalg.norm(vertices[0].point - vertices[1].point)
-    if distance < 100 * CONFUSION or span[0] >= span[1]:
+    if distance < LEAST_REMAINDER or span[0] >= span[1]:
         name = trims[0].placement.joint.name_part(edge)
-        nothing = SizeError(
-            f"nothing would remain of {name} next to the blend: the size is too large", kind="too large"
-        )
+        nothing = _make_nothing_left_error(name, _measure_room(edge, trims))
         raise nothing if len(trims) > 1 else BlendEndError(trims[0].end, nothing)
     if tuple(span) == whole:
         return [KeptEdge(number), *extensions]
     piece = EdgePiece(number, (span[0], span[1]), (vertices[0], vertices[1]), (gaps[0], gaps[1]))
     return [piece, *extensions]
+
+
+def _measure_room(edge: TopoDS_Edge, trims: Sequence[EdgeTrim]) -> float:
+    """Return the distance between the ends of an edge relative to those of its ends from the corners of its trims."""
+    start, stop = map(locate_vertex, find_end_vertices(edge))
+    taken = sum(np.linalg.norm(trim.corner.point - locate_vertex(trim.spine_vertex)) for trim in trims)
+    return float(np.linalg.norm(stop - start) / taken)
 
 
 def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple[float, float] | None:
@@ -125,12 +136,50 @@ def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple
     SizeError
         If the corner lies beyond the other end.
     """
+    at_corner = _locate_corner(edge, trim)
+    return _find_extension_parameter(edge, which, trim) if at_corner is None else at_corner
+
+
+def _locate_corner(edge: TopoDS_Edge, trim: EdgeTrim) -> tuple[float, float] | None:
+    """Return the parameter of a FORWARD edge at a corner, and how far (mm) it is from its curve; None if it is behind.
+
+    Raises
+    ------
+    SizeError
+        If the corner lies beyond the other end.
+    """
     parameter, distance = project_to_edge(edge, trim.corner)
     if np.isfinite(distance) and _is_within_tolerance(distance, edge, trim.faces):
         return parameter, distance
-    if len(trim.faces) == 1 or not _is_corner_behind(edge, trim):
+    if len(trim.faces) == 1 or not is_corner_behind(edge, trim.spine_vertex, trim.corner.point):
         raise SizeError("the blend reaches beyond its other end: the size is too large for it", kind="too large")
-    return _find_extension_parameter(edge, which, trim)
+    return None
+
+
+def reaches_corner(trim: EdgeTrim) -> bool:
+    """Whether an edge has the corner that it is to be trimmed to; False if it must be extended to there.
+
+    Raises
+    ------
+    SizeError
+        If the corner lies beyond its other end, or so near that nothing remains.
+    """
+    edge = TopoDS.Edge_s(orient_forward(trim.edge))
+    name = trim.placement.joint.name_part(edge)
+    try:
+        found = _locate_corner(edge, trim)
+    except SizeError as error:
+        raise error.with_details(before=f"{name} next to the blend: ") from error
+    (other_end,) = (vertex for vertex in find_end_vertices(edge) if not vertex.IsSame(trim.spine_vertex))
+    if np.linalg.norm(locate_vertex(other_end) - trim.corner.point) < LEAST_REMAINDER:
+        raise _make_nothing_left_error(name)
+    return found is not None
+
+
+def _make_nothing_left_error(name: str, room: float = 0.0) -> SizeError:
+    """Return the error of an edge of which nothing would remain."""
+    message = f"nothing would remain of {name} next to the blend: the size is too large"
+    return SizeError(message, kind="too large", room=room)
 
 
 def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, float]:
@@ -156,14 +205,15 @@ def _is_within_tolerance(distance: float, edge: TopoDS_Edge, faces: tuple[TopoDS
     return distance <= 2 * max(deviations)
 
 
-def _is_corner_behind(edge: TopoDS_Edge, trim: EdgeTrim) -> bool:
-    """Whether a corner lies past the end of an edge at the trim's vertex: it does at a vertex of mixed convexity."""
+def is_corner_behind(edge: TopoDS_Edge, vertex: TopoDS_Vertex, corner: Array) -> bool:
+    """Whether a corner lies past the end of an edge at a vertex: it does at a vertex of mixed convexity."""
     point, rate = gp_Pnt(), gp_Vec()
+    edge = TopoDS.Edge_s(orient_forward(edge))
     first, last = BRep_Tool.Range_s(edge)
-    starts = find_end_vertices(edge)[0].IsSame(trim.spine_vertex)
+    starts = find_end_vertices(edge)[0].IsSame(vertex)
     BRep_Tool.Curve_s(edge, 0.0, 0.0).D1(first if starts else last, point, rate)
     away = np.array(rate.Coord()) * (1.0 if starts else -1.0)
-    return bool((trim.corner.point - locate_vertex(trim.spine_vertex)) @ away < 0)
+    return bool((corner - locate_vertex(vertex)) @ away < 0)
 
 
 def _find_extension_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple[float, float] | None:

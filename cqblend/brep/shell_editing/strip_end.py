@@ -1,4 +1,4 @@
-"""One end of an open blend, as planned: on the face across the edge, or in a flat cap."""
+"""One end of an open blend, as planned: on the faces that lie there, or in a flat cap."""
 
 from __future__ import annotations
 
@@ -6,28 +6,41 @@ from dataclasses import dataclass
 
 from cqblend.blends.network.blend_plan import CapPlan, EdgeUse, FacePlan, NewEdge, PlannedVertex
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
+from cqblend.errors import GeometryError
+
+
+class RailsTooShortError(GeometryError):
+    """The blend must be made over a longer range, ``needed_domain``, to reach the faces at its ends.
+
+    That is from a t of the first cell of its chain to one of the last cell.
+    """
+
+    def __init__(self, needed: tuple[float, float]) -> None:
+        super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
+        self.needed_domain = needed
 
 
 @dataclass(frozen=True)
 class StripEnd:
     """One end of an open blend.
 
-    ``edge`` is that of the end curve, in which the blend surface meets the face or the cap: from the corner on rail 1
-    to that on rail 2, at the parameters ``rail_parameters`` of the rails. Where there is a ``cap``, its ``cap_borders``
-    run inside each support face, from the edge to the corner; none on a side where the cap stands on an edge of the
-    input.
+    ``edges`` are those of the end curves, in which the blend surface meets one face after the other, or the cap: from
+    the corner on rail 1 to that on rail 2, at the parameters ``rail_parameters`` of the rails. ``removed_faces`` are
+    the numbers of faces that the blend takes the place of altogether. Where there is a ``cap``, its ``cap_borders`` run
+    inside each support face, from the edge to the corner; none on a side where the cap stands on an edge of the input.
     """
 
-    edge: NewEdge
+    edges: tuple[NewEdge, ...]
     corners: tuple[PlannedVertex, PlannedVertex]
     rail_parameters: tuple[float, float]
     spine_vertex: PlannedVertex  # of the edge at this end: the input's, or a new one where a cap stands before it
     edge_trims: tuple[EdgeTrim, ...] = ()
     face_plans: tuple[FacePlan, ...] = ()
+    removed_faces: tuple[int, ...] = ()
     cap_borders: tuple[tuple[EdgeUse, ...], tuple[EdgeUse, ...]] = ((), ())
     cap: CapPlan | None = None
 
     @property
     def is_junction(self) -> bool:
         """Whether the chain goes on there."""
-        return self.edge.role == "section"
+        return self.edges[0].role == "section"

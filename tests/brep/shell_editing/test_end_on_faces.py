@@ -1,4 +1,4 @@
-"""Ends of open blends: natural where one face lies across the edge, flat where that cannot be, or where asked for."""
+"""Ends of open blends: natural, on whatever faces lie there, and flat where that is asked for."""
 
 import math
 from io import BytesIO
@@ -62,12 +62,11 @@ def kinds(result: cqblend.BlendResult) -> list[str]:
 
 
 @pytest.mark.parametrize("radius", [0.5, 1.5])
-def test_a_piece_of_a_tangent_chain(radius):
+def test_a_piece_of_a_tangent_chain_with_flat_ends(radius):
     """The caps stand at the vertices, on the smooth edges where the rounded corners begin."""
     box = rounded_box()
     before = content(box)
-    with pytest.warns(cqblend.errors.FlatEndWarning) as warned:
-        result = cqblend.blend_edges(box, top_edge(box), radius, chain=False)
+    result = cqblend.blend_edges(box, top_edge(box), radius, chain=False, ends="flat")
     check(box, result, grows=False)
     assert content(box) == before
     assert result.certificate.angle < 1e-12
@@ -79,18 +78,9 @@ def test_a_piece_of_a_tangent_chain(radius):
         assert cap.Area() == pytest.approx((1 - math.pi / 4) * radius**2, rel=2e-3)
     removed = box.Volume() - result.shape.Volume()
     assert removed == pytest.approx((1 - math.pi / 4) * radius**2 * 22, rel=2e-3)
-    # each end is told, with its vertex, the face there, the cause and the way out; at the line of the caller
     assert kinds(result) == ["flat", "flat"]
     points = [box.Vertices()[end.vertex - 1].toTuple() for end in result.certificate.ends]
     assert sorted(points) == [(-11, -10, 5), (11, -10, 5)]
-    assert len(warned) == 2
-    for warning, end, (x, y, z) in zip(warned, result.certificate.ends, points, strict=True):
-        text = str(warning.message)
-        assert f"vertex {end.vertex} at ({x:g}, {y:g}, {z:g}), beside face " in text
-        assert end.cause == "the joint goes on there: another edge leaves in the same direction"
-        assert end.cause in text
-        assert "blend before the edges there are rounded" in text
-        assert warning.filename == __file__
     assert "has a flat end at vertex" in str(result.certificate)
 
 
@@ -98,7 +88,9 @@ def test_flat_ends_where_asked_for_may_stand_before_the_vertex():
     """The ridge of a ship's bow fades out: a cap stands as near to its end as it can, and coverage says where."""
     body = ridge()
     edge = sharp_edge(body)
-    with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ .* at t = 0 .*ends=\"flat\""):
+    with pytest.raises(
+        cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ .*the joint fades out.*ends=\"flat\""
+    ):
         cqblend.blend_edges(body, edge, 0.8)
     result = cqblend.blend_edges(body, edge, 0.8, ends="flat")
     check(body, result, grows=True)
@@ -122,16 +114,10 @@ def test_a_pair_of_ends_runs_as_the_edge_does():
 
 def test_what_is_no_end_is_refused():
     box = cq.Workplane().box(30, 20, 10).val()
-    with pytest.raises(cqblend.errors.InputError, match="ends must be 'auto' or 'natural' or 'flat', not 'round'"):
+    with pytest.raises(cqblend.errors.InputError, match="ends must be 'natural' or 'flat' or 'auto', not 'round'"):
         cqblend.blend_edges(box, top_edge(box), 2, ends="round")
     with pytest.raises(cqblend.errors.InputError, match="one for each end of the edge, not 3 values"):
         cqblend.blend_edges(box, top_edge(box), 2, ends=("flat",) * 3)
-
-
-def test_natural_ends_raise_where_they_cannot_be():
-    box = rounded_box()
-    with pytest.raises(cqblend.errors.TopologyError, match=r"cannot end at vertex \d+ at .* goes on there"):
-        cqblend.blend_edges(box, top_edge(box), 1, ends="natural", chain=False)
 
 
 # Vertices of mixed convexity: an edge of the end face must be lengthened to where the blend ends on it.
@@ -230,14 +216,158 @@ def test_one_end_fails_and_the_other_is_natural():
     assert smaller.certificate.coverage == 1
 
 
-def test_a_concave_piece():
-    """The foot of a rounded box on a plate: straight and curved pieces in turn."""
+def test_an_end_in_the_edge_of_an_earlier_round():
+    """A plate over the rounded corner of another: a round of the same radius ends in the edge of that one."""
+    low = cq.Workplane().box(90, 80, 6, centered=(True, True, False)).edges("|Z and >X and >Y").fillet(9)
+    body = low.union(cq.Workplane().box(90, 80, 6, centered=(True, True, False)).translate((0, 0, 6))).val()
+    result = cqblend.blend_edges(body, edge_near(body, 45, 40, 9), 9, section="arc")
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == len(body.Faces())  # the blend comes, and the underside goes
+    assert cut_off(body, result) == pytest.approx((1 - math.pi / 4) * 81 * 6, rel=1e-6)
+
+
+def rounded_foot() -> tuple[cq.Shape, cq.Edge]:
+    """The foot of a rounded box on a plate, straight and curved pieces in turn, and one straight piece."""
     body = cq.Workplane().box(60, 60, 6).union(cq.Workplane().box(30, 20, 20).edges("|Z").fillet(4)).val().Solids()[0]
-    edge = next(e for e in body.Edges() if (e.Center() - cq.Vector(0, -10, 3)).Length < 1e-6)
-    with pytest.warns(cqblend.errors.FlatEndWarning):
-        result = cqblend.blend_edges(body, edge, 2, chain=False)
+    return body, next(e for e in body.Edges() if (e.Center() - cq.Vector(0, -10, 3)).Length < 1e-6)
+
+
+def test_a_flat_end_in_place_of_a_natural_one_is_told():
+    """The wall recedes past its vertex, so that the blend of one piece meets no face there."""
+    body, edge = rounded_foot()
+    with pytest.warns(cqblend.errors.FlatEndWarning) as warned:
+        result = cqblend.blend_edges(body, edge, 2, chain=False, ends="auto")
     check(body, result, grows=True)
     assert result.certificate.coverage == 1
+    assert kinds(result) == ["flat", "flat"]
+    points = [body.Vertices()[end.vertex - 1].toTuple() for end in result.certificate.ends]
+    assert len(warned) == 2
+    for warning, end, (x, y, z) in zip(warned, result.certificate.ends, points, strict=True):
+        text = str(warning.message)
+        assert f"vertex {end.vertex} at ({x:g}, {y:g}, {z:g}), beside face " in text
+        assert end.cause.startswith("the joint goes on there in edge ")
+        assert end.cause in text
+        assert warning.filename == __file__
+
+
+def test_natural_ends_raise_where_they_cannot_be():
+    body, edge = rounded_foot()
+    with pytest.raises(
+        cqblend.errors.TopologyError,
+        match=r'cannot end at vertex \d+ at .*, beside face \d+: the joint goes on there in edge \d+, .*ends="flat"',
+    ):
+        cqblend.blend_edges(body, edge, 2, chain=False)
+
+
+def cut_off(body: cq.Shape, result: cqblend.BlendResult) -> float:
+    return cqblend.verify(body).volume - cqblend.verify(result.shape).volume
+
+
+def edge_near(body: cq.Shape, *point: float) -> cq.Edge:
+    return min(body.Edges(), key=lambda e: (e.Center() - cq.Vector(*point)).Length)
+
+
+def tool_volume(body: cq.Shape, radius: float) -> float:
+    """Return the volume that a fillet of the edge at y = 10, z = 5, straight through, takes off, by OCCT's own cut."""
+    bar = cq.Solid.makeBox(80, radius, radius, cq.Vector(-40, 10 - radius, 5 - radius))
+    rod = cq.Solid.makeCylinder(radius, 80, cq.Vector(-40, 10 - radius, 5 - radius), cq.Vector(1, 0, 0))
+    return body.Volume() - body.cut(bar.cut(rod)).Volume()
+
+
+def box_with_end(kind: str) -> cq.Shape:
+    """A box, the edge along X at y = 10, z = 5 of which ends on what its kind says."""
+    box = cq.Workplane().box(30, 20, 10)
+    if kind == "chamfer across":
+        return box.edges(">X and |Y and >Z").chamfer(2).val()
+    if kind == "chamfer beside":
+        return box.edges(">X and >Y and |Z").chamfer(1).val()
+    if kind == "native fillet":
+        return box.edges(">X and >Y and |Z").fillet(3).val()
+    if kind == "own blend":
+        return box.edges(">X and >Y and |Z").blend(3).val()
+    if kind == "step":
+        return box.cut(cq.Workplane().box(4, 20, 1.2).translate((13, 0, 4.4))).val()
+    if kind == "notch":
+        return box.cut(cq.Workplane().box(2, 3, 3).translate((14, 7, 5))).val()
+    if kind == "bore":
+        return box.cut(cq.Workplane("XY", origin=(15, 10, 3.5)).circle(4).extrude(5)).val()
+    if kind == "countersink":
+        return box.cut(cq.Workplane(cq.Solid.makeCone(4, 1, 4, cq.Vector(15, 10, 1.5)))).val()
+    beside = cq.Workplane().polyline([(20, 10), (30, 10), (30, -20), (10, -20)]).close().extrude(20, both=True)
+    below = cq.Workplane("XZ").polyline([(20, 5), (30, 5), (30, -20), (14, -20)]).close().extrude(20, both=True)
+    return cq.Workplane().box(40, 20, 10).cut(beside).cut(below).val()  # "ridge"
+
+
+@pytest.mark.parametrize(
+    ("kind", "radius"),
+    [
+        ("chamfer across", 3),
+        ("chamfer across", 5),
+        ("chamfer beside", 1),
+        ("chamfer beside", 4),
+        ("native fillet", 1),
+        ("native fillet", 3),
+        ("native fillet", 5),
+        ("own blend", 2),
+        ("own blend", 5),
+        ("step", 2),
+        ("step", 4),
+        ("notch", 2.5),
+        ("notch", 4.5),
+        ("bore", 3),
+        ("bore", 5),
+        ("countersink", 2),
+        ("countersink", 4),
+        ("ridge", 3),
+    ],
+)
+def test_an_end_on_several_faces(kind, radius):
+    """The blend is cut by whatever lies around its end: OCCT cuts off as much with a straight tool."""
+    body = box_with_end(kind)
+    edge = edge_near(body, 0, 10, 5)
+    before = content(body)
+    result = cqblend.blend_edges(body, edge, radius, chain=False)
+    assert content(body) == before
+    check(body, result, grows=False, flat=False)
+    assert kinds(result) == ["natural", "natural"]
+    assert result.certificate.angle < 1e-12
+    assert result.certificate.edge_tolerance < 2e-7
+    assert len(result.shape.Faces()) == len(body.Faces()) + 1
+    assert cut_off(body, result) == pytest.approx(tool_volume(body, radius), rel=2e-3)
+
+
+def test_faces_under_the_end_go():
+    """A plate over the rounded corner of another: a larger blend takes the underside there, and that rounding, too."""
+    low = cq.Workplane().box(90, 80, 6, centered=(True, True, False)).edges("|Z and >X and >Y").fillet(9)
+    body = low.union(cq.Workplane().box(90, 80, 6, centered=(True, True, False)).translate((0, 0, 6))).val()
+    result = cqblend.blend_edges(body, edge_near(body, 45, 40, 9), 10)
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == len(body.Faces()) - 1
+    removed = (1 - math.pi / 4) * (100 * 12 - 81 * 6)  # the blend goes on to the bottom
+    assert cut_off(body, result) == pytest.approx(removed, rel=4e-3)
+
+
+def test_a_rib_that_a_rail_runs_into():
+    """The foot of a rib on a tapered face, which the blend would reach: the rib stays, and stands on the blend."""
+    rib = cq.Workplane().box(2, 8, 14, centered=(True, True, False)).translate((11, 12, 0))
+    body = cq.Workplane().rect(32, 22).extrude(20, taper=7).union(rib).val()
+    edge = edge_near(body, 16 - 10 * math.tan(math.radians(7)), 11 - 10 * math.tan(math.radians(7)), 10)
+    result = cqblend.blend_edges(body, edge, 5)
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == len(body.Faces()) + 1
+    assert abs(result.shape.intersect(rib.val()).Volume() - rib.val().Volume()) < 1e-6
+
+
+def test_a_rib_that_a_concave_blend_runs_over():
+    """A rib at the foot of a wall, lower than the blend: it stops the blend below, and carries it on its top."""
+    wall = cq.Workplane().box(30, 4, 20).translate((0, -8, 8))
+    rib = cq.Workplane().box(3, 8, 3).translate((13.5, -3, 3))
+    body = cq.Workplane().box(30, 20, 4).union(wall).union(rib).val()
+    result = cqblend.blend_edges(body, edge_near(body, -1.5, -6, 2), 4)
+    check(body, result, grows=True, flat=False)
+    whole = cq.Workplane().box(30, 20, 4).union(wall).val()
+    plain = cqblend.blend_edges(whole, edge_near(whole, 0, -6, 2), 4)
+    assert result.shape.Volume() == pytest.approx(plain.shape.fuse(rib.val()).Volume(), rel=1e-6)
 
 
 def half_sunk_pipe(turn: float, around: float) -> tuple[cq.Shape, cq.Edge]:
@@ -267,9 +397,10 @@ def test_a_seam_of_a_side_leaves_from_the_end(turn, around, radius):
 def test_a_vertex_of_many_faces():
     body = apex()
     edge = max(body.Edges(), key=lambda e: e.Center().z if e.Length() > 1 else -1)
-    with pytest.raises(cqblend.errors.TopologyError, match="takes one further face, across the edge, not 2"):
-        cqblend.blend_edges(body, edge, 1)
-    result = cqblend.blend_edges(body, edge, 1, ends="flat")
-    assert cqblend.verify(result.shape, result.faces).ok
-    ends = np.array([vertex.toTuple() for vertex in result.shape.Vertices()])
+    result = cqblend.blend_edges(body, edge, 1)
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == 6
+    flat = cqblend.blend_edges(body, edge, 1, ends="flat")
+    assert cqblend.verify(flat.shape, flat.faces).ok
+    ends = np.array([vertex.toTuple() for vertex in flat.shape.Vertices()])
     assert ends[:, 2].max() == pytest.approx(12, abs=1e-9)

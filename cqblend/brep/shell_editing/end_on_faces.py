@@ -1,0 +1,300 @@
+"""Natural ends of an open blend: on the one face across the edge, or around its end over whatever faces lie there.
+
+There, end curves take the place of what the blend cuts off the faces: their corners at the blended edge, with all edges
+and faces between. The edges that the end curves start, stop and cross at are trimmed, or extended, to there. Flat caps
+are in :mod:`cqblend.brep.shell_editing.end_cap`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.gp import gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
+
+from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
+from cqblend.blends.network.strip_surface import StripCut
+from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.shell_editing.end_crossings import BlendEnd, Crossing
+from cqblend.brep.shell_editing.end_curve import (
+    EndCurveStart,
+    plan_cut_edge,
+    plan_end_edge,
+    solve_end_curve,
+    solve_touch_point,
+)
+from cqblend.brep.shell_editing.end_path import EndPath, PathPiece, find_end_path
+from cqblend.brep.shell_editing.end_tracing import Meeting
+from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
+from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, is_corner_behind, reaches_corner
+from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
+from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
+from cqblend.brep.topology import (
+    explore_subshapes,
+    find_end_uv,
+    find_end_vertices,
+    find_vertex_uv,
+    locate_vertex,
+    make_vertex,
+)
+from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
+from cqblend.splines.bernstein import Array
+
+
+def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
+    """End the blend on the faces that lie at the start (``end`` 0) or stop (1) of its edge.
+
+    On the one face across from the edge, if there is one that takes the whole end; else over several faces.
+
+    Raises
+    ------
+    RailsTooShortError
+        If the blend must reach further.
+    SizeError, TopologyError, GeometryError
+        If it does not meet what lies there all across.
+    """
+    failure: CqblendError | None = None
+    across = placement.joint.read_end_face(end)
+    if across is not None:
+        try:
+            return _end_on_one_face(placement, end, across)
+        except (SizeError, TopologyError, GeometryError) as error:
+            failure = error
+    try:
+        at = BlendEnd(placement, end)
+        return _end_along_path(at, find_end_path(at))
+    except RailsTooShortError:
+        raise
+    except (SizeError, TopologyError, GeometryError) as error:
+        following = placement.joint.find_continuing_edge(end)
+        name = "" if following is None else placement.joint.name_part(following)
+        before = f"the joint goes on there in {name}, and " if name else ""
+        raise (failure or error).with_details(before=before) from error
+
+
+def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -> StripEnd:
+    """End the blend on the one face across from the edge.
+
+    Raises
+    ------
+    SizeError, TopologyError, GeometryError
+        If the blend does not meet that face all across, between the two edges that it shares with the support faces.
+    """
+    joint = placement.joint
+    vertex = joint.spine.vertices[end]
+    number = placement.number_face(target.face)
+    shared_edges = _find_shared_edges(placement, vertex, number)
+    use = next(use for use in explore_subshapes(target.face, TopAbs_EDGE) if use.IsSame(shared_edges[0]))
+    stops_at_vertex = find_end_vertices(use)[1].IsSame(vertex)
+    uv = find_end_uv(use, target.face)[1 if stops_at_vertex else 0]
+    normals = [side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0] for side in joint.sides]
+    sines = np.linalg.norm(np.cross(normals, target.face_primary.evaluate_normals(uv[None])), axis=1)
+    start = EndCurveStart(end, placement.locate_edge_parameter(end), uv, locate_vertex(vertex))
+    touch = None
+    if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces:
+        side = int(sines.argmin())
+        at = placement.rail_curves[side](np.array([start.t]))[0]
+        grows = is_corner_behind(shared_edges[side], vertex, at)
+        touch = solve_touch_point(placement.strip, target.face_primary, start, side, into_blend=grows)
+    cut = solve_end_curve(placement.strip, target.face_primary, start, touch)
+    edge, corners = plan_end_edge(placement, cut, number)
+    trims = tuple(
+        EdgeTrim(placement, end, shared, vertex, corner, (side.face, target.face))
+        for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
+    )
+    reach = [reaches_corner(trim) for trim in trims]
+    outside = None if not all(reach) or _grows(placement, end, target, cut) else _find_outside(placement, target, cut)
+    if outside is not None:
+        raise SizeError(
+            f"the end curve on {joint.name_part(target.face)} runs into "
+            f"{joint.name_part(_find_nearest_edge(target, outside))}: the size is too large",
+            kind="too large",
+        )
+    added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
+    return StripEnd((edge,), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
+
+
+def _grows(placement: StripPlacement, end: int, target: SupportFace, cut: StripCut) -> bool:
+    """Whether the face that a blend ends on is to get more of its surface there, not less."""
+    middle = np.array([sum(cut.span) / 2])
+    x = np.concatenate([cut.on_strip(middle)[0], cut.on_other(middle)[0]])
+    return bool(Meeting.at_end(placement, end, target).evaluate_rates(x)[1] < 0)
+
+
+def _find_outside(placement: StripPlacement, target: SupportFace, cut: StripCut) -> Array | None:
+    """Return a point (3,) of an end curve outside of the face that it is on; None if there is none."""
+    shares = (np.arange(SHELL_EDIT_TOLERANCES.checked_end_points) + 0.5) / SHELL_EDIT_TOLERANCES.checked_end_points
+    classifier = placement.index.get_classifier(target.face, SELECT_TOLERANCES.face_boundary)
+    on_face = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
+    outside = [k for k, uv in enumerate(on_face.tolist()) if classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT]
+    return np.asarray(target.face_primary.jet(on_face[outside[:1]])[0, 0]) if outside else None
+
+
+def _find_nearest_edge(target: SupportFace, point: Array) -> TopoDS_Edge:
+    """Return the edge of a face that is nearest to a point (3,)."""
+    vertex = make_vertex(point)
+    edges = (TopoDS.Edge_s(edge) for edge in explore_subshapes(target.face, TopAbs_EDGE))
+    return min(edges, key=lambda edge: BRepExtrema_DistShapeShape(vertex, edge).Value())
+
+
+def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[TopoDS_Edge]:
+    """Return the two edges at a vertex that an end face shares with the support faces.
+
+    Raises
+    ------
+    TopologyError
+        If there is not exactly one with each.
+    """
+    index = placement.index
+    edges, shared_edges = index.edges_at_vertex(vertex), []
+    for support in placement.face_numbers:
+        pair = {support, end_face}
+        shared = [
+            edge for edge in edges if {index.faces.find_number(face) for face in index.faces_at_edge(edge)} == pair
+        ]
+        if len(shared) != 1:
+            raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
+        shared_edges.append(shared[0])
+    return shared_edges
+
+
+def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:
+    """End the blend along a way around its end.
+
+    Raises
+    ------
+    SizeError, TopologyError
+        If what the way cuts off is not just what lies around the end of the edge.
+    """
+    placement, end = at.placement, at.end
+    vertices = _plan_corners(placement, path)
+    edges = tuple(
+        plan_cut_edge(placement, piece.cut, (vertices[k], vertices[k + 1]), placement.number_face(piece.side.face))
+        for k, piece in enumerate(path.pieces)
+    )
+    cuts = _FaceCuts(at)
+    for i, crossing in enumerate((path.crossings[0], path.crossings[-1])):
+        cuts.cut_support(i, crossing)
+    for piece, edge in zip(path.pieces, edges, strict=True):
+        cuts.cut_piece(piece, edge)
+    plans, removed_faces = cuts.list_face_plans()
+    trims = tuple(
+        EdgeTrim(
+            placement,
+            end,
+            crossing.edge,
+            cuts.find_lost_vertex(crossing),
+            vertex,
+            tuple(placement.index.faces_at_edge(crossing.edge)),
+        )
+        for crossing, vertex in zip(path.crossings, vertices, strict=True)
+        if crossing.vertex is None
+    )
+    return StripEnd(
+        edges,
+        (vertices[0], vertices[-1]),
+        (path.pieces[0].cut.rail_parameters[0], path.pieces[-1].cut.rail_parameters[1]),
+        placement.keep_vertex(placement.joint.spine.vertices[end]),
+        trims,
+        plans,
+        removed_faces,
+    )
+
+
+def _plan_corners(placement: StripPlacement, path: EndPath) -> list[PlannedVertex]:
+    """Return the vertices at the crossings of a way.
+
+    Where an edge is off the surfaces of its two faces, the ends of the pieces there differ.
+    """
+    ends = [piece.cut.ends for piece in path.pieces]
+    arriving, leaving = [ends[0][0], *(one[1] for one in ends)], [*(one[0] for one in ends), ends[-1][1]]
+    vertices = []
+    for crossing, point, other in zip(path.crossings, arriving, leaving, strict=True):
+        if crossing.vertex is None:
+            vertices.append(PlannedVertex(point, gap=float(np.linalg.norm(point - other))))
+        else:
+            vertices.append(placement.keep_vertex(crossing.vertex))
+    return vertices
+
+
+class _FaceCuts:
+    """What a way around the end of a blend cuts off the faces there."""
+
+    def __init__(self, at: BlendEnd) -> None:
+        self.at, self.placement, self.index = at, at.placement, at.placement.index
+        self._removed: dict[int, set[int]] = {}  # number of the face -> numbers of its edges that go
+        self._added: dict[int, list[EdgeUse]] = {}
+        self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
+
+    def cut_support(self, i: int, crossing: Crossing) -> None:
+        """Cut support face ``i`` between the blended edge and the crossing where its rail leaves it."""
+        self._cut(crossing.boundary, self.at.list_cut_uses(i, crossing))
+        self._lose_end(crossing.boundary, crossing.mark, leaves=self.at.leaves_support(i))
+
+    def cut_piece(self, piece: PathPiece, edge: NewEdge) -> None:
+        """Cut a face along one piece of the way, which becomes an edge."""
+        forward = piece.runs_forward
+        leaves, returns = (piece.entry, piece.exit) if forward else (piece.exit, piece.entry)
+        between = piece.boundary.list_between(leaves, returns)
+        self._cut(piece.boundary, between)
+        self._lose_end(piece.boundary, leaves, leaves=True)
+        self._lose_end(piece.boundary, returns, leaves=False)
+        self._added.setdefault(self.placement.number_face(piece.side.face), []).append(EdgeUse(edge, forward))
+
+    def _cut(self, boundary: FaceBoundary, between: Sequence[int] | None) -> None:
+        """Take uses of edges out of the boundary of a face."""
+        if between is None:
+            name = self.placement.joint.name_part(boundary.face)
+            raise TopologyError(f"the end of the blend would take {name} apart, or join two boundaries of it")
+        numbers = {self.index.edges.find_number(boundary.uses[k]) for k in between}
+        self._removed.setdefault(self.placement.number_face(boundary.face), set()).update(numbers)
+
+    def _lose_end(self, boundary: FaceBoundary, mark: BoundaryMark, *, leaves: bool) -> None:
+        """Record which end of a crossed edge is cut off, seen from one of its faces."""
+        if mark.vertex is None:
+            crossed = self.index.edges.find_number(boundary.uses[mark.use]), mark.parameter
+            lost = boundary.find_lost_vertex(mark, leaves=leaves)
+            if not lost.IsSame(self._lost_ends.setdefault(crossed, lost)):
+                raise TopologyError(
+                    f"{self.placement.joint.name_part(boundary.uses[mark.use])} is crossed in two senses"
+                )
+
+    def find_lost_vertex(self, crossing: Crossing) -> TopoDS_Vertex:
+        """Return the end of a crossed edge that is cut off."""
+        return self._lost_ends[self.index.edges.find_number(crossing.edge), crossing.mark.parameter]
+
+    def list_face_plans(self) -> tuple[tuple[FacePlan, ...], tuple[int, ...]]:
+        """Return what becomes of the faces that the way runs over and of the support faces, and which faces go.
+
+        Raises
+        ------
+        TopologyError
+            If an edge would go from one of its faces and stay with the other.
+        """
+        gone: dict[int, None] = {}
+        waiting = {edge for edges in self._removed.values() for edge in edges}
+        known = set(waiting)
+        while waiting:
+            edge = waiting.pop()
+            for face in self.index.faces_at_edge(self.index.edges[edge]):
+                number = self.index.faces.find_number(face)
+                if number in gone or edge in self._removed.get(number, ()):
+                    continue
+                if number in self._removed or len(gone) >= SHELL_EDIT_TOLERANCES.max_end_faces:
+                    names = map(self.placement.joint.name_part, (self.index.edges[edge], face))
+                    raise TopologyError("the end of the blend would cut {} off, but {} goes on there".format(*names))
+                gone[number] = None
+                own = {self.index.edges.find_number(use) for use in explore_subshapes(face, TopAbs_EDGE)}
+                waiting |= own - known
+                known |= own
+        plans = tuple(
+            FacePlan(number, dict.fromkeys(sorted(edges), ()), tuple(self._added.get(number, ())))
+            for number, edges in self._removed.items()
+            if edges or number in self._added
+        )
+        return plans, tuple(gone)
