@@ -103,6 +103,7 @@ def _certify_rail(
         length=ribbon.length,
         tolerance=tolerance,
         kept=_measure_faded_share(ribbon),
+        held=strip.is_held[i],
         section=blend.kind,
     )
 
