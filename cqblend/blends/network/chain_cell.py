@@ -85,12 +85,14 @@ class CellEnd:
     """Where a cell ends: the stations of the contacts of both sides.
 
     Of a side that crosses a smooth edge there, ``edge_tangents`` has the unit vector (3,) along that edge, if the cross
-    derivative is to run along it. ``roughness`` (rad) is the largest angle between the faces at such edges.
+    derivative is to run along it. ``roughness`` (rad) is the largest angle between the faces at such edges, ``gap``
+    (mm) the largest distance.
     """
 
     stations: tuple[float, float]
     edge_tangents: tuple[Array | None, Array | None] = (None, None)
     roughness: float = 0.0
+    gap: float = 0.0
 
     @property
     def t(self) -> float:

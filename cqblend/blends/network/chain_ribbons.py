@@ -63,6 +63,7 @@ def fit_chain_ribbons(
     light = _choose_light_cells(chain, links)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     mismatches: list[SectionMismatch] = []
+    roughness = [0.0] * len(chain)
     for before, after in links:
         first, second = light[before], light[after]
         start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
@@ -73,12 +74,18 @@ def fit_chain_ribbons(
         if start is None:
             start = _settle_section(chain, wanted, (before, 1), stop)
         mismatches.append(measure_mismatch(start, stop))
+        given = chain[before].ends[1].roughness + chain[before].ends[1].gap / start.width
+        for k in (before, after):
+            roughness[k] = max(roughness[k], given)
     ribbons = [
         cell.fit_to_ends((start, stop)) if one is None else one.ribbons
         for cell, one, (start, stop) in zip(chain, light, wanted, strict=True)
     ]
     if links:
-        ribbons = [(replace(first, joined=True), replace(second, joined=True)) for first, second in ribbons]
+        ribbons = [
+            (replace(first, joined=True, roughness=rough), replace(second, joined=True, roughness=rough))
+            for (first, second), rough in zip(ribbons, roughness, strict=True)
+        ]
     return ChainRibbons(tuple(ribbons), tuple(mismatches))
 
 

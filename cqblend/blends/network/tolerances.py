@@ -99,6 +99,12 @@ class NetworkTolerances:
     lifted_step: float = 0.05
     """Step from an end into a cell, as a share of it, on which derivatives of lifted curves are taken."""
 
+    inner_share: float = 0.05
+    """Share of a cell, from its end, at which its rail tells on which side of a smooth edge the cell is."""
+
+    side_step: float = 1e-11
+    """Share of the way from the edge to there: a step that passes a knot line, and nothing else."""
+
     edge_samples: int = 65
     """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""
 

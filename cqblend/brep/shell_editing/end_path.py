@@ -184,7 +184,7 @@ class _PathWalker:
             placement.locate_edge_parameter(0.5), placement.domain[self.end], SHELL_EDIT_TOLERANCES.rail_chords + 1
         )
         passed = [k for k, use in enumerate(boundary.uses) if self._may_pass(use, boundary.face)]
-        path = placement.rail_pcurves[i](stations)
+        path = placement.get_rail_pcurve(i)(stations)
         found = boundary.find_first_crossing(path, side.face_primary.periods, passed)
         if found is None:
             raise self.make_short_error()
@@ -272,7 +272,7 @@ class _PathWalker:
     def _find_rail_end(self, meeting: Meeting, side: SupportFace, crossing: Crossing, near: Array) -> MeetingPoint:
         """Return the point of the curve on a face where a rail ends, near a point x with v = 0 or 1."""
         i = round(float(near[1]))
-        on_support = self.placement.rail_pcurves[i](near[:1])
+        on_support = self.placement.get_rail_pcurve(i)(near[:1])
         normals = [
             self.placement.sides[i].face_primary.evaluate_normals(on_support)[0],
             side.face_primary.evaluate_normals(near[None, 2:])[0],

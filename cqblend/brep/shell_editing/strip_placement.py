@@ -74,10 +74,14 @@ class StripPlacement:
         return first, second
 
     def is_point(self, end: int) -> bool:
-        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1)."""
+        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1).
+
+        Where the joint fades out, they meet as nearly as its faces do at the edge.
+        """
         at = np.array([self.domain[end]])
         first, second = (row(at)[0] for row in self.rail_curves)
-        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent)
+        slack = self.joint.tolerance if self.joint.fading_ends[end] else 0.0
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent + slack)
 
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
