@@ -19,6 +19,7 @@ from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, Planne
 from cqblend.blends.network.strip_surface import StripCut
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.shell_editing.end_crossings import BlendEnd, Crossing
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     plan_cut_edge,
@@ -26,14 +27,7 @@ from cqblend.brep.shell_editing.end_curve import (
     solve_end_curve,
     solve_touch_point,
 )
-from cqblend.brep.shell_editing.end_path import (
-    Crossing,
-    EndPath,
-    PathPiece,
-    find_end_path,
-    leaves_support,
-    list_cut_uses,
-)
+from cqblend.brep.shell_editing.end_path import EndPath, PathPiece, find_end_path
 from cqblend.brep.shell_editing.end_tracing import Meeting
 from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, is_corner_behind, reaches_corner
@@ -72,7 +66,8 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
         except (SizeError, TopologyError, GeometryError) as error:
             failure = error
     try:
-        return _end_along_path(placement, end, find_end_path(placement, end))
+        at = BlendEnd(placement, end)
+        return _end_along_path(at, find_end_path(at))
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:
@@ -168,7 +163,7 @@ def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_fac
     return shared_edges
 
 
-def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> StripEnd:
+def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:
     """End the blend along a way around its end.
 
     Raises
@@ -176,12 +171,13 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
     SizeError, TopologyError
         If what the way cuts off is not just what lies around the end of the edge.
     """
+    placement, end = at.placement, at.end
     vertices = _plan_corners(placement, path)
     edges = tuple(
         plan_cut_edge(placement, piece.cut, (vertices[k], vertices[k + 1]), placement.number_face(piece.side.face))
         for k, piece in enumerate(path.pieces)
     )
-    cuts = _FaceCuts(placement, end)
+    cuts = _FaceCuts(at)
     for i, crossing in enumerate((path.crossings[0], path.crossings[-1])):
         cuts.cut_support(i, crossing)
     for piece, edge in zip(path.pieces, edges, strict=True):
@@ -229,20 +225,20 @@ def _plan_corners(placement: StripPlacement, path: EndPath) -> list[PlannedVerte
 class _FaceCuts:
     """What a way around the end of a blend cuts off the faces there."""
 
-    def __init__(self, placement: StripPlacement, end: int) -> None:
-        self.placement, self.end, self.index = placement, end, placement.index
+    def __init__(self, at: BlendEnd) -> None:
+        self.at, self.placement, self.index = at, at.placement, at.placement.index
         self._removed: dict[int, set[int]] = {}  # number of the face -> numbers of its edges that go
         self._added: dict[int, list[EdgeUse]] = {}
         self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
 
     def cut_support(self, i: int, crossing: Crossing) -> None:
         """Cut support face ``i`` between the blended edge and the crossing where its rail leaves it."""
-        self._cut(crossing.boundary, list_cut_uses(self.placement, self.end, i, crossing))
-        self._lose_end(crossing.boundary, crossing.mark, leaves=leaves_support(self.placement, self.end, i))
+        self._cut(crossing.boundary, self.at.list_cut_uses(i, crossing))
+        self._lose_end(crossing.boundary, crossing.mark, leaves=self.at.leaves_support(i))
 
     def cut_piece(self, piece: PathPiece, edge: NewEdge) -> None:
         """Cut a face along one piece of the way, which becomes an edge."""
-        forward = (self.end == 1) == (piece.side.outward > 0)
+        forward = piece.runs_forward
         leaves, returns = (piece.entry, piece.exit) if forward else (piece.exit, piece.entry)
         between = piece.boundary.list_between(leaves, returns)
         self._cut(piece.boundary, between)

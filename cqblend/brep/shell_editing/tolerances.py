@@ -54,7 +54,13 @@ class ShellEditTolerances:
     """Largest number of these steps on one face."""
 
     max_end_faces: int = 24
-    """Largest number of faces that one end of a blend runs over."""
+    """Largest number of faces that one end of a blend takes the place of."""
+
+    max_end_attempts: int = 90
+    """Largest number of ways to go on from one face to the next that are tried at one end of a blend."""
+
+    edge_on_blend: float = 1e-7
+    """mm: an edge of the input that lies this near to a blend all along is one of its edges."""
 
     near_rail_end: float = 1e-2
     """Relative to a step in which a blend is followed: what is nearer to the end of a rail than that is there."""
