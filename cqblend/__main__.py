@@ -232,9 +232,7 @@ def _build_parser() -> argparse.ArgumentParser:
     _add_near_option(blend, repeatable=True)
     size = blend.add_mutually_exclusive_group(required=True)
     each = "; once, or once for each --near"
-    size.add_argument(
-        "--radius", type=parse_size, metavar="SIZE", action="append", help=f"of the rolling ball, mm{each}"
-    )
+    size.add_argument("--radius", type=parse_size, metavar="SIZE", action="append", help=f"of the ball, mm{each}")
     size.add_argument(
         "--width",
         type=parse_width,
@@ -249,12 +247,7 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
-    blend.add_argument(
-        "--taper",
-        type=float,
-        metavar="L",
-        help="length over which the sizes of edges that go on in each other change, mm",
-    )
+    blend.add_argument("--taper", type=float, metavar="L", help="length over which sizes in a chain change, mm")
     blend.add_argument("--section", choices=SECTIONS, help="default: auto, or what --potential or --order says")
     blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(

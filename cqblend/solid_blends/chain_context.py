@@ -79,13 +79,13 @@ class ChainContext:
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
         last cell.
         """
-        sections = [cell.section for cell in self.cells]
         if not self.chain.junctions:
-            return fill_cells(sections, [self.cells[0].fit_rails(domain)])
+            (cell,) = self.cells
+            return [cell.make_blend(domain)]
         fitted = fit_chain_ribbons(
             [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
         )
-        return fill_cells(sections, fitted.cells)
+        return fill_cells([(cell.section, ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)])
 
     @cached_property
     def _crossings(self) -> list[Crossings]:

@@ -168,7 +168,7 @@ class SectionAtJoint(ABC):
         raise UnsupportedError("its sections are not to be arcs")
 
 
-def fill_cells(sections: Sequence[SectionAtJoint], ribbons: Sequence[tuple[Ribbon, Ribbon]]) -> list[BlendSurface]:
+def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
     """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them.
 
     Raises
@@ -178,13 +178,12 @@ def fill_cells(sections: Sequence[SectionAtJoint], ribbons: Sequence[tuple[Ribbo
     CqblendError
         As :meth:`SectionAtJoint.fill`.
     """
-    cells = list(zip(sections, ribbons, strict=True))
     try:
-        return [section.fill_by_arcs(pair) for section, pair in cells]
+        return [section.fill_by_arcs(ribbons) for section, ribbons in cells]
     except UnsupportedError as error:
-        if any(section.demands_arcs for section in sections):
+        if any(section.demands_arcs for section, _ in cells):
             raise error.with_details(before='section="arc" is not exact here: ') from error
-    return [section.fill(pair) for section, pair in cells]
+    return [section.fill(ribbons) for section, ribbons in cells]
 
 
 @dataclass(frozen=True)

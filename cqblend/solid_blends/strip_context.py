@@ -19,9 +19,10 @@ from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ri
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
+from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, get_largest_arc
+from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -134,3 +135,8 @@ class StripContext:
             method.sizes.locate_corners,
             joint.rank,
         )
+
+    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge."""
+        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
+        return blend
