@@ -137,8 +137,11 @@ def _find_torus(blend: BlendSurface, arc: _FirstArc, radius: float) -> ArcSectio
         raise UnsupportedError(f"the ball's centre would be {-major:.3g} mm beyond the axis")
     placed = LocalFrame(frame.origin + height * frame.axes[2], frame.axes)
     surface = Sphere(placed, radius, frame.axes[2]) if is_sphere else RevolvedEllipse.from_radii(placed, major, radius)
-    if not is_sphere and min(start, start + sense * arc.opening) < -SECTION_TOLERANCES.arc_deviation:
-        start += 2 * np.pi  # OCCT's booleans miss intersections at angles below 0
-    across = np.array([0.0, sense * arc.opening])
+    stop = start + sense * arc.opening
+    if is_sphere:  # OCCT knows no latitudes beyond the poles
+        start, stop = (float(np.clip(latitude, -np.pi / 2, np.pi / 2)) for latitude in (start, stop))
+    elif min(start, stop) < -SECTION_TOLERANCES.arc_deviation:  # its booleans miss intersections at angles below 0
+        start, stop = start + 2 * np.pi, stop + 2 * np.pi
+    across = np.array([0.0, stop - start])
     along = np.array([1.0, 0.0])
     return ArcSection(surface, radius, np.array([0.0, start]), along, across, turned.angles, turned.breaks)

@@ -42,22 +42,33 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> 
             gap, angle, _ = measure_pole_contact(strip.blend_face, pole, face, VERIFICATION_TOLERANCES.proof_samples)
             largest = float(np.abs(surface.frame.origin).max()) + arc.radius
             return Proof(gap + PROOF_TOLERANCES.point * largest, angle + PROOF_TOLERANCES.closed_form)
-        shifts, turns = zip(*(_measure_rail(blend, built, end, face, edge) for edge in edges), strict=True)
+        shifts, turns = zip(
+            *(_measure_rail(blend, built, end, (strip.blend_face, face), edge) for edge in edges), strict=True
+        )
         return prove_arc_side(blend, built, end, 2 * max(shifts), 2 * max(turns))
 
     return prove_rail(0) | prove_rail(1)
 
 
 def _measure_rail(
-    blend: BlendSurface, arc: ArcSection, end: Literal[0, 1], face: TopoDS_Face, edge: TopoDS_Edge
+    blend: BlendSurface,
+    arc: ArcSection,
+    end: Literal[0, 1],
+    faces: tuple[TopoDS_Face, TopoDS_Face],
+    edge: TopoDS_Edge,
 ) -> tuple[float, float]:
-    """Return by how much the pcurve of a rail edge on its support face is off (mm), and the normals there (rad)."""
+    """Return by how much the pcurve of a rail edge on its support face is off (mm), and the normals there (rad).
+
+    ``faces`` are the blend face and that face. The edge need not run by the parameter of the blend: two blends that
+    meet along a rail share it.
+    """
     first, last = BRep_Tool.Range_s(edge)
-    s = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples)
-    curve, ribbon = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0), blend.ribbons[end]
-    uv = np.array([curve.Value(at).Coord() for at in s.tolist()])
+    t = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples)
+    curves = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0) for face in faces]
+    own, uv = (np.array([curve.Value(at).Coord() for at in t.tolist()]) for curve in curves)
+    s, ribbon, curve = arc.map_from_surface(own)[0], blend.ribbons[end], curves[1]
     found = ribbon.primary.jet(ribbon.find_native_parameters(arc.map_to_parameters(s)))
-    there = read_support_face(face, found[0]).face_primary.jet(uv)
+    there = read_support_face(faces[1], found[0]).face_primary.jet(uv)
     normals = [_evaluate_normals(jet) for jet in (found, there)]
     sines = measure_lengths(cross_product(*normals))
     shift, turn = float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
