@@ -46,6 +46,8 @@ def check_promises(certificate: Certificate, context: StripContext, blend: Blend
     promises = [_Promise("inner crease", certificate.inner_crease, crease_limit, "rad")]
     for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
         promises.append(_Promise("gap", rail.gap, gap, "mm"))
+        if rail.held:
+            continue
         if continuity != "G0":
             promises.append(_Promise("angle", rail.angle, angle, "rad"))
         if continuity in ("G2", "G3"):

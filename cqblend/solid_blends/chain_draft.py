@@ -125,11 +125,11 @@ def _make_blends(context: ChainContext, domain: tuple[float, float]) -> tuple[Bl
     """Return the blends of all cells of a chain, over at least a given range, and check them one by one."""
     blends = tuple(context.make_blends(domain))
     for cell, blend in zip(context.cells, blends, strict=True):
-        _check_blend(cell, blend)
+        check_blend(cell, blend)
     return blends
 
 
-def _check_blend(context: StripContext, blend: BlendSurface) -> None:
+def check_blend(context: StripContext, blend: BlendSurface) -> None:
     """Check that a blend neither folds nor has a sharper crease inside than is allowed."""
     context.method.check(blend)
     if all(ribbon.light for ribbon in blend.ribbons):  # these run along lines and arcs without knot lines

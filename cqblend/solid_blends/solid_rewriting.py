@@ -19,6 +19,8 @@ from cqblend.errors import CqblendError, SizeError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
+from cqblend.solid_blends.held_context import HeldStripContext
+from cqblend.solid_blends.held_draft import HeldDrafts
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -40,7 +42,7 @@ class DraftedNetwork:
     def __init__(self, edges: Sequence[int], chains: Sequence[ChainContext]) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self.sources = tuple(map(ChainDrafts, chains))
+        self.sources = tuple(map(_choose_drafts, chains))
         self.drafts = tuple(source.make_first() for source in self.sources)
 
     @property
@@ -62,6 +64,12 @@ class DraftedNetwork:
             If there are none.
         """
         self.drafts = tuple(source.make_next(failure) for source in self.sources)
+
+
+def _choose_drafts(context: ChainContext) -> ChainDrafts | HeldDrafts:
+    """Return the drafts of a chain, of which a rail may be held on an edge."""
+    first = context.cells[0]
+    return HeldDrafts(context, first) if isinstance(first, HeldStripContext) else ChainDrafts(context)
 
 
 class FaultyNetworkError(CqblendError):

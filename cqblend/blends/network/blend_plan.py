@@ -79,7 +79,7 @@ class EdgePiece:
     """An edge of the input over another span of its own curves.
 
     ``gaps`` (mm) are the distances of its vertices from its curve. A piece that also bounds a flat ``cap`` lies in its
-    plane.
+    plane; one that a rail is held on has ``pcurves`` on the blend. No continuity is promised across it.
     """
 
     number: int
@@ -87,6 +87,8 @@ class EdgePiece:
     vertices: tuple[PlannedVertex, PlannedVertex]
     gaps: tuple[float, float] = (0.0, 0.0)
     cap: PlannedSurface | None = None
+    pcurves: tuple[PlannedPcurve, ...] = ()
+    order = 0
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ class StripPlan:
     support_faces: tuple[int, int]
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
-    rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    rails: tuple[tuple[PlannedEdge, ...], tuple[PlannedEdge, ...]]
     poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
     end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()

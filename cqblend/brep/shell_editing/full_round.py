@@ -69,7 +69,7 @@ class SharedRails:
 
     def replace_strip(self, strip: StripPlan) -> StripPlan:
         """Return the plan of a strip on the common edges."""
-        first, second = (tuple(self._find_new_edge(edge) for edge in side) for side in strip.rails)
+        first, second = (tuple(self._replace_use(EdgeUse(edge)).edge for edge in side) for side in strip.rails)
         poles = [None if edge is None else self._find_new_edge(edge) for edge in strip.poles]
         return replace(
             strip,
@@ -136,9 +136,10 @@ def share_rails(strips: Sequence[StripPlan], trims: Mapping[int, Sequence[EdgeTr
     Where they do not, but two corners coincide, ``trims`` by strips of the input's edge there, these become one.
     """
     rails = [
-        _SupportedRail(edges, strip.surface, face)
+        _SupportedRail(tuple(edge for edge in edges if isinstance(edge, NewEdge)), strip.surface, face)
         for strip in strips
         for edges, face in zip(strip.rails, strip.support_faces, strict=True)
+        if not any(isinstance(edge, EdgePiece) for edge in edges)  # rails held on edges that stay
     ]
     by_face: dict[int, list[_SupportedRail]] = {}
     for rail in rails:

@@ -112,6 +112,7 @@ class BuiltStrip:
     poles: tuple[TopoDS_Edge | None, TopoDS_Edge | None]  # those of rails that are one point
     other_edges: tuple[BuiltEdge, ...]
     cap_count: int
+    is_held: tuple[bool, bool]  # whether the rail on either side is held on an edge of the input
 
 
 @dataclass(frozen=True)
@@ -164,15 +165,25 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
+        held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
         strips.append(
-            BuiltStrip(blend_face, geometry, (first, second), rails, (poles[0], poles[1]), others, len(strip.caps))
+            BuiltStrip(
+                blend_face,
+                geometry,
+                (first, second),
+                rails,
+                (poles[0], poles[1]),
+                others,
+                len(strip.caps),
+                (held1, held2),
+            )
         )
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
 
 
 def _find_partner(
-    plan: SolidPlan, strip: StripPlan, rail: Sequence[NewEdge], blend_faces: Sequence[TopoDS_Face]
+    plan: SolidPlan, strip: StripPlan, rail: Sequence[PlannedEdge], blend_faces: Sequence[TopoDS_Face]
 ) -> TopoDS_Face:
     """Return the face of the other strip that shares a rail, whose support face is consumed."""
     return next(
@@ -292,6 +303,8 @@ class _PartBuilder:
             face = self.get_face(planned.cap)
             plane = BRep_Tool.Surface_s(face)
             attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
+        for pcurve in planned.pcurves:
+            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
         return edge
 
 

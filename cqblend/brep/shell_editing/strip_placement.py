@@ -115,20 +115,21 @@ class StripPlacement:
         return PlannedVertex(locate_vertex(vertex), self.index.vertices.find_number(vertex))
 
 
-def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
-    """Prepare to put a blend at a joint.
+def place_strip(
+    joint: Joint, blend: BlendSurface, sides: tuple[SupportFace, SupportFace] | None = None
+) -> StripPlacement:
+    """Prepare to put a blend at a joint; its rails are on the joint's own ``sides`` if no others are given.
 
     Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.realigned_spheres`).
     """
     (side1, sphere1), (side2, sphere2) = (
-        _realign_side(joint, side, ribbon) for side, ribbon in zip(joint.sides, blend.ribbons, strict=True)
+        _realign_side(joint, side, ribbon) for side, ribbon in zip(sides or joint.sides, blend.ribbons, strict=True)
     )
-    sides = (side1, side2)
-    strip, pcurves = _describe_strip(blend, sides)
+    strip, pcurves = _describe_strip(blend, (side1, side2))
     return StripPlacement(
         joint=joint,
         blend=blend,
-        sides=sides,
+        sides=(side1, side2),
         spheres=(sphere1, sphere2),
         strip=strip,
         surface=PlannedSurface(strip.geometry),

@@ -99,7 +99,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
         starts = [starts[-1], *starts[:-1]]
     else:
         low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
-        _check_reach(placements, (low, high))
+        check_reach(placements, (low, high))
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = caps
@@ -112,7 +112,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
     )
 
 
-def _check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
+def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
     """Raise RailsTooShortError if the end curves of an open chain are past the ends of its rails."""
     first, last = placements[0], placements[-1]
     low, high = min(ends[0].rail_parameters), max(ends[1].rail_parameters)
@@ -138,7 +138,7 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     """Plan a strip that closes by itself, in a seam."""
     low, high = placement.domain
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
-    removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), _list_spine_vertices(placement))
+    removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), list_spine_vertices(placement))
     first, second = (
         trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), joined=(True, True)), removed)
         for i, corner in enumerate(corners)
@@ -211,11 +211,11 @@ def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedCh
         own += [plan for end in cell.ends for plan in end.face_plans]
     trims = tuple(trim for cell in cells for end in cell.ends for trim in end.edge_trims)
     crossings = tuple(rail.crossings for cell in cells for rail in cell.rails if rail.crossings is not None)
-    cuts = tuple(_cut_shared_edges(index, trims, crossings))
+    cuts = tuple(cut_shared_edges(index, trims, crossings))
     return PlannedChain(tuple(cell.strip for cell in cells), tuple(own), trims, crossings, cuts)
 
 
-def _cut_shared_edges(
+def cut_shared_edges(
     index: SolidIndex, trims: Iterable[EdgeTrim], crossings: Iterable[SeamCrossings]
 ) -> list[FacePlan]:
     """Return what cutting neighbour edges and seams means for the faces that have them."""
@@ -247,7 +247,7 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
             cuts += (
                 members[0].cut_faces
                 if len(members) == 1
-                else _cut_shared_edges(
+                else cut_shared_edges(
                     index,
                     [trim for member in members for trim in member.edge_trims],
                     [one for member in members for one in member.crossings],
@@ -310,7 +310,7 @@ def _require_unchanged(removed: Sequence[int], faces: Iterable[FacePlan]) -> Non
         raise TopologyError(f"face {twice[0]} of the solid goes with one blend, and another changes it")
 
 
-def _list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
+def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges."""
     return [vertex for edge in placement.joint.spine.edges for vertex in find_end_vertices(edge)]
 
@@ -322,7 +322,7 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
         for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
         if cap is not None or placement.is_point(end)
     ]
-    return [vertex for vertex in _list_spine_vertices(placement) if not is_among(vertex, kept)]
+    return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
