@@ -65,11 +65,6 @@ class ChainContext:
         return self.cells[0].method.sizes.vanishes[0], self.cells[-1].method.sizes.vanishes[1]
 
     @property
-    def fades(self) -> tuple[bool, bool]:
-        """Whether both rails run into the edge at the start and at the stop of an open chain, as the faces do."""
-        return self.cells[0].section.fades[0], self.cells[-1].section.fades[1]
-
-    @property
     def lengths(self) -> Sequence[float]:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]

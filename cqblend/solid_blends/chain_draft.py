@@ -42,9 +42,7 @@ class ChainDrafts:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
         ends = request.ends[::-1] if first.is_backward else request.ends
-        pairs = zip(ends, context.vanishes, context.fades, strict=True)
-        first_point, last_point = (vanishes or (fades and one != "flat") for one, vanishes, fades in pairs)
-        self.attempts = EndAttempts(ends, (first_point, last_point))
+        self.attempts = EndAttempts(ends, context.vanishes)
         self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
         self._tried: tuple[EndMethod, EndMethod] | None = None
 

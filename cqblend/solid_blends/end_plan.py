@@ -37,7 +37,7 @@ METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
 """Methods tried at one end, in this order, by what is asked for."""
 
 POINT_METHODS: tuple[EndMethod, ...] = ("point",)
-"""The same where both rails run into the vertex: the size goes to 0, or the faces become tangent to each other."""
+"""The same where the size goes to 0, whatever is asked for."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ class EndAttempts:
     Iterate over pairs of methods, and record by :meth:`record_failure` why an attempt failed.
     """
 
-    def __init__(self, wanted: tuple[EndWanted, EndWanted], points: tuple[bool, bool] = (False, False)) -> None:
+    def __init__(self, wanted: tuple[EndWanted, EndWanted], vanishes: tuple[bool, bool] = (False, False)) -> None:
         first, last = (
-            POINT_METHODS if is_point else METHODS_TO_TRY[one] for one, is_point in zip(wanted, points, strict=True)
+            POINT_METHODS if is_point else METHODS_TO_TRY[one] for one, is_point in zip(wanted, vanishes, strict=True)
         )
         self._methods = first, last
         self._combinations = list(product(first, last))

@@ -45,7 +45,7 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Quadric
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
-from cqblend.surfaces.vectors import measure_lengths, normalise_vectors
+from cqblend.surfaces.vectors import normalise_vectors
 
 CROSS_FIELDS: dict[str, CrossField] = {
     "parametric": cross_directions.parametric_field,
@@ -148,11 +148,6 @@ class SectionAtJoint(ABC):
         """Whether nothing but arcs will do."""
         return False
 
-    @property
-    def fades(self) -> tuple[bool, bool]:
-        """Whether both rails run into the edge at t = 0 and at t = 1, although the size does not go to 0 there."""
-        return False, False
-
     @abstractmethod
     def make_solver(self) -> ContactSolver:
         """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
@@ -240,49 +235,14 @@ class _HermiteAtJoint(SectionAtJoint):
 
     def make_solver(self) -> ContactSolver:
         joint, sizes = self.joint, self.method.sizes
+        length, vanishes = joint.spine.length, sizes.vanishes
         solve = trace_contacts(
-            joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
+            joint.sides, joint.locate_stations, length, self._solve_at_stations, varies=bool(sizes.laws)
         )
-        ends = [VanishingEnd(float(end), sizes.find_vanishing_limit(end)) for end in (0, 1) if sizes.vanishes[end]]
-        ends += self._fading_ends
-        if not ends:
+        if not any(vanishes):
             return solve
-        return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_reaches, tuple(ends))
-
-    @property
-    def fades(self) -> tuple[bool, bool]:
-        if self.method.request.radius is None:
-            return False, False
-        (first, last), known = self.joint.fades, self.method.sizes.vanishes
-        return first and not known[0], last and not known[1]
-
-    @cached_property
-    def _fading_ends(self) -> list[VanishingEnd]:
-        """The ends at which the faces become tangent, each with the t from which contacts are solved for."""
-        return [VanishingEnd(float(end), self._find_fading_limit(end)) for end in (0, 1) if self.fades[end]]
-
-    def _find_fading_limit(self, end: int) -> float:
-        """Return the t next to a fading end at which the faces are no longer nearly tangent."""
-        steps = 0.5 ** np.arange(1, SOLID_BLEND_TOLERANCES.fading_halvings)
-        t = np.abs(end - steps)
-        reaches = self._measure_fading(t)
-        solved = t[reaches > SOLID_BLEND_TOLERANCES.least_faded * reaches.max()]
-        return float(solved.max() if end else solved.min())
-
-    def _measure_fading(self, t: Array) -> Array:
-        """Return sin(theta / 2) at t (n,), theta the angle between the normals: 0 where the faces become tangent.
-
-        A ball of radius R touches both faces at R tan(theta / 2) from the edge. What the faces of a file miss of being
-        tangent at an end is taken off, linearly in t.
-        """
-        joint = self.joint
-        stations = joint.locate_stations(np.concatenate([(0.0, 1.0), t]))
-        first, second = (
-            side.outward * side.primary.evaluate_normals(uv) for side, uv in zip(joint.sides, stations.uv, strict=True)
-        )
-        sines = measure_lengths(first - second) / 2
-        low, high = np.where(self.fades, sines[:2], 0.0)
-        return np.asarray(sines[2:] - (1 - t) * low - t * high)
+        ends = [VanishingEnd(float(end), sizes.find_vanishing_limit(end)) for end in (0, 1) if vanishes[end]]
+        return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
     def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
         """Return the contacts of stations, which are near the ``expected`` ones, if these are given."""
@@ -292,29 +252,13 @@ class _HermiteAtJoint(SectionAtJoint):
         return solve_setback_contacts(sides, stations, (sizes[0], sizes[1]), expected)
 
     def _locate_on_surfaces(self, t: Array) -> Stations:
-        """Return stations at t that lie on both support surfaces.
+        """Return stations at t that lie on both support surfaces."""
+        joint = self.joint
+        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
 
-        Where these are nearly tangent to each other, they do not cross cleanly: from there, stations are led to the end
-        of the edge as it is.
-        """
-        joint, share, held = self.joint, np.ones(len(t)), np.array(t)
-        for end in self._fading_ends:
-            near = end.select_near(t)
-            share[near], held[near] = (t[near] - end.end) / (end.limit - end.end), end.limit
-        solved = joint.locate_stations(held)
-        exact = project_to_intersection(joint.sides, solved, joint.spine.length)
-        if (held == t).all():
-            return exact
-        stations = joint.locate_stations(t)
-        first, second = (
-            uv + share[:, None] * (one - other) for uv, one, other in zip(stations.uv, exact.uv, solved.uv, strict=True)
-        )
-        return Stations(t, stations.points, stations.tangents, (first, second))
-
-    def _measure_reaches(self, t: Array) -> Array:
-        """Return what the way from the edge to the contacts is in proportion to at ends, by side, at t (n,), (2, n)."""
-        sizes = np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
-        return sizes * self._measure_fading(t) if any(self.fades) else sizes
+    def _measure_both_sizes(self, t: Array) -> Array:
+        """Return the sizes on both sides at t (n,), (2, n)."""
+        return np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
 
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         request = self.method.request

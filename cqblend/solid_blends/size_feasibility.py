@@ -55,8 +55,7 @@ def check_size(context: StripContext) -> None:
             place=t,
             value=here,
         )
-    has_tip = any(method.sizes.vanishes) or any(context.section.fades)
-    nearest = float(context.rail_distances.max() if has_tip else context.rail_distances.min())
+    nearest = float(context.rail_distances.max() if any(method.sizes.vanishes) else context.rail_distances.min())
     short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
     if short > 1:
         raise SizeError(

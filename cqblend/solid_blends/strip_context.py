@@ -6,7 +6,7 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,6 @@ from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
-from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
@@ -84,12 +83,6 @@ class StripContext:
         """Return the largest distance (mm) of the rails from the edge."""
         return float(self.rail_distances.max())
 
-    @property
-    def targets(self) -> RibbonTargets:
-        """What the ribbons are fitted to."""
-        targets = self.method.targets
-        return replace(targets, fades=True) if any(self.section.fades) else targets
-
     def fit_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
         """Fit rails of the lightest form: straight or circular where that is exact, else cubic splines.
 
@@ -103,11 +96,13 @@ class StripContext:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
         corners = self.method.sizes.locate_corners(domain)
-        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.targets, closed=closed, corners=corners)
+        return fit_cubic_ribbons(
+            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
+        )
 
     def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular rails over a range of t, if these are exact."""
-        joint, targets = self.joint, self.targets
+        joint, targets = self.joint, self.method.targets
         if not joint.spine.closed:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
@@ -124,7 +119,7 @@ class StripContext:
         return CellRails(
             joint.primaries,
             self.solve,
-            self.targets,
+            method.targets,
             joint.spine.length,
             self.fit_light_rails,
             method.sizes.locate_corners,

@@ -52,13 +52,6 @@ class SolidBlendTolerances:
     max_uncovered: float = 0.3
     """Relative to the edge: more than that no cap leaves unblended at one end."""
 
-    least_faded: float = 1e-2
-    """Where faces become tangent at an end of an edge: the least sine of half their angle, relative to the largest, at
-    which contacts are solved for."""
-
-    fading_halvings: int = 24
-    """Number of halvings of the edge towards that end by which this is looked for."""
-
     check_stations: int = 25
     """Number of stations whose contacts are checked before a size is tried."""
 

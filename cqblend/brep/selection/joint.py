@@ -84,19 +84,6 @@ class Joint:
         """Whether blending removes material; in a shell, whether the blend lies on the inner side of its faces."""
         return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
 
-    @cached_property
-    def fades(self) -> tuple[bool, bool]:
-        """Whether its faces become tangent to each other at t = 0 and at t = 1, where they are sharp before."""
-        if self.spine.closed:
-            return False, False
-        edges = self.spine.edges
-        return self._is_faded(edges[0], 0), self._is_faded(edges[-1], 1)
-
-    def _is_faded(self, edge: TopoDS_Edge, end: int) -> bool:
-        """Whether the faces are tangent to each other at the start (``end`` 0) or stop (1) of an edge."""
-        angles = self.index.measure_dihedral_angles(edge)
-        return angles is not None and abs(angles.find_end_angle(edge, end)) < SELECT_TOLERANCES.smooth_angle
-
     @property
     def extent(self) -> float:
         """The diagonal of the solid's bounding box (mm)."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.arc_strip import ArcStrip
@@ -78,9 +77,7 @@ class StripPlacement:
         """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1)."""
         at = np.array([self.domain[end]])
         first, second = (row(at)[0] for row in self.rail_curves)
-        tolerance = BRep_Tool.Tolerance_s(self.joint.spine.vertices[end]) if self.joint.fades[end] else 0.0
-        least = max(SHELL_EDIT_TOLERANCES.point_end * self.joint.extent, tolerance)
-        return bool(np.linalg.norm(first - second) <= least)
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent)
 
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
