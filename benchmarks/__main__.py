@@ -11,17 +11,20 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from benchmarks import irit_table, native, start_up, strips, surface_blends
+from benchmarks import chain_sweep, everyday_scores, irit_table, native, real_scores, start_up, strips, surface_blends
 from benchmarks.tables import MACHINE, Table, describe_machine, replace_blocks
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 
 
-OTHER_GROUPS: dict[str, Callable[[], Iterable[Table]]] = {
-    "surface_blends": surface_blends.tabulate,
-    "kernel": lambda: [irit_table.tabulate()],
-    "unrolling": strips.tabulate,
-    "start_up": lambda: [start_up.tabulate()],
+OTHER_GROUPS: dict[str, Callable[[native.Settings], Iterable[Table]]] = {
+    "scores": lambda settings: real_scores.tabulate_folder(settings.cases, settings.timeout),
+    "everyday": lambda settings: everyday_scores.tabulate(settings.timeout),
+    "chains": lambda settings: chain_sweep.tabulate_families(settings.timeout),
+    "surface_blends": lambda _: surface_blends.tabulate(),
+    "kernel": lambda _: [irit_table.tabulate()],
+    "unrolling": lambda _: strips.tabulate(),
+    "start_up": lambda _: [start_up.tabulate()],
 }
 """What makes the tables of each group beside those of `benchmarks.native`."""
 
@@ -33,7 +36,7 @@ def make_tables(groups: Sequence[str], settings: native.Settings) -> Iterator[Ta
         yield from native.tabulate(against_native, settings)
     for name in groups:
         if name in OTHER_GROUPS:
-            yield from OTHER_GROUPS[name]()
+            yield from OTHER_GROUPS[name](settings)
 
 
 def main() -> None:

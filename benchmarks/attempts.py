@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing.connection import Connection
+from typing import NamedTuple
 
 from OCP.BRep import BRep_Tool
 from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
@@ -23,8 +24,9 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
+from benchmarks.blend_scores import Score
 from benchmarks.timing import run_timed
-from cqblend.blend_options import BlendOptions
+from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions
 from cqblend.brep.measurement.edge_continuity import measure_continuity_between
 from cqblend.brep.measurement.edge_sides import find_edge_sides
 from cqblend.brep.topology import ShapeIndex
@@ -33,10 +35,21 @@ from cqblend.brep.verification.volumes import make_skew_plane, measure_volume
 from cqblend.errors import CqblendError, CqblendWarning
 from cqblend.solid_blends.blend_pipeline import blend_shape
 
+EXACT = 1e-8
+"""rad: the angle of joints that blends of exact form promise on imported bodies."""
 SMOOTH = 0.1  # rad: an edge of the new face that meets its neighbour at less is a rail, at more an end
 
-Made = tuple[TopoDS_Shape, Sequence[TopoDS_Face]]
+
+class Made(NamedTuple):
+    """What came of an operation: the shape, the blend faces in it, and what angle of their joints it promises, rad."""
+
+    shape: TopoDS_Shape
+    faces: Sequence[TopoDS_Face]
+    promise: float
+
+
 Operation = Callable[[], Made]
+Judge = Callable[[Made], Score]
 
 
 @dataclass(frozen=True)
@@ -52,6 +65,15 @@ class Outcome:
     angle: float = math.nan  # rad, largest along the rails
     tolerance: float = math.nan  # mm, largest of a new edge
     ms: float = math.nan
+    verdict: str = ""  # of a judge, if there is one; "refused" if the library raised an error of its own, else "failed"
+    faults: str = ""  # what the judge found
+    joint_gap: float = math.nan  # mm, of smooth joints, as the judge measured them
+    joint_angle: float = math.nan  # rad
+
+    @property
+    def reason(self) -> str:
+        """Why the verdict is what it is, in words."""
+        return self.faults if self.made else f"{self.status}: {self.message}"
 
     @property
     def made(self) -> bool:
@@ -74,7 +96,8 @@ def native(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float) -> 
         maker.Build()
         if not maker.IsDone():
             raise ArithmeticError("not done")
-        return maker.Shape(), [TopoDS.Face_s(face) for edge in edges for face in maker.Generated(edge)]
+        faces = [TopoDS.Face_s(face) for edge in edges for face in maker.Generated(edge)]
+        return Made(maker.Shape(), faces, math.inf)
 
     return run
 
@@ -84,7 +107,8 @@ def blended(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: float, fo
 
     def run() -> Made:
         result = blend_shape(shape, edges, BlendOptions(radius, form=form).to_request())
-        return result.shape, result.faces
+        exact = result.certificate.form == "exact"
+        return Made(result.shape, result.faces, EXACT if exact else BLEND_DEFAULTS.angular_tolerance)
 
     return run
 
@@ -98,12 +122,15 @@ def _load_modules() -> None:
         make(box, [edge], 0.1)()
 
 
-def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcome:
-    """Run an operation on a shape in a process of its own, and measure what it makes."""
+def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float, judge: Judge | None = None) -> Outcome:
+    """Run an operation on a shape in a process of its own, and measure what it makes, or ask a judge about it.
+
+    With a judge the operation runs once: its time is a rough one.
+    """
     _load_modules()
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
-    worker = context.Process(target=_work, args=(sender, shape, operation))
+    worker = context.Process(target=_work, args=(sender, shape, operation, judge))
     worker.start()
     sender.close()
     try:
@@ -111,24 +138,32 @@ def attempt(shape: TopoDS_Shape, operation: Operation, timeout: float) -> Outcom
             return receiver.recv()
     except EOFError:
         worker.join()
-        return Outcome("crash", f"exit code {worker.exitcode}")
+        return Outcome("crash", f"exit code {worker.exitcode}", verdict="failed")
     finally:
         worker.kill()
         worker.join()
-    return Outcome("timeout", f"after {timeout:g} s")
+    return Outcome("timeout", f"after {timeout:g} s", verdict="failed")
 
 
-def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation) -> None:
+def _work(sender: Connection, shape: TopoDS_Shape, operation: Operation, judge: Judge | None) -> None:
     warnings.simplefilter("ignore", CqblendWarning)  # the outcome tells
     start = time.process_time()
     try:
-        made, ms = run_timed(operation)
+        made, ms = run_timed(operation, repeats=5 if judge is None else 0)
     except Exception as error:  # noqa: BLE001 - OCCT throws anything
         status = "not done" if type(error) is ArithmeticError else type(error).__name__
-        outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start))
+        verdict = "refused" if isinstance(error, CqblendError) else "failed"
+        outcome = Outcome(status, str(error), ms=1e3 * (time.process_time() - start), verdict=verdict)
     else:
-        outcome = _measure_made(shape, *made, ms)
+        outcome = _measure_made(shape, made.shape, made.faces, ms) if judge is None else _ask(judge, made, ms)
     sender.send(outcome)
+
+
+def _ask(judge: Judge, made: Made, ms: float) -> Outcome:
+    score = judge(made)
+    status = "invalid" if score.verdict == "unsound" else "ok"
+    joints = {"joint_gap": score.gap, "joint_angle": score.angle}
+    return Outcome(status, ms=ms, verdict=score.verdict, faults=score.message, **joints)
 
 
 def _measure_made(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], ms: float) -> Outcome:

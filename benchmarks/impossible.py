@@ -60,8 +60,8 @@ from benchmarks.tables import Table
 from benchmarks.tangent_chains import EdgeLinks, find_chain_ends, measure_length
 from benchmarks.touching_balls import Array, Ball, BallSearch, Body, Face, Station, find_station
 
-STATIONS = 24
-"""Stations of an edge."""
+STATIONS, STATIONS_BEYOND = 24, 6
+"""Stations of the edge that is asked for, and of each other one of its chain."""
 END = 1.5
 """Length at each end of an open chain of which nothing narrow or thin counts, in widths of the blend."""
 FAULT = 1e-3
@@ -70,7 +70,7 @@ KNIFE, FLAT = math.radians(1.0), math.radians(0.5)
 """Below the first angle between the faces an edge is a knife's; nearer to pi than the second, it is smooth."""
 WIDEST = 20.0
 """Width of a blend, in radii, beyond which no ball is looked for: the edge is nearly a knife's."""
-ARC_POINTS = 5
+ARC_POINTS = 3
 """Points of an arc that are looked at."""
 
 
@@ -100,7 +100,8 @@ def find_witness(shape: TopoDS_Shape, edge: TopoDS_Edge, radius: float, *, chain
         return _EdgeTrial(body, edge, radius).find_witness(0.0, 0.0)
     row = EdgeLinks(body).follow_chain(edge)
     for place in sorted(range(len(row.edges)), key=lambda place: not row.edges[place].IsSame(edge)):
-        witness = _EdgeTrial(body, row.edges[place], radius).find_witness(*find_chain_ends(row, place))
+        count = STATIONS if row.edges[place].IsSame(edge) else STATIONS_BEYOND
+        witness = _EdgeTrial(body, row.edges[place], radius, count).find_witness(*find_chain_ends(row, place))
         if witness is not None:
             return witness
     return None
@@ -122,10 +123,11 @@ class _EdgeTrial:
     body: Body
     edge: TopoDS_Edge
     radius: float
+    count: int = STATIONS
 
     @cached_property
     def number(self) -> int:
-        return next(number for number, edge in enumerate(list_edges(self.body.shape), 1) if edge.IsSame(self.edge))
+        return self.body.find_number(self.edge)
 
     @cached_property
     def stations(self) -> list[tuple[float, Station]]:
@@ -133,7 +135,7 @@ class _EdgeTrial:
         curve, length = BRepAdaptor_Curve(self.edge), measure_length(self.edge)
         first, last = curve.FirstParameter(), curve.LastParameter()
         found = []
-        for distance in (length * (np.arange(STATIONS) + 0.5) / STATIONS).tolist():
+        for distance in (length * (np.arange(self.count) + 0.5) / self.count).tolist():
             t = GCPnts_AbscissaPoint(curve, distance, first).Parameter()
             station = find_station(self.body, self.edge, (t - first) / (last - first))
             if station is not None:

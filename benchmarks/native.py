@@ -139,7 +139,7 @@ def measure_step_size(operation: Operation) -> float:
     """Return the size of the STEP file that CadQuery writes of what an operation makes, kB."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "made.step"
-        cq.exporters.export(cq.Workplane(cq.Shape.cast(operation()[0])), str(path))
+        cq.exporters.export(cq.Workplane(cq.Shape.cast(operation().shape)), str(path))
         return path.stat().st_size / 1e3
 
 

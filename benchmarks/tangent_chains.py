@@ -18,7 +18,7 @@ from OCP.GCPnts import GCPnts_AbscissaPoint
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX
 from OCP.TopExp import TopExp
-from OCP.TopoDS import TopoDS, TopoDS_Edge
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape
 
 from benchmarks.touching_balls import Array, Body, find_station
@@ -67,6 +67,17 @@ class EdgeLinks:
                 row.insert(len(row) if forwards else 0, here)
         return Chain(tuple(row), closed=_is_smoothly_closed(edge))
 
+    def list_passed_edges(self, chain: Chain) -> list[TopoDS_Edge]:
+        """Return the edges that meet a chain at vertices which two of its edges share."""
+        vertices = [vertex for edge in chain.edges for vertex in _find_ends(edge)]
+        shared = [one for n, one in enumerate(vertices) if any(one.IsSame(other) for other in vertices[:n])]
+        edges = self.list_edges_at(shared)
+        return [edge for edge in edges if not any(edge.IsSame(other) for other in chain.edges)]
+
+    def list_edges_at(self, vertices: Sequence[TopoDS_Vertex]) -> list[TopoDS_Edge]:
+        """Return the edges at some vertices, those between two of them twice."""
+        return [TopoDS.Edge_s(edge) for vertex in vertices for edge in self._at_vertices.FindFromKey(vertex)]
+
     def _find_next(self, edge: TopoDS_Edge, at_last: bool) -> tuple[TopoDS_Edge, bool] | None:
         """Return the edge into which one goes on at one of its ends, and at which end that goes on in turn."""
         ends = _find_ends(edge)
@@ -98,12 +109,18 @@ def find_chain_ends(chain: Chain, place: int) -> tuple[float, float]:
     return sum(lengths[:place]), sum(lengths[place + 1 :])
 
 
+def find_end_vertices(chain: Chain) -> list[TopoDS_Vertex]:
+    """Return the two vertices at which an open chain ends; none of a closed one."""
+    vertices = [] if chain.closed else [vertex for edge in chain.edges for vertex in _find_ends(edge)]
+    return [one for one in vertices if sum(one.IsSame(other) for other in vertices) == 1]
+
+
 def measure_length(edge: TopoDS_Edge) -> float:
     """Return the length of an edge, mm."""
     return GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge), 1e-6)
 
 
-def _find_ends(edge: TopoDS_Edge) -> Sequence:
+def _find_ends(edge: TopoDS_Edge) -> tuple[TopoDS_Vertex, TopoDS_Vertex]:
     return TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)
 
 

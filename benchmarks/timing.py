@@ -15,10 +15,10 @@ LONGEST = 2.0  # s: a job is not repeated any more once it has taken so long in 
 def run_timed(job: Callable[[], ResultT], repeats: int = 5) -> tuple[ResultT, float]:
     """Run a job some times, and return its last result and its median CPU time, ms.
 
-    The first run does not count, since it may load modules, unless it takes long.
+    The first run does not count, since it may load modules, unless it takes long or there are no repeats.
     """
     result, first = _run_once(job)
-    times = [] if first < LONGEST else [first]
+    times = [first] if first >= LONGEST or repeats == 0 else []
     while len(times) < repeats and sum(times) < LONGEST:
         result, once = _run_once(job)
         times.append(once)

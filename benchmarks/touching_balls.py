@@ -40,6 +40,8 @@ GRID = 40
 """Points each way of a grid on a face, from which balls are searched."""
 SEEDS = 16
 """Largest number of seeds at a station."""
+CURVATURE_STEP = 0.01
+"""Share of an edge over which its curvature is found: second derivatives of intersection curves are no use."""
 NEWTON_STEPS = 25
 SOLVED = 1e-9
 """Residual of a touching ball, in radii."""
@@ -161,6 +163,12 @@ class Body:
         numbers = dict.fromkeys(self._faces.FindIndex(face) for face in self._ancestors.FindFromKey(edge))
         return [self.faces[number - 1] for number in numbers]
 
+    def find_number(self, edge: TopoDS_Edge) -> int:
+        """Return the number of an edge in OCCT's map of all edges."""
+        edges = TopTools_IndexedMapOfShape()
+        TopExp.MapShapes_s(self.shape, TopAbs_EDGE, edges)
+        return edges.FindIndex(edge)
+
     def find_side(self, face: Face, edge: TopoDS_Edge, box: Bnd_Box) -> list[Face]:
         """Return a face and all that go on smoothly from there, as far as they reach into a box."""
         found, waiting = {face.number: face}, [face]
@@ -185,7 +193,7 @@ class Body:
             if edge.IsSame(without) or BRep_Tool.Degenerated_s(edge):
                 continue
             for other in self.find_faces_at(edge):
-                if other is not face and measure_least_angle(edge, face, other) < SMOOTH:
+                if other is not face and np.nanmin(measure_angles(edge, face, other), initial=math.pi) < SMOOTH:
                     yield other
 
 
@@ -195,16 +203,15 @@ def trace_pcurve(edge: TopoDS_Edge, face: Face) -> tuple[Geom2d_Curve, float, fl
     return BRep_Tool.CurveOnSurface_s(edge, face.shape, first, last), first, last
 
 
-def measure_least_angle(edge: TopoDS_Edge, one: Face, other: Face) -> float:
-    """Return the least angle between the normals of two faces along their common edge, at nine places, rad."""
+def measure_angles(edge: TopoDS_Edge, one: Face, other: Face) -> Array:
+    """Return the angles between the normals of two faces at nine places of their common edge, rad."""
     normals = []
     for face in (one, other):
         curve, first, last = trace_pcurve(edge, face)
         at = first + (last - first) * (np.arange(9) + 0.5) / 9
         normals.append([face.find_normal(*curve.Value(t).Coord()) for t in at.tolist()])
     a, b = np.array(normals)
-    angles = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
-    return float(np.nanmin(angles, initial=math.pi))
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(1))
 
 
 @dataclass(frozen=True)
@@ -423,18 +430,17 @@ def find_station(body: Body, edge: TopoDS_Edge, share: float) -> Station | None:
     if len(faces) != 2 or BRep_Tool.Degenerated_s(edge):
         return None
     curve = BRepAdaptor_Curve(edge)
-    t = curve.FirstParameter() + share * (curve.LastParameter() - curve.FirstParameter())
-    point, first, second = gp_Pnt(), gp_Vec(), gp_Vec()
-    curve.D2(t, point, first, second)
-    speed = first.Magnitude()
-    if speed < 1e-12:
+    start, end = curve.FirstParameter(), curve.LastParameter()
+    t, step = start + share * (end - start), CURVATURE_STEP * (end - start)
+    jets = [_find_point_and_tangent(curve, at) for at in (max(t - step, start), t, min(t + step, end))]
+    if any(jet is None for jet in jets):
         return None
-    tangent = _coordinates(first) / speed
-    bend = _coordinates(second) / speed**2
+    (before, slope_before), (point, tangent), (after, slope_after) = jets  # type: ignore[misc]
+    bend = (slope_after - slope_before) / np.linalg.norm(after - before)
     normals, inward = [], []
     for face in faces:
-        pcurve, start, end = trace_pcurve(edge, face)
-        normals.append(face.find_normal(*pcurve.Value(start + share * (end - start)).Coord()))
+        pcurve, first, last = trace_pcurve(edge, face)
+        normals.append(face.find_normal(*pcurve.Value(first + share * (last - first)).Coord()))
         inward.append(np.cross(normals[-1], tangent) * _find_sense(face, edge))
     if not np.isfinite(normals).all():
         return None
@@ -442,7 +448,15 @@ def find_station(body: Body, edge: TopoDS_Edge, share: float) -> Station | None:
     angle = math.atan2(float(np.linalg.norm(np.cross(*inward))), float(inward[0] @ inward[1]))
     curvature = bend - (bend @ tangent) * tangent
     pairs = ((normals[0], normals[1]), (inward[0], inward[1]))
-    return Station(share, _coordinates(point), tangent, curvature, *pairs, convex, angle)
+    return Station(share, point, tangent, curvature, *pairs, convex, angle)
+
+
+def _find_point_and_tangent(curve: BRepAdaptor_Curve, t: float) -> tuple[Array, Array] | None:
+    """Return a point of a curve and its unit tangent; None where it stands still."""
+    point, slope = gp_Pnt(), gp_Vec()
+    curve.D1(t, point, slope)
+    speed = slope.Magnitude()
+    return None if speed < 1e-12 else (_coordinates(point), _coordinates(slope) / speed)
 
 
 def _find_sense(face: Face, edge: TopoDS_Edge) -> int:

@@ -260,6 +260,8 @@ def _build_parser() -> argparse.ArgumentParser:
         default=BLEND_DEFAULTS.on_error,
         help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
     )
+    hold_help = "hold a rail on the edge nearest to this point, mm; may be repeated"
+    blend.add_argument("--hold", type=parse_point, metavar="X,Y,Z", action="append", help=hold_help)
     blend.add_argument("--no-chain", dest="chain", action="store_false", help="do not go on along tangential edges")
     blend.add_argument("--form", choices=FORMS, default=BLEND_DEFAULTS.form, help=_DEFAULT_HELP)
     blend.add_argument(
@@ -354,21 +356,27 @@ def _run_blend(options: argparse.Namespace) -> None:
     section = "potential" if options.potential else "hermite" if options.order is None else "pde"
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
 
-    def make_request(edges: Sequence[Any]) -> BlendRequest:
+    def make_request(edges: Sequence[Any], hold: Sequence[Any] | None) -> BlendRequest:
         sizes = {name: assign_sizes(name, getattr(options, name), edges) for name in ("radius", "width")}
-        return collect_options(BlendOptions, {**vars(options), "section": section, **relation, **sizes}).to_request()
+        given = {**vars(options), "section": section, "hold": hold, **relation, **sizes}
+        return collect_options(BlendOptions, given).to_request()
 
-    make_request(range(len(options.near)))  # so that what is wrong with the options is said before the file is read
+    make_request(
+        range(len(options.near)), options.hold
+    )  # so that what is wrong with the options is said before the file is read
     _check_step_path(options.output)
     with _announce_step(f"reading {options.input}"):
         shape = read_step(options.input)
     with _announce_step("looking for the edges"):
         picked = [find_nearest_edge(shape, point, sharp=True) for point in options.near]
+        held = [find_nearest_edge(shape, point, sharp=False) for point in options.hold or ()]
     for edge in picked:
         print(f"edge {edge.index}, {edge.distance:.3g} mm from the point")
+    for edge in held:
+        print(f"held on edge {edge.index}, {edge.distance:.3g} mm from the point")
     with _announce_step("blending"):
         edges = [edge.edge for edge in picked]
-        result = blend_shape(shape, edges, make_request(edges))
+        result = blend_shape(shape, edges, make_request(edges, [edge.edge for edge in held] or None))
     with _announce_step(f"writing {options.output}"):
         write_step(result.shape, options.output)
     print(result.certificate)

@@ -173,6 +173,11 @@ class BlendOptions:
         What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
         all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.
         If nothing is left to blend, the error is raised.
+    hold : edges or wires, optional
+        Edges that take the place of a rail: each lies across one of the two faces beside a blended edge, along all of
+        it, sharp or smooth. The ball of the given `radius` rolls along it and touches the other face only; the blend
+        takes all of the face between, and is G0 at the held edge, in the direction of the ball. `continuity`, which is
+        not a pair then, is that on the other side.
     chain : bool, default True
         Whether a blend goes on along edges that were not picked: past each end of an edge along the edge that continues
         it tangentially, as long as the faces on both sides go on smoothly, too. False blends just what was picked.
@@ -200,6 +205,7 @@ class BlendOptions:
     ends: str | tuple[str, str] = "natural"
     first: Any = None
     on_error: str = "raise"
+    hold: Any = None
     chain: bool = True
 
     def to_request(self) -> "BlendRequest":
@@ -236,6 +242,8 @@ class BlendOptions:
             if (self.radius is None) == (self.width is None):
                 given = "neither" if self.radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
+        if self.hold is not None:
+            self._check_hold(section)
         edge_sizes = self._check_edge_sizes()
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
@@ -273,8 +281,24 @@ class BlendOptions:
             ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
             first=self.first,
             on_error=check_choice("on_error", self.on_error, ON_ERROR),
+            hold=() if self.hold is None else tuple(self.hold),
             chain=check_flag("chain", self.chain),
         )
+
+    def _check_hold(self, section: SectionName) -> None:
+        """Raise InputError for options that have no meaning where a rail is held on an edge."""
+        if section not in ("auto", "hermite", "arc"):
+            raise InputError(f"hold is no option of section={section!r}: leave it out")
+        if self.radius is None:
+            raise InputError("hold takes a radius, not a width: the held edge says how wide the blend is")
+        if callable(self.radius) or isinstance(self.radius, Mapping):
+            raise InputError("with hold, radius is a number: it does not vary, nor from edge to edge")
+        if isinstance(self.continuity, tuple | list):
+            raise InputError("with hold, continuity is that of the side that is not held: give one, not a pair")
+        if not is_default(self.tangents, BLEND_DEFAULTS.tangents):
+            raise InputError("tangents has no effect with hold: the ball gives the direction; leave it out")
+        if "flat" in (self.ends if isinstance(self.ends, tuple | list) else (self.ends,)):
+            raise InputError("with hold, the blend ends where the held edge does: ends cannot be flat")
 
     def _check_edge_sizes(self) -> "tuple[EdgeSizes, ...]":
         """Return the sizes of single edges, if radius or width is a mapping from edges."""
@@ -382,6 +406,7 @@ class BlendRequest:
     ends: tuple[EndWanted, EndWanted]
     first: "TopoDS_Face | None"
     on_error: OnError
+    hold: "tuple[TopoDS_Edge, ...]"
     chain: bool
 
 

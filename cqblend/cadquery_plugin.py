@@ -48,6 +48,7 @@ def blend(
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
     on_error: str = BLEND_DEFAULTS.on_error,
+    hold: Any = None,
     chain: bool = BLEND_DEFAULTS.chain,
     report: "Callable[[BlendResult], object] | None" = None,
 ) -> Any:

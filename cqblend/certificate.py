@@ -49,6 +49,8 @@ class RailRecord:
         Share of the rail, 0 to 1, along which the blend's cross derivative vanishes, so that the joint of the two faces
         stays as it was; angle and curvature jump are not measured there. Above 0 only on potential blends whose amounts
         vanish.
+    held : bool
+        Whether the rail is held on an existing edge: there the blend is G0, and ``angle`` is that of the edge.
     """
 
     side: int
@@ -61,6 +63,7 @@ class RailRecord:
     length: float
     tolerance: float
     kept: float = 0.0
+    held: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +185,7 @@ class Certificate:
     """How exact a blend is: one record for each rail, and figures of the whole blend.
 
     The properties ``gap``, ``angle``, ``curvature_jump``, ``direction``, ``length`` and ``tolerance`` are the largest
-    over all rails, in the units of `RailRecord`.
+    over all rails, in the units of `RailRecord`; angle and curvature jump over those that are not held on an edge.
 
     Attributes
     ----------
@@ -294,12 +297,12 @@ class Certificate:
     @property
     def angle(self) -> float:
         """Largest angle between the normals of blend and neighbour, rad."""
-        return max(rail.angle for rail in self.rails)
+        return max(rail.angle for rail in self.rails if not rail.held)
 
     @property
     def curvature_jump(self) -> float:
         """Largest jump of the normal curvature across a rail, 1/mm."""
-        return max(rail.curvature_jump for rail in self.rails)
+        return max(rail.curvature_jump for rail in self.rails if not rail.held)
 
     @property
     def direction(self) -> float:
@@ -367,11 +370,16 @@ class Certificate:
             for one in self.rails
             if one.kept
         ]
+        held = [
+            f"side {one.side}: G0, held on the edge of face {one.face}, at {one.angle:.3g} rad"
+            for one in self.rails
+            if one.held
+        ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
         edges = [str(edge) for edge in self.edges if edge.strays or edge.kind == "between"]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
-        return "\n".join((*head, *_format_table(self.rails), *kept, *covered, *flat, *edges, *skipped))
+        return "\n".join((*head, *_format_table(self.rails), *kept, *held, *covered, *flat, *edges, *skipped))
 
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:

@@ -89,11 +89,11 @@ def parse_sheet_size(text: str) -> tuple[float, float]:
 
 
 def attach_points(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with each point joined to its ``--near`` by "=": argparse takes ``-1,2,3`` for an option."""
+    """Return the arguments with each point joined to its option by "=": argparse takes ``-1,2,3`` for an option."""
     attached: list[str] = []
     for argument in arguments:
-        if attached and attached[-1] == "--near":
-            attached[-1] = f"--near={argument}"
+        if attached and attached[-1] in ("--near", "--hold"):
+            attached[-1] += f"={argument}"
         else:
             attached.append(argument)
     return attached

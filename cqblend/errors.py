@@ -80,7 +80,27 @@ class SelectionError(CqblendError, ValueError):
 
 
 class SizeError(CqblendError, ValueError):
-    """The asked radius or width does not fit; the message says the largest that does, where that is known."""
+    """The asked radius or width does not fit; the message says the largest that does, where that is known.
+
+    Attributes
+    ----------
+    room : float
+        Where a blend runs into something: for what share of its width there is room, as far as can be told; 0 if that
+        is not known.
+    """
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        kind: str = "",
+        shape: str = "",
+        place: float | None = None,
+        value: float | None = None,
+        room: float = 0.0,
+    ) -> None:
+        super().__init__(message, kind=kind, shape=shape, place=place, value=value)
+        self.room = room
 
 
 class DegreeError(CqblendError, ValueError):

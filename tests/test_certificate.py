@@ -63,7 +63,7 @@ def test_table_is_aligned_and_complete():
     table = lines[2:]
     assert len(table) == 2 + 3
     assert len({len(line) for line in table}) == 1
-    assert all(len(line.split()) == len(fields(RailRecord)) - 1 for line in table[2:])  # all but kept
+    assert all(len(line.split()) == len(fields(RailRecord)) - 2 for line in table[2:])  # all but kept and held
     units = dict(zip(table[0].replace("curvature jump", "curvature_jump").split()[3:], table[1].split(), strict=True))
     assert units == {
         "gap": "mm",
@@ -73,6 +73,16 @@ def test_table_is_aligned_and_complete():
         "length": "rel.",
         "tolerance": "mm",
     }
+
+
+def test_held_rails_are_told_below_the_table_and_not_counted():
+    held = replace(ONE.rails[0], held=True, angle=1.25, curvature_jump=9.0)
+    certificate = replace(ONE, rails=(held, *ONE.rails[1:]))
+    assert (
+        str(certificate).splitlines()[-1] == f"side {held.side}: G0, held on the edge of face {held.face}, at 1.25 rad"
+    )
+    assert certificate.angle == max(rail.angle for rail in ONE.rails[1:])
+    assert certificate.curvature_jump == max(rail.curvature_jump for rail in ONE.rails[1:])
 
 
 def test_joints_that_stay_are_told_below_the_table():

@@ -244,6 +244,7 @@ EDGE_OPTIONS = {
     "first": None,
     "on_error": "raise",
     "chain": True,
+    "hold": None,
 }
 
 UNROLL_OPTIONS = {

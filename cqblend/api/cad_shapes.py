@@ -7,7 +7,7 @@ none is imported here, and so that objects of modules that CQ-editor has reloade
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from cqblend.argument_checks import call_user_function
 from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
@@ -75,6 +75,20 @@ def collect_edges(things: Any) -> "list[TopoDS_Edge]":
     edges: list[TopoDS_Edge] = drop_duplicate_shapes(_iterate_edges(things))
     if not edges:
         raise InputError("edges is empty: select at least one edge")
+    return edges
+
+
+def collect_held_edges(things: Any) -> "list[TopoDS_Edge]":
+    """Return the edges in an edge, a wire, a Workplane, a compound, or nested iterables of those, once each.
+
+    Raises
+    ------
+    InputError
+        There is none, or something else among them.
+    """
+    edges: list[TopoDS_Edge] = drop_duplicate_shapes(_iterate_edges(things, name="hold"))
+    if not edges:
+        raise InputError("hold is empty: give the edges to hold a rail on, or leave it out")
     return edges
 
 
@@ -175,21 +189,22 @@ def _list_items(things: Any, wanted: str) -> list[Any]:
         raise InputError(f"{wanted}, and going through what is given raises {reason(error)}") from error
 
 
-def _iterate_edges(things: Any, depth: int = 0) -> "Iterable[TopoDS_Edge]":
+def _iterate_edges(things: Any, depth: int = 0, name: Literal["edges", "hold"] = "edges") -> "Iterable[TopoDS_Edge]":
+    """Yield the edges in nested things; to hold a rail on, those of wires, too."""
     if depth > _MAX_NESTING:
-        raise InputError(f"edges are nested more than {_MAX_NESTING} deep")
+        raise InputError(f"{name} is nested more than {_MAX_NESTING} deep")
     topods = _find_topods(things)
     if topods is not None and find_shape_kind(topods) == "edge":
         yield topods
         return
-    if topods is not None and find_shape_kind(topods) == "compound":
+    if topods is not None and find_shape_kind(topods) in ("compound", *(["wire"] if name == "hold" else [])):
         things = list_children(topods)
     elif _is_workplane(things):
         things = things.vals()
     elif topods is not None:
-        raise InputError(f"edges must be edges, not {_describe_shape(things)}")
-    for thing in _list_items(things, "edges must be edges"):
-        yield from _iterate_edges(thing, depth + 1)
+        raise InputError(f"{name} must be edges, not {_describe_shape(things)}")
+    for thing in _list_items(things, f"{name} must be edges"):
+        yield from _iterate_edges(thing, depth + 1, name)
 
 
 def _find_topods(thing: Any) -> "TopoDS_Shape | None":

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from cqblend.api.cad_shapes import (
     collect_edges,
     collect_faces,
+    collect_held_edges,
     convert_size_keys,
     resolve_shape,
     to_topods,
@@ -90,6 +91,7 @@ def blend_edges(
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
     first: Any = None,
     on_error: str = BLEND_DEFAULTS.on_error,
+    hold: Any = None,
     chain: bool = BLEND_DEFAULTS.chain,
 ) -> BlendResult:
     """Replace sharp edges of a solid or shell by blend faces that meet their neighbours with exact continuity or more.
@@ -166,9 +168,10 @@ def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
 
 
 def _to_request(options: BlendOptions) -> BlendRequest:
-    """Check options in which `first` is a face, and edges that have sizes are edges, of any library."""
+    """Check options in which `first` is a face, `hold` edges, and edges that have sizes are edges, of any library."""
     first = None if options.first is None else to_topods_face(options.first, "first")
-    converted = replace(options, first=first)
+    hold = None if options.hold is None else collect_held_edges(options.hold)
+    converted = replace(options, first=first, hold=hold)
     if isinstance(options.radius, Mapping):
         converted = replace(converted, radius=convert_size_keys("radius", options.radius))
     if isinstance(options.width, Mapping):
@@ -238,6 +241,8 @@ def max_size(
             raise InputError(f"{name} is a size, which max_size looks for: leave it out")
         if name == "on_error":
             raise InputError("max_size looks for sizes with which all edges can be blended: leave on_error out")
+        if name == "hold" and options[name] is not None:
+            raise InputError("max_size looks for sizes from 0 on, and a ball must be large to be held: leave hold out")
     known = {field.name for field in fields(BlendOptions)}
     for name in options:
         if name not in known:

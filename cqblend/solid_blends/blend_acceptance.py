@@ -42,9 +42,12 @@ def check_promises(certificate: Certificate, context: StripContext, blend: Blend
     jump = (tolerances.exact_curvature_jump if is_exact else tolerances.compact_curvature_jump) / size
     gap = max(tolerances.gap, request.tolerance, 2 * joint.tolerance)
     crease_limit = tolerances.inner_crease_margin * crease
+    roughness = tolerances.inner_crease_margin * max(ribbon.roughness for ribbon in blend.ribbons)
     promises = [_Promise("inner crease", certificate.inner_crease, crease_limit, "rad")]
     for rail, continuity in zip(certificate.rails, request.continuity, strict=True):
         promises.append(_Promise("gap", rail.gap, gap, "mm"))
+        if rail.held:
+            continue
         if continuity != "G0":
             promises.append(_Promise("angle", rail.angle, angle, "rad"))
         if continuity in ("G2", "G3"):
@@ -52,7 +55,9 @@ def check_promises(certificate: Certificate, context: StripContext, blend: Blend
     for edge in certificate.edges:
         promises.append(_Promise(f"gap at its {edge.kind}", edge.gap, edge.tolerance, "mm"))
         if edge.angle is not None:
-            promises.append(_Promise(f"angle at its {edge.kind}", edge.angle, max(angle, crease_limit), "rad"))
+            promises.append(
+                _Promise(f"angle at its {edge.kind}", edge.angle, max(angle, crease_limit, roughness), "rad")
+            )
     for name, value, limit, unit in promises:
         if not value <= limit:
             raise VerificationError(

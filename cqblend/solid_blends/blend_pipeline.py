@@ -16,14 +16,16 @@ import numpy as np
 from cqblend.blend_options import BlendRequest
 from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
+from cqblend.brep.selection.held_edges import is_beside
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_chains
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
-from cqblend.errors import CqblendError, SizeError, UnsupportedError
+from cqblend.errors import CqblendError, SelectionError, SizeError, UnsupportedError
 from cqblend.solid_blends.blend_sizes import take_largest_sizes
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import record_ends
+from cqblend.solid_blends.held_context import HeldStripContext, make_held_context
 from cqblend.solid_blends.section_methods import choose_section_method
 from cqblend.solid_blends.size_assignment import assign_sizes, check_edge_sizes
 from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
@@ -57,9 +59,30 @@ class _Contexts:
         ------
         InputError
             The sizes that were asked for cannot be those of this chain.
+        CqblendError
+            A rail cannot be held on an edge that was given.
         """
+        held = [edge for edge in self.request.hold if _is_beside_chain(edge, chain)]
+        if held:
+            return self._hold_chain(chain, held)
         requests = assign_sizes(self.request, chain, picked)
         return ChainContext(chain, tuple(map(self._get_cell, chain.cells, requests)))
+
+    def _hold_chain(self, chain: Chain, edges: Sequence[TopoDS_Edge]) -> ChainContext:
+        """Return the context of a chain of which one rail is held on some edges."""
+        if len(chain.cells) > 1:
+            raise UnsupportedError(
+                f"{chain.cells[0].name} goes on tangentially past smooth edges, and a rail is held beside one face "
+                "only; chain=False blends just what is picked"
+            )
+        return ChainContext(chain, (make_held_context(chain.cells[0], choose_section_method(self.request), edges),))
+
+    def check_held_edges(self, selection: Selection) -> None:
+        """Raise SelectionError if an edge to hold a rail on is not beside any chain that was found."""
+        chains = [one.chain for network in selection.networks for one in network if one.chain is not None]
+        for edge in self.request.hold:
+            if not any(_is_beside_chain(edge, chain) for chain in chains):
+                raise SelectionError("a held edge is not an edge of a face beside a blended edge")
 
     def _get_cell(self, joint: Joint, request: BlendRequest) -> StripContext:
         if request is not self.request:  # a share of sizes that vary
@@ -94,6 +117,7 @@ def blend_shape(
     contexts = _Contexts(request)
     check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
+    contexts.check_held_edges(selection)
     networks: list[DraftedNetwork] = []
     failures: list[SkippedEdges] = []
 
@@ -152,6 +176,11 @@ def _measure_coverage(selection: Selection, blended: Sequence[DraftedNetwork]) -
     return 1.0 - uncovered / sum(one.length for found in selection.networks for one in found)
 
 
+def _is_beside_chain(edge: TopoDS_Edge, chain: Chain) -> bool:
+    """Whether an edge bounds a face beside a cell of a chain."""
+    return any(is_beside(edge, cell) for cell in chain.cells)
+
+
 def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
     """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
     certificates = [strip.certificate for strip in strips]
@@ -197,7 +226,8 @@ def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: b
 
 def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, if it is one of size, what may fit."""
-    hint = suggest_size(context) if hints and isinstance(error, SizeError) else ""
+    is_held = isinstance(context.cells[0], HeldStripContext)
+    hint = suggest_size(context, error) if hints and isinstance(error, SizeError) and not is_held else ""
     return error.with_details(shape="" if error.shape else context.name, after=hint)
 
 

@@ -61,8 +61,8 @@ class ChainContext:
 
     @property
     def vanishes(self) -> tuple[bool, bool]:
-        """Whether sizes go to 0 at the start and at the stop of an open chain: then the blend ends in a point there."""
-        return self.cells[0].method.sizes.vanishes[0], self.cells[-1].method.sizes.vanishes[1]
+        """Whether an open chain ends in a point at its start and at its stop: size or joint fade to 0 there."""
+        return self.cells[0].vanishes[0], self.cells[-1].vanishes[1]
 
     @property
     def lengths(self) -> Sequence[float]:

@@ -97,7 +97,7 @@ def draft_chain(
     for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
         blends = tuple(context.make_blends(domain))
         for cell, blend in zip(context.cells, blends, strict=True):
-            _check_blend(cell, blend)
+            check_blend(cell, blend)
         placements = [place_strip(cell.joint, blend) for cell, blend in zip(context.cells, blends, strict=True)]
         try:
             return blends, plan_chain(placements, context.chain, caps)
@@ -107,7 +107,7 @@ def draft_chain(
     raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
 
 
-def _check_blend(context: StripContext, blend: BlendSurface) -> None:
+def check_blend(context: StripContext, blend: BlendSurface) -> None:
     """Check that a blend neither folds nor has a sharper crease inside than is allowed."""
     context.method.check(blend)
     if all(ribbon.light for ribbon in blend.ribbons):  # these run along lines and arcs without knot lines

@@ -224,7 +224,6 @@ class HermiteMethod(SectionMethod):
             orders=self.orders,
             steer=self.request.steer,
             arcs=isinstance(radius, SizeLaw),
-            fades=any(self.sizes.vanishes),
         )
 
 
@@ -235,13 +234,17 @@ class _HermiteAtJoint(SectionAtJoint):
 
     def make_solver(self) -> ContactSolver:
         joint, sizes = self.joint, self.method.sizes
-        length, vanishes = joint.spine.length, sizes.vanishes
         solve = trace_contacts(
-            joint.sides, joint.locate_stations, length, self._solve_at_stations, varies=bool(sizes.laws)
+            joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
         )
-        if not any(vanishes):
+        ends = []
+        for end, (vanishes, fades) in enumerate(zip(sizes.vanishes, joint.fading_ends, strict=True)):
+            limits = [sizes.find_vanishing_limit(end)] if vanishes else []
+            limits += [joint.find_fading_limit(end)] if fades else []
+            if limits:
+                ends.append(VanishingEnd(float(end), min(limits) if end else max(limits)))
+        if not ends:
             return solve
-        ends = [VanishingEnd(float(end), sizes.find_vanishing_limit(end)) for end in (0, 1) if vanishes[end]]
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
     def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
@@ -252,13 +255,18 @@ class _HermiteAtJoint(SectionAtJoint):
         return solve_setback_contacts(sides, stations, (sizes[0], sizes[1]), expected)
 
     def _locate_on_surfaces(self, t: Array) -> Stations:
-        """Return stations at t that lie on both support surfaces."""
+        """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
+        if any(joint.fading_ends):
+            return joint.locate_stations(t)
         return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
 
     def _measure_both_sizes(self, t: Array) -> Array:
-        """Return the sizes on both sides at t (n,), (2, n)."""
-        return np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
+        """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""
+        sizes = np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
+        for end, fades in enumerate(self.joint.fading_ends):
+            sizes = sizes * np.abs(t - end) if fades else sizes
+        return sizes
 
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         request = self.method.request

@@ -55,7 +55,7 @@ def check_size(context: StripContext) -> None:
             place=t,
             value=here,
         )
-    nearest = float(context.rail_distances.max() if any(method.sizes.vanishes) else context.rail_distances.min())
+    nearest = float(context.rail_distances.max() if any(context.vanishes) else context.rail_distances.min())
     short = max(SOLID_BLEND_TOLERANCES.min_tolerance_ratio * joint.tolerance / least, joint.tolerance / nearest)
     if short > 1:
         raise SizeError(
@@ -85,9 +85,11 @@ def is_possible_size(context: ChainContext) -> bool:
     return True
 
 
-def suggest_size(context: ChainContext) -> str:
-    """Return advice which size may fit instead, as far as contacts tell, and how to find out."""
+def suggest_size(context: ChainContext, error: SizeError) -> str:
+    """Return advice which size may fit in place of one that failed, as far as can be told, and how to find out."""
     advice, size, extent = context.method.size_advice, context.largest_size, context.index.extent
+    if error.room:
+        return f"; at most about {_round_down(error.room * size):g} fits there: {advice}"
     if size <= extent and is_possible_size(context):
         return f"; less than {size:g} may fit: {advice}"
     largest = size * _bisect_largest(lambda factor: is_possible_size(context.scale(factor)), min(1.0, extent / size))
@@ -149,6 +151,6 @@ def _is_promising_beyond(is_promising: Callable[[float], bool], size: float, mor
 
 
 def _round_down(value: float) -> float:
-    """Round down to three digits."""
+    """Round down to three digits, but for rounding."""
     digit = 10.0 ** (np.floor(np.log10(value)) - 2)
-    return float(np.floor(value / digit) * digit)
+    return float(np.floor(value / digit * (1 + 1e-9)) * digit)

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
+from cqblend.brep.shell_editing.planned_solid import FaceConflictError, PlannedSolid
+from cqblend.brep.shell_editing.remaining_faces import settle_faces
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.solid_verification import check_solid
@@ -16,6 +19,8 @@ from cqblend.errors import CqblendError, SizeError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
+from cqblend.solid_blends.held_context import HeldStripContext
+from cqblend.solid_blends.held_draft import HeldDrafts
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -37,7 +42,7 @@ class DraftedNetwork:
     def __init__(self, edges: Sequence[int], chains: Sequence[ChainContext]) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self.sources = tuple(map(ChainDrafts, chains))
+        self.sources = tuple(map(_choose_drafts, chains))
         self.drafts = tuple(source.make_first() for source in self.sources)
 
     @property
@@ -59,6 +64,12 @@ class DraftedNetwork:
             If there are none.
         """
         self.drafts = tuple(source.make_next(failure) for source in self.sources)
+
+
+def _choose_drafts(context: ChainContext) -> ChainDrafts | HeldDrafts:
+    """Return the drafts of a chain, of which a rail may be held on an edge."""
+    first = context.cells[0]
+    return HeldDrafts(context, first) if isinstance(first, HeldStripContext) else ChainDrafts(context)
 
 
 class FaultyNetworkError(CqblendError):
@@ -136,7 +147,11 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     """
     drafts = [draft for network in networks for draft in network.drafts]
     cells = [cell for draft in drafts for cell in draft.context.cells]
-    proposal = apply_plan(index, merge_chains(index, [draft.planned for draft in drafts]))
+    plan = merge_chains(index, [draft.planned for draft in drafts])
+    convex, name_part = [cell.joint.is_convex for cell in cells], cells[0].joint.name_part
+    planned = settle_faces(PlannedSolid(index, plan, convex, name_part))
+    proposal = apply_plan(index, planned.plan)
+    check_swallowed_faces(planned, proposal.solid, [strip.blend_face for strip in proposal.strips])
     check = check_solid(
         index.solid,
         proposal.solid,
@@ -160,9 +175,13 @@ def _get_edge_tolerance(context: StripContext) -> float:
 
 def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: CqblendError) -> FaultyNetworkError:
     """Return which of some networks is to blame for an error: one that fails alone, or with those before it."""
+    if isinstance(error, FaceConflictError):
+        owners = [network for network, _, _ in _list_cells(networks)]
+        first, last = owners[error.strips[0]], owners[error.strips[-1]]
+        return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if isinstance(error, ChainConflictError):
-        owners = [network for network in networks for _ in network.drafts]
-        first, last = owners[error.chains[0]], owners[error.chains[-1]]
+        chains = [network for network in networks for _ in network.drafts]
+        first, last = chains[error.chains[0]], chains[error.chains[-1]]
         return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if len(networks) == 1:
         return FaultyNetworkError(networks[0], error)

@@ -6,7 +6,7 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
+from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
@@ -32,6 +33,17 @@ class StripContext:
 
     joint: Joint
     method: SectionMethod
+
+    @cached_property
+    def vanishes(self) -> tuple[bool, bool]:
+        """Whether the blend has no width at t = 0 and at t = 1: its size goes to 0 there, or the joint fades out."""
+        sizes, fades = self.method.sizes.vanishes, self.joint.fading_ends
+        return sizes[0] or fades[0], sizes[1] or fades[1]
+
+    @cached_property
+    def targets(self) -> RibbonTargets:
+        """What the ribbons are to be."""
+        return replace(self.method.targets, fades=True) if any(self.vanishes) else self.method.targets
 
     @cached_property
     def section(self) -> SectionAtJoint:
@@ -96,13 +108,11 @@ class StripContext:
             start = joint.choose_rail_start(self.solve(np.arange(64) / 64))
             domain = (start, start + 1)
         corners = self.method.sizes.locate_corners(domain)
-        return fit_cubic_ribbons(
-            joint.primaries, self.solve, domain, self.method.targets, closed=closed, corners=corners
-        )
+        return fit_cubic_ribbons(joint.primaries, self.solve, domain, self.targets, closed=closed, corners=corners)
 
     def fit_light_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular rails over a range of t, if these are exact."""
-        joint, targets = self.joint, self.method.targets
+        joint, targets = self.joint, self.targets
         if not joint.spine.closed:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
@@ -119,7 +129,7 @@ class StripContext:
         return CellRails(
             joint.primaries,
             self.solve,
-            method.targets,
+            self.targets,
             joint.spine.length,
             self.fit_light_rails,
             method.sizes.locate_corners,

@@ -52,6 +52,27 @@ class SolidBlendTolerances:
     max_uncovered: float = 0.3
     """Relative to the edge: more than that no cap leaves unblended at one end."""
 
+    held_stations: int = 257
+    """Points of the blended edge among which the nearest to a point of a held edge is looked for."""
+
+    held_constancy: float = 1e-12
+    """How much unit tangents and directions along a held edge may differ if it is straight, or all around its axis."""
+
+    held_curve: float = 1e-11
+    """Relative to the solid: how near the curve on which a rail is held is to the edge."""
+
+    held_way: float = 1e-6
+    """Radians: how near the directions there are to those of the ball, which nothing is smooth with."""
+
+    held_spans: int = 8
+    """Spans with which both are begun to be fitted."""
+
+    held_overrun: float = 0.5
+    """In units of the radius: how far rails beside a held edge are made longer than it, to begin with."""
+
+    held_angle: float = 1e-3
+    """Radians: least angle at a held edge between the blend and the face on either side."""
+
     check_stations: int = 25
     """Number of stations whose contacts are checked before a size is tried."""
 

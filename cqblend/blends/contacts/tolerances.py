@@ -43,6 +43,9 @@ class ContactTolerances:
         the edge.
     full_turn_slack
         Difference of the angle of an edge around an axis from a full turn (rad) up to which it is one.
+    least_held_radius, held_growth_steps
+        Radius, as a share of the distance of a held point from the surface, from which balls grow where they are not
+        found at once, and in how many steps; half that distance is the least that reaches.
     tracing_stations
         Stations that a polynomial through known contacts runs through.
     least_tracing_gap
@@ -75,6 +78,8 @@ class ContactTolerances:
     largest_prediction_error: float = 0.5
     largest_tracing_error: float = 0.1
     full_turn_slack: float = 1e-9
+    least_held_radius: float = 0.7
+    held_growth_steps: int = 16
     tracing_stations: int = 6
     least_tracing_gap: float = 1e-5
     rough_continuity: int = 3

@@ -79,7 +79,7 @@ class EdgePiece:
     """An edge of the input over another span of its own curves.
 
     ``gaps`` (mm) are the distances of its vertices from its curve. A piece that also bounds a flat ``cap`` lies in its
-    plane.
+    plane; one that a rail is held on has ``pcurves`` on the blend. No continuity is promised across it.
     """
 
     number: int
@@ -87,6 +87,8 @@ class EdgePiece:
     vertices: tuple[PlannedVertex, PlannedVertex]
     gaps: tuple[float, float] = (0.0, 0.0)
     cap: PlannedSurface | None = None
+    pcurves: tuple[PlannedPcurve, ...] = ()
+    order = 0
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,7 @@ class StripPlan:
     support_faces: tuple[int, int]
     surface: PlannedSurface
     boundary: tuple[EdgeUse, ...]
-    rails: tuple[tuple[NewEdge, ...], tuple[NewEdge, ...]]
+    rails: tuple[tuple[PlannedEdge, ...], tuple[PlannedEdge, ...]]
     poles: tuple[NewEdge | None, NewEdge | None] = (None, None)
     end_edges: tuple[tuple[NewEdge, ...], ...] = ()
     caps: tuple[CapPlan, ...] = ()
@@ -176,10 +178,15 @@ class StripPlan:
 
 @dataclass(frozen=True)
 class SolidPlan:
-    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes."""
+    """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes, or that goes.
+
+    ``consumed_faces`` lie between rails that meet on them; ``swallowed_faces`` hang on loops inside a strip.
+    """
 
     strips: tuple[StripPlan, ...]
     faces: tuple[FacePlan, ...]
+    consumed_faces: tuple[int, ...] = ()
+    swallowed_faces: tuple[int, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -195,7 +202,8 @@ class SolidPlan:
     @property
     def removed_faces(self) -> tuple[int, ...]:
         """The numbers of the faces of the input of which nothing remains."""
-        return tuple(number for strip in self.strips for number in strip.removed_faces)
+        past_ends = (number for strip in self.strips for number in strip.removed_faces)
+        return (*past_ends, *self.consumed_faces, *self.swallowed_faces)
 
     @property
     def removed_edges(self) -> tuple[int, ...]:

@@ -63,6 +63,7 @@ def fit_chain_ribbons(
     light = _choose_light_cells(chain, links)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     mismatches: list[SectionMismatch] = []
+    roughness = [0.0] * len(chain)
     for before, after in links:
         first, second = light[before], light[after]
         start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
@@ -73,12 +74,18 @@ def fit_chain_ribbons(
         if start is None:
             start = _settle_section(chain, wanted, (before, 1), stop)
         mismatches.append(measure_mismatch(start, stop))
+        given = chain[before].ends[1].roughness + chain[before].ends[1].gap / start.width
+        for k in (before, after):
+            roughness[k] = max(roughness[k], given)
     ribbons = [
         cell.fit_to_ends((start, stop)) if one is None else one.ribbons
         for cell, one, (start, stop) in zip(chain, light, wanted, strict=True)
     ]
     if links:
-        ribbons = [(replace(first, joined=True), replace(second, joined=True)) for first, second in ribbons]
+        ribbons = [
+            (replace(first, joined=True, roughness=rough), replace(second, joined=True, roughness=rough))
+            for (first, second), rough in zip(ribbons, roughness, strict=True)
+        ]
     return ChainRibbons(tuple(ribbons), tuple(mismatches))
 
 
@@ -188,8 +195,14 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
 
 def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
-    natural = cell.estimate_natural_end(end)
-    roughness = cell.ends[end].roughness
+    natural, roughness = cell.estimate_natural_end(end), cell.ends[end].roughness
+    for one, own in zip(given.jets, natural, strict=True):
+        if not one.rates[0] @ own.rates[0] > 0:
+            raise SizeError(
+                "where the chain passes a smooth edge, a rail turns back: the size is larger than the radius of "
+                "curvature there",
+                kind="too large",
+            )
     direction = given.find_common_direction(roughness)
     if direction is not None:
         first, second = (

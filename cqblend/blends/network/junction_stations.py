@@ -60,32 +60,37 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
     first: list[_Crossing | None] = [None, None]
     second: list[_Crossing | None] = [None, None]
     tangents: list[Array | None] = [None, None]
-    roughness = 0.0
+    roughness = gap = 0.0
     for side, edge in enumerate(crossed):
         if edge is not None:
-            first[side] = at = _find_crossing(before, side, edge.before, edge.domain, 1.0)
-            second[side] = _find_crossing(after, side, edge.after, edge.domain, 0.0)
-            meeting = _compare_faces((before, after), side, edge, at.sigma)
-            roughness = max(roughness, meeting.angle)
+            first[side] = start = _find_crossing(before, side, edge.before, edge.domain, 1.0)
+            second[side] = stop = _find_crossing(after, side, edge.after, edge.domain, 0.0)
+            inside = (
+                before.solve(np.array([start.station - NETWORK_TOLERANCES.inner_share])).uv[side],
+                after.solve(np.array([stop.station + NETWORK_TOLERANCES.inner_share])).uv[side],
+            )
+            meeting = _compare_faces((before, after), side, edge, start.sigma, inside)
+            roughness, gap = max(roughness, meeting.angle), max(gap, meeting.gap)
             if not meeting.is_one_surface(max(before.targets.orders[side], after.targets.orders[side])):
                 tangents[side] = meeting.tangent
     along = tangents[0], tangents[1]
     return (
-        CellEnd(_choose_stations(first, 1.0), along, roughness),
-        CellEnd(_choose_stations(second, 0.0), along, roughness),
+        CellEnd(_choose_stations(first, 1.0), along, roughness, gap),
+        CellEnd(_choose_stations(second, 0.0), along, roughness, gap),
     )
 
 
 class _FaceMeeting(NamedTuple):
     """How two faces meet at a point of a smooth edge.
 
-    The unit vector ``tangent`` (3,) along the edge, the ``angle`` (rad) between their tangent planes, and by how much
-    their normal curvatures (1/mm) across the edge differ.
+    The unit vector ``tangent`` (3,) along the edge, the ``angle`` (rad) between their tangent planes, by how much their
+    normal curvatures (1/mm) across the edge differ, and the ``gap`` (mm) between them.
     """
 
     tangent: Array
     angle: float
     bend: float
+    gap: float
 
     def is_one_surface(self, order: int) -> bool:
         """Whether cross derivatives of an order of continuity need not run along the edge for the faces to agree."""
@@ -96,21 +101,29 @@ class _FaceMeeting(NamedTuple):
         )
 
 
-def _compare_faces(cells: tuple[CellRails, CellRails], side: int, edge: CrossedEdge, sigma: float) -> _FaceMeeting:
+def _compare_faces(
+    cells: tuple[CellRails, CellRails], side: int, edge: CrossedEdge, sigma: float, inside: tuple[Array, Array]
+) -> _FaceMeeting:
     """Compare the faces of two cells at a point of the smooth edge between them.
+
+    ``inside`` are native parameters (1, 2) on the rail in either cell: the edge may be a knot line of the surface of
+    its face, on whose side of it the surface is taken.
 
     Where they meet at an angle, their tangent planes have one direction in common: that of the edge, but for the errors
     of both. It is taken if it is no farther from the edge than the faces are from smooth.
     """
     at = np.array([sigma])
-    normals, bends = [], []
+    normals, bends, points = [], [], []
     (along,) = normalise_vectors(edge.before(at)[1])
-    for cell, curve in zip(cells, (edge.before, edge.after), strict=True):
-        jet = cell.primaries[side].jet(curve(at)[0])
+    for cell, curve, uv in zip(cells, (edge.before, edge.after), inside, strict=True):
+        on_edge = curve(at)[0]
+        step = _subtract_parameters(cell.primaries[side], uv[0], on_edge[0])
+        jet = cell.primaries[side].jet(on_edge + NETWORK_TOLERANCES.side_step * step)
         (normal,) = normalise_vectors(cross_product(jet[1], jet[2]))
         ((r, s),) = to_tangent_coordinates(jet, cross_product(normal, along)[None])
         bends.append(float((r * r * jet[3, 0] + 2 * r * s * jet[4, 0] + s * s * jet[5, 0]) @ normal))
         normals.append(normal)
+        points.append(jet[0, 0])
     if normals[0] @ normals[1] < 0:  # the parameters of one of the faces have the other sense
         normals[1], bends[1] = -normals[1], -bends[1]
     common = cross_product(normals[0], normals[1])
@@ -118,7 +131,8 @@ def _compare_faces(cells: tuple[CellRails, CellRails], side: int, edge: CrossedE
     if angle > NETWORK_TOLERANCES.natural_angle:
         shared = normalise_vectors(common) * (1.0 if common @ along > 0 else -1.0)
         along = shared if np.linalg.norm(shared - along) <= angle else along
-    return _FaceMeeting(along, angle, bends[0] - bends[1])
+    gap = float(np.linalg.norm(points[1] - points[0]))
+    return _FaceMeeting(along, angle, bends[0] - bends[1], gap)
 
 
 def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[float, float]:
@@ -143,7 +157,9 @@ def _find_crossing(
     t, sigma = start, float(sigmas[measure_lengths(primary.jet(curve(sigmas)[0])[0] - point).argmin()])
     longest = max(
         NETWORK_TOLERANCES.longest_station_step,
-        float(measure_lengths(point - known.edge_points[[first]])[0]) * NETWORK_TOLERANCES.probe_width / cell.length,
+        float(measure_lengths(point - known.edge_points[[first]])[0])
+        * NETWORK_TOLERANCES.station_step_width
+        / cell.length,
     )
     probes = t + NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
     rate = np.diff(interpolate_locally(nodes, known.uv[side], probes, NETWORK_TOLERANCES.probe_count), axis=0)[0]

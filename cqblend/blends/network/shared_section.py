@@ -32,6 +32,11 @@ class SectionEnd:
         first, second = ribbons
         return cls((EndJets.from_ribbon(first, end), EndJets.from_ribbon(second, end)), (first.order, second.order))
 
+    @property
+    def width(self) -> float:
+        """The distance (mm) of both rails."""
+        return float(np.linalg.norm(self.jets[1].values[0] - self.jets[0].values[0]))
+
     def evaluate_section(self, v: Array) -> Array:
         """Return the points of the section at v (n,), its tangents, and its derivatives along the cell, (3, n, 3)."""
         counts = self.orders[0] + 1, self.orders[1] + 1

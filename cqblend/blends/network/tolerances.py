@@ -20,6 +20,30 @@ class NetworkTolerances:
     section_plane: float = 1e-15
     """Relative to the size: by how much an axis may miss a plane that a section is to lie in."""
 
+    first_chords: int = 16
+    """Chords of each curve of a face's boundary to begin with."""
+
+    chord_parts: int = 6
+    """Parts of a chord that is too long to tell whether it meets another one."""
+
+    chord_refinements: int = 14
+    """Largest number of times that chords are cut finer."""
+
+    most_chord_pairs: int = 50_000
+    """Pairs of chords above which curves that run along each other are taken to meet."""
+
+    sagitta_margin: float = 1.25
+    """Factor on the distance of a curve from the middle of its chord: the most that it is from all of the chord."""
+
+    same_parameter: float = 1e-12
+    """Relative: chords whose parameters are this near to each other are neighbours."""
+
+    parting_angle: float = 1e-2
+    """Radians: curves that leave a common end at more do not meet again before they bend."""
+
+    coincident_lines: float = 1e-7
+    """Radians: straight curves that leave a common end at less lie on each other."""
+
     arc_plane: float = 1e-12
     """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
     lie may miss its axis, or turn from it."""
@@ -49,7 +73,7 @@ class NetworkTolerances:
     """Sine of the angle between a cross derivative and a smooth edge up to which it runs along the edge."""
 
     largest_obliquity: float = np.pi / 4
-    """Angle (rad) by which a cross derivative is turned at most to run along a smooth edge."""
+    """Angle (rad) from square up to which a smooth edge may cross a rail for cross derivatives to run along it."""
 
     bending_widths: float = 1.0
     """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
@@ -66,14 +90,20 @@ class NetworkTolerances:
     probe_count: int = 6
     """Contacts from which derivatives at the end of a cell are found."""
 
-    probe_width: float = 1 / 8
+    probe_width: float = 1 / 32
     """Distance between them, as a share of the width of the blend."""
 
-    probe_share: float = 1 / 48
+    probe_share: float = 1 / 96
     """The same distance, as a share of the cell, at most."""
 
     lifted_step: float = 0.05
     """Step from an end into a cell, as a share of it, on which derivatives of lifted curves are taken."""
+
+    inner_share: float = 0.05
+    """Share of a cell, from its end, at which its rail tells on which side of a smooth edge the cell is."""
+
+    side_step: float = 1e-11
+    """Share of the way from the edge to there: a step that passes a knot line, and nothing else."""
 
     edge_samples: int = 65
     """Points of a smooth edge of which the nearest starts the search for its crossing with a rail."""
@@ -91,7 +121,10 @@ class NetworkTolerances:
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
 
     longest_station_step: float = 0.1
-    """Longest step in t, unless ``probe_width`` is more: a short cell may be left by several times its length."""
+    """Longest step in t, unless ``station_step_width`` is more: a short cell may be left by several lengths of it."""
+
+    station_step_width: float = 1 / 8
+    """The same, as a share of the width of the blend."""
 
     least_normal_share: float = 1e-9
     """Length of the normal of a cell along its end section, as a share of the longest, from which on it has one."""

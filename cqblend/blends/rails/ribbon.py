@@ -94,6 +94,9 @@ class Ribbon:
     bend
         Largest distance (mm) of the rail from where its contacts alone would lead it: it is bent where it would else
         meet that of another blend at an angle.
+    roughness
+        Largest angle (rad) between the faces on both sides of the smooth edges where the cell of a chain ends, and gap
+        between them, as a share of the width of the blend: a chain cannot be smoother than these.
     """
 
     primary: Primary
@@ -106,6 +109,7 @@ class Ribbon:
     light: bool = False
     fades: bool = False
     joined: bool = False
+    roughness: float = 0.0
     bend: float = 0.0
 
     def find_native_parameters(self, t: Array) -> Array:

@@ -32,9 +32,10 @@ from cqblend.brep.topology import (
     find_vertex_uv,
     locate_vertex,
 )
-from cqblend.errors import TopologyError
+from cqblend.errors import GeometryError, TopologyError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
+from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,38 @@ class Joint:
     def locate_stations(self, t: Array) -> Stations:
         """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
         return self.spine.extend_along_circle(self.spine.locate_stations(t, self.sides), self.sides)
+
+    @cached_property
+    def fading_ends(self) -> tuple[bool, bool]:
+        """Whether the two faces become tangent to each other at t = 0 and at t = 1."""
+        if self.spine.closed:
+            return False, False
+        uses = self.spine.edges[0], self.spine.edges[-1]
+        angles = [self.index.measure_dihedral_angles(use) for use in uses]
+        first, last = (
+            one is None or abs(one.find_end_angle(use, end)) < SELECT_TOLERANCES.smooth_angle
+            for end, (use, one) in enumerate(zip(uses, angles, strict=True))
+        )
+        return first, last
+
+    def find_fading_limit(self, end: int) -> float:
+        """Return the t next to an end, at which the joint fades out, where its faces meet at a measurable angle.
+
+        Raises
+        ------
+        GeometryError
+            If they do not in the half of the joint at this end.
+        """
+        shares = np.geomspace(*SELECT_TOLERANCES.fading_range, SELECT_TOLERANCES.fading_samples)
+        t = shares if end == 0 else 1 - shares
+        stations = self.locate_stations(np.sort(t))
+        n1, n2 = (side.primary.evaluate_normals(uv) for side, uv in zip(self.sides, stations.uv, strict=True))
+        sine = measure_lengths(cross_product(n1, n2))[:: 1 if end == 0 else -1]
+        if sine[-1] < SELECT_TOLERANCES.fading_sine:
+            raise GeometryError(
+                f"the faces are nearly tangent to each other over half of the edge, at {sine[-1]:.2g} rad"
+            )
+        return float(t[np.argmax(sine >= SELECT_TOLERANCES.fading_sine)])
 
     def to_face_parameters(self, contacts: Contacts) -> list[Array]:
         """Return contacts in the own parameters (n, 2) of both faces, in their windows."""

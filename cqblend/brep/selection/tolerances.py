@@ -29,7 +29,7 @@ class SelectTolerances:
     """Deviation, relative to the radius, up to which a spine is an arc of a circle."""
     full_turn: float = 1e-6
     """rad: a closed arc that turns by less or more than that beside 2 pi is no full circle."""
-    contact_boundary: float = 1e-6
+    contact_boundary: float = 1e-7
     """In parameters: a contact this near to its face's boundary lies on it, and leaves nothing of the face."""
     face_boundary: float = 1e-9
     """In parameters: any other point this near to a face's boundary lies on it."""
@@ -53,6 +53,12 @@ class SelectTolerances:
     """Relative difference of a merged face's area from the sum of its parts: OCCT integrates at few points."""
     merged_samples: int = 9
     """Samples along an edge at which two faces are compared that may be merged."""
+    fading_sine: float = 0.02
+    """Sine of the angle between two faces from which on contacts are solved for, where a joint fades out."""
+    fading_range: tuple[float, float] = (1e-5, 0.5)
+    """Shares of a joint's length, from its end, between which that angle is looked for."""
+    fading_samples: int = 65
+    """Number of places at which it is looked for."""
     parallel_angle: float = 1e-9
     """rad, between the normals of planes, or the axes of cylinders, that are the same."""
 

@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
-from OCP.TopoDS import TopoDS_Edge, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
 from cqblend.blends.network.strip_surface import StripCut
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
+from cqblend.brep.shell_editing.end_crossings import BlendEnd, Crossing
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     plan_cut_edge,
@@ -25,14 +27,7 @@ from cqblend.brep.shell_editing.end_curve import (
     solve_end_curve,
     solve_touch_point,
 )
-from cqblend.brep.shell_editing.end_path import (
-    Crossing,
-    EndPath,
-    PathPiece,
-    find_end_path,
-    leaves_support,
-    list_cut_uses,
-)
+from cqblend.brep.shell_editing.end_path import EndPath, PathPiece, find_end_path
 from cqblend.brep.shell_editing.end_tracing import Meeting
 from cqblend.brep.shell_editing.face_boundary import BoundaryMark, FaceBoundary
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, is_corner_behind, reaches_corner
@@ -45,8 +40,10 @@ from cqblend.brep.topology import (
     find_end_vertices,
     find_vertex_uv,
     locate_vertex,
+    make_vertex,
 )
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
+from cqblend.splines.bernstein import Array
 
 
 def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
@@ -69,7 +66,8 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
         except (SizeError, TopologyError, GeometryError) as error:
             failure = error
     try:
-        return _end_along_path(placement, end, find_end_path(placement, end))
+        at = BlendEnd(placement, end)
+        return _end_along_path(at, find_end_path(at))
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:
@@ -110,8 +108,13 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
         for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
     )
     reach = [reaches_corner(trim) for trim in trims]
-    if all(reach) and not _grows(placement, end, target, cut) and _leaves_face(placement, target, cut):
-        raise SizeError("the face there is too small for the end of the blend: the size is too large", kind="too large")
+    outside = None if not all(reach) or _grows(placement, end, target, cut) else _find_outside(placement, target, cut)
+    if outside is not None:
+        raise SizeError(
+            f"the end curve on {joint.name_part(target.face)} runs into "
+            f"{joint.name_part(_find_nearest_edge(target, outside))}: the size is too large",
+            kind="too large",
+        )
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
     return StripEnd((edge,), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
 
@@ -123,12 +126,20 @@ def _grows(placement: StripPlacement, end: int, target: SupportFace, cut: StripC
     return bool(Meeting.at_end(placement, end, target).evaluate_rates(x)[1] < 0)
 
 
-def _leaves_face(placement: StripPlacement, target: SupportFace, cut: StripCut) -> bool:
-    """Whether an end curve runs outside of the face that it is on."""
+def _find_outside(placement: StripPlacement, target: SupportFace, cut: StripCut) -> Array | None:
+    """Return a point (3,) of an end curve outside of the face that it is on; None if there is none."""
     shares = (np.arange(SHELL_EDIT_TOLERANCES.checked_end_points) + 0.5) / SHELL_EDIT_TOLERANCES.checked_end_points
     classifier = placement.index.get_classifier(target.face, SELECT_TOLERANCES.face_boundary)
-    inside = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
-    return any(classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT for uv in inside.tolist())
+    on_face = target.wrap_to_window(cut.on_other(cut.span[0] + shares * (cut.span[1] - cut.span[0])))
+    outside = [k for k, uv in enumerate(on_face.tolist()) if classifier.Perform(gp_Pnt2d(*uv)) == TopAbs_OUT]
+    return np.asarray(target.face_primary.jet(on_face[outside[:1]])[0, 0]) if outside else None
+
+
+def _find_nearest_edge(target: SupportFace, point: Array) -> TopoDS_Edge:
+    """Return the edge of a face that is nearest to a point (3,)."""
+    vertex = make_vertex(point)
+    edges = (TopoDS.Edge_s(edge) for edge in explore_subshapes(target.face, TopAbs_EDGE))
+    return min(edges, key=lambda edge: BRepExtrema_DistShapeShape(vertex, edge).Value())
 
 
 def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[TopoDS_Edge]:
@@ -152,7 +163,7 @@ def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_fac
     return shared_edges
 
 
-def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> StripEnd:
+def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:
     """End the blend along a way around its end.
 
     Raises
@@ -160,12 +171,13 @@ def _end_along_path(placement: StripPlacement, end: int, path: EndPath) -> Strip
     SizeError, TopologyError
         If what the way cuts off is not just what lies around the end of the edge.
     """
+    placement, end = at.placement, at.end
     vertices = _plan_corners(placement, path)
     edges = tuple(
         plan_cut_edge(placement, piece.cut, (vertices[k], vertices[k + 1]), placement.number_face(piece.side.face))
         for k, piece in enumerate(path.pieces)
     )
-    cuts = _FaceCuts(placement, end)
+    cuts = _FaceCuts(at)
     for i, crossing in enumerate((path.crossings[0], path.crossings[-1])):
         cuts.cut_support(i, crossing)
     for piece, edge in zip(path.pieces, edges, strict=True):
@@ -213,20 +225,20 @@ def _plan_corners(placement: StripPlacement, path: EndPath) -> list[PlannedVerte
 class _FaceCuts:
     """What a way around the end of a blend cuts off the faces there."""
 
-    def __init__(self, placement: StripPlacement, end: int) -> None:
-        self.placement, self.end, self.index = placement, end, placement.index
+    def __init__(self, at: BlendEnd) -> None:
+        self.at, self.placement, self.index = at, at.placement, at.placement.index
         self._removed: dict[int, set[int]] = {}  # number of the face -> numbers of its edges that go
         self._added: dict[int, list[EdgeUse]] = {}
         self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
 
     def cut_support(self, i: int, crossing: Crossing) -> None:
         """Cut support face ``i`` between the blended edge and the crossing where its rail leaves it."""
-        self._cut(crossing.boundary, list_cut_uses(self.placement, self.end, i, crossing))
-        self._lose_end(crossing.boundary, crossing.mark, leaves=leaves_support(self.placement, self.end, i))
+        self._cut(crossing.boundary, self.at.list_cut_uses(i, crossing))
+        self._lose_end(crossing.boundary, crossing.mark, leaves=self.at.leaves_support(i))
 
     def cut_piece(self, piece: PathPiece, edge: NewEdge) -> None:
         """Cut a face along one piece of the way, which becomes an edge."""
-        forward = (self.end == 1) == (piece.side.outward > 0)
+        forward = piece.runs_forward
         leaves, returns = (piece.entry, piece.exit) if forward else (piece.exit, piece.entry)
         between = piece.boundary.list_between(leaves, returns)
         self._cut(piece.boundary, between)

@@ -65,6 +65,15 @@ class FaceBoundary:
         point, rate = self._curves[use](np.array([parameter]), 1)[..., 0]
         return point, rate
 
+    def evaluate_points(self, use: int, parameters: Array) -> Array:
+        """Return the face's parameters (n, 2) at parameters (n,) of an edge."""
+        return self._curves[use](parameters)[0].T
+
+    def find_span(self, use: int) -> tuple[float, float]:
+        """Return the parameters of an edge where a use of it starts and stops."""
+        first, last = BRep_Tool.Range_s(self.uses[use])
+        return (first, last) if self.uses[use].Orientation() == TopAbs_FORWARD else (last, first)
+
     def find_uses(self, edge: TopoDS_Edge) -> list[int]:
         """Return the uses of an edge."""
         return [k for k, use in enumerate(self.uses) if use.IsSame(edge)]
@@ -77,10 +86,7 @@ class FaceBoundary:
     def mark_vertex(self, use: int, *, stops: bool) -> BoundaryMark:
         """Return the mark at the vertex where a use stops, or else starts."""
         at = use if stops else self._following.index(use)
-        vertex = find_end_vertices(self.uses[at])[1]
-        first, last = BRep_Tool.Range_s(self.uses[at])
-        is_forward = find_end_vertices(TopoDS.Edge_s(orient_forward(self.uses[at])))[1].IsSame(vertex)
-        return BoundaryMark(at, last if is_forward else first, vertex)
+        return BoundaryMark(at, self.find_span(at)[1], find_end_vertices(self.uses[at])[1])
 
     def find_following(self, use: int) -> int:
         """Return the use that follows another one."""

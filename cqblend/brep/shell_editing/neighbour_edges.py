@@ -33,7 +33,7 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.angles import shift_to_period
 from cqblend.surfaces.vectors import to_tangent_coordinates
 
-LEAST_REMAINDER = 100 * CONFUSION
+LEAST_REMAINDER = 10 * CONFUSION
 """mm: what is shorter does not remain of an edge."""
 
 
@@ -104,15 +104,24 @@ def _trim_edge(edge: TopoDS_Edge, number: int, trims: Sequence[EdgeTrim]) -> lis
             raise BlendEndError(trim.end, error.with_details(before=f"{name} next to the blend: ")) from error
         span[which], gaps[which] = found
         vertices[which] = trim.corner
+    if len(trims) > 1 and vertices[0] is vertices[1]:
+        return extensions  # two blends meet there, and consume it
     distance = np.linalg.norm(vertices[0].point - vertices[1].point)
     if distance < LEAST_REMAINDER or span[0] >= span[1]:
         name = trims[0].placement.joint.name_part(edge)
-        nothing = _make_nothing_left_error(name)
+        nothing = _make_nothing_left_error(name, _measure_room(edge, trims))
         raise nothing if len(trims) > 1 else BlendEndError(trims[0].end, nothing)
     if tuple(span) == whole:
         return [KeptEdge(number), *extensions]
     piece = EdgePiece(number, (span[0], span[1]), (vertices[0], vertices[1]), (gaps[0], gaps[1]))
     return [piece, *extensions]
+
+
+def _measure_room(edge: TopoDS_Edge, trims: Sequence[EdgeTrim]) -> float:
+    """Return the distance between the ends of an edge relative to those of its ends from the corners of its trims."""
+    start, stop = map(locate_vertex, find_end_vertices(edge))
+    taken = sum(np.linalg.norm(trim.corner.point - locate_vertex(trim.spine_vertex)) for trim in trims)
+    return float(np.linalg.norm(stop - start) / taken)
 
 
 def _find_trim_parameter(edge: TopoDS_Edge, which: int, trim: EdgeTrim) -> tuple[float, float] | None:
@@ -167,9 +176,10 @@ def reaches_corner(trim: EdgeTrim) -> bool:
     return found is not None
 
 
-def _make_nothing_left_error(name: str) -> SizeError:
+def _make_nothing_left_error(name: str, room: float = 0.0) -> SizeError:
     """Return the error of an edge of which nothing would remain."""
-    return SizeError(f"nothing would remain of {name} next to the blend: the size is too large", kind="too large")
+    message = f"nothing would remain of {name} next to the blend: the size is too large"
+    return SizeError(message, kind="too large", room=room)
 
 
 def project_to_edge(edge: TopoDS_Edge, corner: PlannedVertex) -> tuple[float, float]:

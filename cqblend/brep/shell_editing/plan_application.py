@@ -112,6 +112,7 @@ class BuiltStrip:
     poles: tuple[TopoDS_Edge | None, TopoDS_Edge | None]  # those of rails that are one point
     other_edges: tuple[BuiltEdge, ...]
     cap_count: int
+    is_held: tuple[bool, bool]  # whether the rail on either side is held on an edge of the input
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,10 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
-        first, second = (rebuilt[number] for number in strip.support_faces)
+        first, second = (
+            rebuilt[number] if number in rebuilt else _find_partner(plan, strip, rail, blend_faces)
+            for number, rail in zip(strip.support_faces, strip.rails, strict=True)
+        )
         rails = ([parts.build_edge(edge) for edge in strip.rails[0]], [parts.build_edge(e) for e in strip.rails[1]])
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
@@ -161,11 +165,30 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
         geometry = strip.surface.geometry
         poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
+        held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
         strips.append(
-            BuiltStrip(blend_face, geometry, (first, second), rails, (poles[0], poles[1]), others, len(strip.caps))
+            BuiltStrip(
+                blend_face,
+                geometry,
+                (first, second),
+                rails,
+                (poles[0], poles[1]),
+                others,
+                len(strip.caps),
+                (held1, held2),
+            )
         )
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
+
+
+def _find_partner(
+    plan: SolidPlan, strip: StripPlan, rail: Sequence[PlannedEdge], blend_faces: Sequence[TopoDS_Face]
+) -> TopoDS_Face:
+    """Return the face of the other strip that shares a rail, whose support face is consumed."""
+    return next(
+        face for other, face in zip(plan.strips, blend_faces, strict=True) if other is not strip and rail in other.rails
+    )
 
 
 def _list_edge_owners(
@@ -280,6 +303,8 @@ class _PartBuilder:
             face = self.get_face(planned.cap)
             plane = BRep_Tool.Surface_s(face)
             attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
+        for pcurve in planned.pcurves:
+            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
         return edge
 
 

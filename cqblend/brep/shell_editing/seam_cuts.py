@@ -84,6 +84,16 @@ def cut_seams(crossings: Sequence[SeamCrossings], index: SolidIndex) -> dict[int
             _Mark(last, ends[1], 0.0, not marks[-1].enters_blend),
         ]
         remaining = []
+        gone = [vertex for one in crossings for vertex in one.removed]
+        if (is_among(start, gone) and not stations[0].enters_blend) or (
+            is_among(end, gone) and not stations[-2].enters_blend
+        ):
+            taken = (last - marks[0].parameter) + (marks[-1].parameter - first)
+            raise SizeError(
+                "nothing would remain of the face between the rails: they pass each other at its seam",
+                kind="too large",
+                room=(last - first) / taken,
+            )
         for low, high in pairwise(stations):
             if low.enters_blend:
                 dropped += [v for v, kept in zip((start, end), ends, strict=True) if kept in (low.vertex, high.vertex)]

@@ -74,10 +74,14 @@ class StripPlacement:
         return first, second
 
     def is_point(self, end: int) -> bool:
-        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1)."""
+        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1).
+
+        Where the joint fades out, they meet as nearly as its faces do at the edge.
+        """
         at = np.array([self.domain[end]])
         first, second = (row(at)[0] for row in self.rail_curves)
-        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent)
+        slack = self.joint.tolerance if self.joint.fading_ends[end] else 0.0
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent + slack)
 
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
@@ -111,20 +115,21 @@ class StripPlacement:
         return PlannedVertex(locate_vertex(vertex), self.index.vertices.find_number(vertex))
 
 
-def place_strip(joint: Joint, blend: BlendSurface) -> StripPlacement:
-    """Prepare to put a blend at a joint.
+def place_strip(
+    joint: Joint, blend: BlendSurface, sides: tuple[SupportFace, SupportFace] | None = None
+) -> StripPlacement:
+    """Prepare to put a blend at a joint; its rails are on the joint's own ``sides`` if no others are given.
 
     Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.realigned_spheres`).
     """
     (side1, sphere1), (side2, sphere2) = (
-        _realign_side(joint, side, ribbon) for side, ribbon in zip(joint.sides, blend.ribbons, strict=True)
+        _realign_side(joint, side, ribbon) for side, ribbon in zip(sides or joint.sides, blend.ribbons, strict=True)
     )
-    sides = (side1, side2)
-    strip, pcurves = _describe_strip(blend, sides)
+    strip, pcurves = _describe_strip(blend, (side1, side2))
     return StripPlacement(
         joint=joint,
         blend=blend,
-        sides=sides,
+        sides=(side1, side2),
         spheres=(sphere1, sphere2),
         strip=strip,
         surface=PlannedSurface(strip.geometry),

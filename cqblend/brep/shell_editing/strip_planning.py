@@ -37,6 +37,7 @@ from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
+from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
@@ -98,7 +99,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
         starts = [starts[-1], *starts[:-1]]
     else:
         low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
-        _check_reach(placements, (low, high))
+        check_reach(placements, (low, high))
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = caps
@@ -111,7 +112,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
     )
 
 
-def _check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
+def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
     """Raise RailsTooShortError if the end curves of an open chain are past the ends of its rails."""
     first, last = placements[0], placements[-1]
     low, high = min(ends[0].rail_parameters), max(ends[1].rail_parameters)
@@ -137,7 +138,7 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     """Plan a strip that closes by itself, in a seam."""
     low, high = placement.domain
     corners = [PlannedVertex(row(np.array([low]))[0]) for row in placement.rail_curves]
-    removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), _list_spine_vertices(placement))
+    removed = SpineRemoval(dict.fromkeys(placement.spine_numbers, ()), list_spine_vertices(placement))
     first, second = (
         trim_at_rail(placement, i, RailSpan(placement.domain, (corner, corner), joined=(True, True)), removed)
         for i, corner in enumerate(corners)
@@ -210,11 +211,11 @@ def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedCh
         own += [plan for end in cell.ends for plan in end.face_plans]
     trims = tuple(trim for cell in cells for end in cell.ends for trim in end.edge_trims)
     crossings = tuple(rail.crossings for cell in cells for rail in cell.rails if rail.crossings is not None)
-    cuts = tuple(_cut_shared_edges(index, trims, crossings))
+    cuts = tuple(cut_shared_edges(index, trims, crossings))
     return PlannedChain(tuple(cell.strip for cell in cells), tuple(own), trims, crossings, cuts)
 
 
-def _cut_shared_edges(
+def cut_shared_edges(
     index: SolidIndex, trims: Iterable[EdgeTrim], crossings: Iterable[SeamCrossings]
 ) -> list[FacePlan]:
     """Return what cutting neighbour edges and seams means for the faces that have them."""
@@ -233,6 +234,12 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     ChainConflictError
         If chains want to cut one edge of the solid in ways that exclude each other.
     """
+    trims: dict[int, list[EdgeTrim]] = {}
+    for trim in (trim for chain in chains for trim in chain.edge_trims):
+        trims.setdefault(index.edges.find_number(trim.edge), []).append(trim)
+    shared = share_rails([strip for chain in chains for strip in chain.strips], trims)
+    if shared.vertices:
+        chains = [_use_shared_rails(chain, shared, index) for chain in chains]
     cuts: list[FacePlan] = []
     for group in group_networks([chain.cut_edges for chain in chains]):
         members = [chains[k] for k in group]
@@ -240,7 +247,7 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
             cuts += (
                 members[0].cut_faces
                 if len(members) == 1
-                else _cut_shared_edges(
+                else cut_shared_edges(
                     index,
                     [trim for member in members for trim in member.edge_trims],
                     [one for member in members for one in member.crossings],
@@ -251,11 +258,25 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     own = [plan for chain in chains for plan in chain.own_faces]
     removed = [number for chain in chains for strip in chain.strips for number in strip.removed_faces]
     try:
-        faces = _merge_face_plans([*own, *cuts])
+        faces = _merge_face_plans(plan for plan in [*own, *cuts] if plan.number not in shared.consumed)
         _require_unchanged(removed, faces)
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
-    return SolidPlan(tuple(strip for chain in chains for strip in chain.strips), faces)
+    return SolidPlan(
+        tuple(strip for chain in chains for strip in chain.strips), faces, consumed_faces=tuple(sorted(shared.consumed))
+    )
+
+
+def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidIndex) -> PlannedChain:
+    """Return the plan of a chain on the rails that it shares with others."""
+    crossings = [one for one in chain.crossings if index.faces.find_number(one.face) not in shared.consumed]
+    return PlannedChain(
+        tuple(map(shared.replace_strip, chain.strips)),
+        tuple(shared.replace_face(plan) for plan in chain.own_faces if plan.number not in shared.consumed),
+        tuple(map(shared.replace_trim, chain.edge_trims)),
+        tuple(map(shared.replace_crossings, crossings)),
+        tuple(map(shared.replace_face, chain.cut_faces)),
+    )
 
 
 def _merge_face_plans(plans: Iterable[FacePlan]) -> tuple[FacePlan, ...]:
@@ -289,7 +310,7 @@ def _require_unchanged(removed: Sequence[int], faces: Iterable[FacePlan]) -> Non
         raise TopologyError(f"face {twice[0]} of the solid goes with one blend, and another changes it")
 
 
-def _list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
+def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges."""
     return [vertex for edge in placement.joint.spine.edges for vertex in find_end_vertices(edge)]
 
@@ -301,7 +322,7 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
         for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
         if cap is not None or placement.is_point(end)
     ]
-    return [vertex for vertex in _list_spine_vertices(placement) if not is_among(vertex, kept)]
+    return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
 def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:

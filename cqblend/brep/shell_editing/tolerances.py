@@ -54,7 +54,13 @@ class ShellEditTolerances:
     """Largest number of these steps on one face."""
 
     max_end_faces: int = 24
-    """Largest number of faces that one end of a blend runs over."""
+    """Largest number of faces that one end of a blend takes the place of."""
+
+    max_end_attempts: int = 90
+    """Largest number of ways to go on from one face to the next that are tried at one end of a blend."""
+
+    edge_on_blend: float = 1e-7
+    """mm: an edge of the input that lies this near to a blend all along is one of its edges."""
 
     near_rail_end: float = 1e-2
     """Relative to a step in which a blend is followed: what is nearer to the end of a rail than that is there."""
@@ -79,6 +85,30 @@ class ShellEditTolerances:
 
     refit_deviation: float = 1e-6
     """mm: a pcurve whose image is further than this from the edge's curve is fitted again."""
+
+    shared_rail_samples: int = 17
+    """Points at which two rails are compared that may be one."""
+
+    shared_rail_speed: float = 1e-9
+    """Relative: rails that differ by less in length have the same parameter, shifted."""
+
+    corner_slack: float = 3.0
+    """Factor on the largest tolerance of a face's edges: how near to a common vertex two of them may cross."""
+
+    distinct_lines: float = 1e-6
+    """Sine of the angle between straight edges above which they meet at one point alone."""
+
+    boundary_gap: float = 1e-3
+    """Relative to the size of a face in its parameter plane: how far its edges' ends may be apart to be one."""
+
+    swallowed_edge_samples: int = 33
+    """Points of each edge of a swallowed face at which it is checked that it does not reach through the blend."""
+
+    swallowed_face_samples: int = 7
+    """Points of such a face along each of its parameters."""
+
+    clearance_samples: int = 65
+    """Points of an edge or a rail by which their distances are measured for messages."""
 
     foot_count: int = 257
     """Number of points of an edge that are projected to a face to fit its pcurve again."""

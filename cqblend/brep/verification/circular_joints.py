@@ -33,8 +33,8 @@ def prove_revolved_strip(strip: BuiltStrip, orders: tuple[int, int]) -> Proof:
     profile = _read_turned_profile(strip.blend_face)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
-        face, edges, order = strip.trimmed_faces[end], strip.rail_edges[end], orders[end]
-        return reduce(_take_larger_bounds, (_prove_edge(profile, end, face, edge, order) for edge in edges))
+        faces, edges, order = (strip.blend_face, strip.trimmed_faces[end]), strip.rail_edges[end], orders[end]
+        return reduce(_take_larger_bounds, (_prove_edge(profile, end, faces, edge, order) for edge in edges))
 
     return prove_rail(0) | prove_rail(1)
 
@@ -58,16 +58,34 @@ def _read_turned_profile(face: TopoDS_Face) -> TurnedProfile:
     )
 
 
-def _prove_edge(profile: TurnedProfile, end: Literal[0, 1], face: TopoDS_Face, edge: TopoDS_Edge, order: int) -> Proof:
-    """Prove how the face at one rail edge meets the turned profile there."""
+def _prove_edge(
+    profile: TurnedProfile, end: Literal[0, 1], faces: tuple[TopoDS_Face, TopoDS_Face], edge: TopoDS_Edge, order: int
+) -> Proof:
+    """Prove how the second face at a rail edge meets the turned profile, which the first is on."""
     first, last = BRep_Tool.Range_s(edge)
     curve = BRep_Tool.Curve_s(edge, 0.0, 0.0)
     points = np.array([curve.Value(t).Coord() for t in np.linspace(first, last, 4)[:-1].tolist()])
-    support = read_support_face(face, points, edge_is_circular=True).face_primary
+    support = read_support_face(faces[1], points, edge_is_circular=True).face_primary
     if not isinstance(support, Plane | CoaxialSurface):
         raise TypeError(f"a {type(support).__name__} has no axis")
-    rail = _read_rail(face, edge)
-    return prove_circular_joint(profile, end, support, rail, max(abs(first), abs(last)), order)
+    own, rail = (_read_rail(face, edge) for face in faces)
+    if not isinstance(own, AngularLine):
+        raise TypeError("a rail of a turned profile is a line along its angle")
+    turn = float(np.abs(own.start[0] + own.sign * np.array([first, last])).max())
+    return prove_circular_joint(profile, end, support, _follow_own_angle(rail, own), turn, order)
+
+
+def _follow_own_angle(rail: PlanarCircle | AngularLine, own: AngularLine) -> PlanarCircle | AngularLine:
+    """Return a rail on its support by the angle of the turned profile, given the line on which that has the rail.
+
+    The parameter of the edge is that angle, but where the edge was made for another strip.
+    """
+    if isinstance(rail, PlanarCircle):
+        if own.start[0] != 0 or own.sign != 1:
+            raise TypeError("a rail on a plane has the angle of its strip for its parameter")
+        return rail
+    sign = rail.sign * own.sign
+    return AngularLine(rail.start - [sign * own.start[0], 0.0], sign)
 
 
 def _read_rail(face: TopoDS_Face, edge: TopoDS_Edge) -> PlanarCircle | AngularLine:

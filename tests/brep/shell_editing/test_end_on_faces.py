@@ -216,6 +216,16 @@ def test_one_end_fails_and_the_other_is_natural():
     assert smaller.certificate.coverage == 1
 
 
+def test_an_end_in_the_edge_of_an_earlier_round():
+    """A plate over the rounded corner of another: a round of the same radius ends in the edge of that one."""
+    low = cq.Workplane().box(90, 80, 6, centered=(True, True, False)).edges("|Z and >X and >Y").fillet(9)
+    body = low.union(cq.Workplane().box(90, 80, 6, centered=(True, True, False)).translate((0, 0, 6))).val()
+    result = cqblend.blend_edges(body, edge_near(body, 45, 40, 9), 9, section="arc")
+    check(body, result, grows=False, flat=False)
+    assert len(result.shape.Faces()) == len(body.Faces())  # the blend comes, and the underside goes
+    assert cut_off(body, result) == pytest.approx((1 - math.pi / 4) * 81 * 6, rel=1e-6)
+
+
 def rounded_foot() -> tuple[cq.Shape, cq.Edge]:
     """The foot of a rounded box on a plate, straight and curved pieces in turn, and one straight piece."""
     body = cq.Workplane().box(60, 60, 6).union(cq.Workplane().box(30, 20, 20).edges("|Z").fillet(4)).val().Solids()[0]

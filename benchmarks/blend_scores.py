@@ -1,0 +1,286 @@
+"""What a blended body is worth, judged by OCCT's evaluation and NumPy alone: complete, incomplete or unsound.
+
+A blend is *complete* if nothing is left of its edge nor of the chain of edges into which it goes on, all along them:
+the body's surface has moved off, inwards at a convex edge and outwards at a concave one. It is *unsound* if the body is
+less valid than it was, or a joint that is to be smooth is not: the rails, the joints between two blend faces, and
+seams. The other edges of blend faces are ends, and may be sharp; a closed chain has none, an open one only near its two
+ends.
+
+Normals are those of OCCT's first derivatives, taken on both faces at the parameters of their common edge. A chain that
+passes smooth edges of the file which are themselves not quite smooth may be as far off at its joints, and no further.
+
+Nothing here knows cqblend.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_OUT, TopAbs_SOLID
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
+from OCP.TopTools import TopTools_IndexedMapOfShape
+
+from benchmarks.tangent_chains import Chain, EdgeLinks, find_end_vertices
+from benchmarks.touching_balls import Array, Body, Face, Station, find_station, measure_angles
+
+POINTS = 41
+"""Points of a joint at which it is measured."""
+STATIONS = 9
+"""Places of an edge at which nothing of it may be left."""
+SHARP = 0.1
+"""Angle from which on a joint counts as an end, rad."""
+FAR_END = 6.0
+"""Distance from the end of a chain within which there may be sharp edges of its blend, in widths."""
+LEAST_DEPTH = 0.05
+"""Share of the distance from edge to ball by which the surface must have moved off."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far joints may be off: gap, mm, and angle, rad. A gap of None allows what the edge's tolerance says."""
+
+    gap: float | None = None
+    angle: float = 1e-8
+
+
+@dataclass(frozen=True)
+class Score:
+    """What is wrong with a blend, what is left of the edges, and the largest gap and angle of its smooth joints."""
+
+    unsound: tuple[str, ...]
+    missing: tuple[str, ...]
+    gap: float
+    angle: float
+
+    @property
+    def verdict(self) -> str:
+        """``"unsound"``, ``"incomplete"`` or ``"complete"``."""
+        return "unsound" if self.unsound else "incomplete" if self.missing else "complete"
+
+    @property
+    def message(self) -> str:
+        """All that is wrong, in words."""
+        return "; ".join((*self.unsound, *self.missing))
+
+
+@dataclass(frozen=True)
+class Blended:
+    """A body before and after its edges were blended with a radius, and the blend faces in it."""
+
+    before: TopoDS_Shape
+    edges: Sequence[TopoDS_Edge]
+    radius: float
+    after: TopoDS_Shape
+    faces: Sequence[TopoDS_Face]
+
+
+def score_blend(blended: Blended, limits: Limits, *, chain: bool = True) -> Score:
+    """Judge a blend of some edges, and with ``chain`` of all edges into which they go on."""
+    body = Body(blended.before)
+    chains = _follow_chains(body, blended.edges) if chain else [Chain((edge,), False) for edge in blended.edges]
+    joints = list(_measure_joints(blended))
+    smooth = [joint for joint in joints if joint.kind != "end"]
+    unsound = [*_check_validity(blended), *_check_joints(body, blended, chains, joints, limits)]
+    missing = [problem for row in chains for edge in row.edges for problem in _check_removal(body, blended, edge)]
+    gap = max((joint.gap for joint in smooth), default=math.nan)
+    angle = max((joint.angle for joint in smooth), default=math.nan)
+    return Score(tuple(unsound), tuple(missing), gap, angle)
+
+
+def _follow_chains(body: Body, edges: Sequence[TopoDS_Edge]) -> list[Chain]:
+    links, found = EdgeLinks(body), []
+    for edge in edges:
+        if not any(edge.IsSame(other) for row in found for other in row.edges):
+            found.append(links.follow_chain(edge))
+    return found
+
+
+# -- validity
+
+
+def _check_validity(blended: Blended) -> Iterator[str]:
+    if not blended.faces:
+        yield "there is no blend face"
+    if BRepCheck_Analyzer(blended.before).IsValid() and not BRepCheck_Analyzer(blended.after).IsValid():
+        yield "the body is not valid any more"
+    before, after = (_map_parts(shape, TopAbs_FACE) for shape in (blended.before, blended.after))
+    if any(not after.Contains(face) for face in blended.faces):
+        yield "a blend face is not in the body"
+    flawed = [
+        sum(not BRepCheck_Analyzer(faces.FindKey(n), True, False, True).IsValid() for n in numbers)
+        for faces, numbers in ((before, _list_missing(before, after)), (after, _list_missing(after, before)))
+    ]
+    if flawed[1] > flawed[0]:
+        yield f"{flawed[1]} new faces fail BRepCheck's exact mode, of those before {flawed[0]}"
+
+
+def _list_missing(parts: TopTools_IndexedMapOfShape, others: TopTools_IndexedMapOfShape) -> list[int]:
+    return [n for n in range(1, parts.Extent() + 1) if not others.Contains(parts.FindKey(n))]
+
+
+def _map_parts(shape: TopoDS_Shape, kind: object) -> TopTools_IndexedMapOfShape:
+    found = TopTools_IndexedMapOfShape()
+    TopExp.MapShapes_s(shape, kind, found)
+    return found
+
+
+# -- joints
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """An edge of blend faces: a "rail", a joint "between" two blend faces, a "seam" or an "end"."""
+
+    kind: str
+    gap: float
+    angle: float
+    tolerance: float
+    points: Array
+
+
+def _measure_joints(blended: Blended) -> Iterator[_Joint]:
+    after = Body(blended.after)
+    made = _map_parts(blended.after, TopAbs_FACE)
+    numbers = {made.FindIndex(face) for face in blended.faces}
+    seen = TopTools_IndexedMapOfShape()
+    for face in blended.faces:
+        explorer = TopExp_Explorer(face, TopAbs_EDGE)
+        while explorer.More():
+            edge = TopoDS.Edge_s(explorer.Current())
+            explorer.Next()
+            if not BRep_Tool.Degenerated_s(edge) and not seen.Contains(edge):
+                seen.Add(edge)
+                yield _measure_joint(edge, after.find_faces_at(edge), numbers)
+
+
+def _measure_joint(edge: TopoDS_Edge, faces: Sequence[Face], blend_numbers: set[int]) -> _Joint:
+    curve = BRepAdaptor_Curve(edge)
+    first, last = curve.FirstParameter(), curve.LastParameter()
+    at = np.concatenate([[0.0], (np.arange(POINTS) + 0.37) / POINTS, [1.0]])
+    parameters = (first + (last - first) * at).tolist()
+    points = np.array([curve.Value(t).Coord() for t in parameters])
+    uses = _list_uses(edge, faces)
+    sides = [_trace(use, face, parameters) for use, face in uses]
+    tolerance = BRep_Tool.Tolerance_s(edge)
+    if len(sides) != 2:
+        return _Joint("end", math.nan, math.nan, tolerance, points)  # the border of an open shell
+    (p, n), (q, m) = sides
+    gap = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in ((p, points), (q, points), (p, q)))
+    angles = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), (n * m).sum(1))
+    angle = float(np.nanmax(angles, initial=0.0))
+    if len(faces) == 1:
+        kind = "seam"
+    elif all(face.number in blend_numbers for face in faces):
+        kind = "between"
+    else:
+        kind = "rail" if np.nanmedian(angles) < SHARP else "end"
+    return _Joint(kind, gap, angle, tolerance, points)
+
+
+def _list_uses(edge: TopoDS_Edge, faces: Sequence[Face]) -> list[tuple[TopoDS_Edge, Face]]:
+    """Return how faces use an edge: twice each, if it is a seam."""
+    found = []
+    for face in faces:
+        explorer = TopExp_Explorer(face.shape, TopAbs_EDGE)
+        while explorer.More():
+            if explorer.Current().IsSame(edge):
+                found.append((TopoDS.Edge_s(explorer.Current()), face))
+            explorer.Next()
+    return found
+
+
+def _trace(edge: TopoDS_Edge, face: Face, parameters: Sequence[float]) -> tuple[Array, Array]:
+    """Return points and outward normals of a face along one of its edges."""
+    first, last = BRep_Tool.Range_s(edge)
+    pcurve = BRep_Tool.CurveOnSurface_s(edge, face.shape, first, last)
+    places = [pcurve.Value(t).Coord() for t in parameters]
+    points = np.array([face.surface.Value(*uv).Coord() for uv in places])
+    return points, np.array([face.find_normal(*uv) for uv in places])
+
+
+def _check_joints(
+    body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[_Joint], limits: Limits
+) -> Iterator[str]:
+    rough = max((_measure_roughness(body, row) for row in chains), default=0.0)
+    for joint in joints:
+        if joint.kind == "end":
+            if joint.gap > joint.tolerance:
+                yield f"an end has a gap of {joint.gap:.2g} mm, above its tolerance"
+            continue
+        allowed = max(limits.angle, rough) if joint.kind == "between" else limits.angle
+        if not joint.angle <= allowed:
+            yield f"a joint ({joint.kind}) has an angle of {joint.angle:.2g} rad"
+        most = joint.tolerance if limits.gap is None else limits.gap
+        if not joint.gap <= most:
+            yield f"a joint ({joint.kind}) has a gap of {joint.gap:.2g} mm"
+    yield from _check_ends(body, blended, chains, joints)
+
+
+def _check_ends(body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[_Joint]) -> Iterator[str]:
+    """Yield what is wrong with sharp edges of the blend: they lie near the ends of open chains."""
+    ends, reach = [], 0.0
+    for row in chains:
+        stations = [find_station(body, edge, 0.5) for edge in row.edges]
+        widths = [blended.radius / math.tan(one.angle / 2) for one in stations if one is not None]
+        reach = max(reach, FAR_END * max(*widths, blended.radius))
+        ends += [np.array(BRep_Tool.Pnt_s(vertex).Coord()) for vertex in find_end_vertices(row)]
+    for joint in joints:
+        if joint.kind == "end":
+            middle = joint.points[len(joint.points) // 2]
+            near = min((float(np.linalg.norm(middle - end)) for end in ends), default=math.inf)
+            if near > reach:
+                yield f"a sharp edge of the blend is {near:.3g} mm from every end of a chain"
+
+
+def _measure_roughness(body: Body, row: Chain) -> float:
+    """Return the largest angle of the smooth edges of a body past which a chain goes on, rad."""
+    angles = [0.0]
+    for edge in EdgeLinks(body).list_passed_edges(row):
+        faces = body.find_faces_at(edge)
+        if len(faces) == 2:
+            angles.append(float(np.nanmax(measure_angles(edge, *faces), initial=0.0)))
+    return max(angle for angle in angles if angle < SHARP)
+
+
+# -- what is left of the edges
+
+
+def _check_removal(body: Body, blended: Blended, edge: TopoDS_Edge) -> Iterator[str]:
+    """Yield where something of an edge is left."""
+    number = body.find_number(edge)
+    if _map_parts(blended.after, TopAbs_EDGE).Contains(edge):
+        yield f"edge {number} is still there"
+        return
+    for share in ((np.arange(STATIONS) + 0.5) / STATIONS).tolist():
+        station = find_station(body, edge, share)
+        if station is not None and not _has_moved_off(blended, station):
+            yield f"edge {number} is left at t = {share:.3f}"
+            return
+
+
+def _has_moved_off(blended: Blended, station: Station) -> bool:
+    """Whether the surface of the new body is off a point of an edge, on the side where it should be."""
+    depth = max(LEAST_DEPTH * blended.radius * (1 / math.sin(station.angle / 2) - 1), 1e-7)
+    point = gp_Pnt(*station.point.tolist())
+    solids = TopExp_Explorer(blended.after, TopAbs_SOLID)
+    if not solids.More():
+        vertex = BRepBuilderAPI_MakeVertex(point).Vertex()
+        return BRepExtrema_DistShapeShape(vertex, blended.after).Value() > depth
+    states = []
+    while solids.More():
+        classifier = BRepClass3d_SolidClassifier(solids.Current())
+        classifier.Perform(point, depth)
+        states.append(classifier.State())
+        solids.Next()
+    return all(state == TopAbs_OUT for state in states) if station.convex else TopAbs_IN in states

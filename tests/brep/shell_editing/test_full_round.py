@@ -1,0 +1,148 @@
+"""Full rounds: the face between two blends whose rails meet is gone, and the blends are tangent to each other."""
+
+from __future__ import annotations
+
+import math
+
+import cadquery as cq
+import numpy as np
+import pytest
+from OCP.BRepCheck import BRepCheck_Analyzer
+
+import cqblend
+from cqblend.errors import SizeError
+
+
+def slab(thickness: float = 10.0) -> cq.Workplane:
+    return cq.Workplane().box(50, 30, thickness)
+
+
+def front_edges(body: cq.Workplane) -> list[cq.Edge]:
+    return body.edges("|Y and >X").vals()
+
+
+def wedge(slope: float) -> cq.Workplane:
+    """A slab 10 thick at its front, x = 50, whose top falls off towards the back."""
+    outline = [(0, 0), (50, 0), (50, 10), (0, 10 - 50 * slope)]
+    return cq.Workplane("XZ").polyline(outline).close().extrude(30)
+
+
+def find_common_edge(result: cqblend.BlendResult) -> cq.Edge:
+    first, second = result.faces
+    (edge,) = [one for one in first.Edges() if any(one.isSame(other) for other in second.Edges())]
+    return edge
+
+
+def check(result: cqblend.BlendResult, removed_face: tuple[float, float, float], normal: tuple) -> None:
+    """The solid is sound, the middle face is gone, and OCCT's own analysis finds the blends tangent."""
+    assert result.shape.isValid()
+    assert BRepCheck_Analyzer(result.shape.wrapped, True, False, True).IsValid()
+    found = cqblend.verify(result.shape, result.faces)
+    assert found.ok, found.problems
+    assert result.certificate.valid
+    assert result.certificate.coverage == 1
+    assert result.certificate.angle <= 1e-10
+    assert result.certificate.gap <= 1e-9
+    assert result.certificate.proof.angle <= 1e-10
+    for face in result.shape.Faces():
+        is_there = face.geomType() == "PLANE" and (face.Center() - cq.Vector(*removed_face)).Length < 1
+        assert not (is_there and abs(face.normalAt().dot(cq.Vector(*normal))) > 0.99)
+    for edge in {find_common_edge(result)}:
+        measured = cqblend.continuity(result.shape, edge)
+        assert measured.angle <= 1e-10
+        assert measured.gap <= 1e-9
+
+
+@pytest.mark.parametrize("options", [{}, {"continuity": "G2"}, {"form": "compact"}])
+def test_a_slab_gets_a_round_front(options):
+    body = slab()
+    result = cqblend.blend_edges(body, front_edges(body), 5, **options)
+    check(result, (25, 0, 0), (1, 0, 0))
+    assert len(result.shape.Faces()) == 7
+    single = slab(20)
+    alone = cqblend.blend_edges(single, front_edges(single)[0], 5, **options)
+    removed = cqblend.verify(single).volume - cqblend.verify(alone.shape).volume
+    assert cqblend.verify(body).volume - cqblend.verify(result.shape).volume == pytest.approx(2 * removed, rel=1e-9)
+
+
+@pytest.mark.parametrize("radius", [4.9, 4.999999])
+def test_a_little_less_leaves_a_face(radius):
+    body = slab()
+    result = cqblend.blend_edges(body, front_edges(body), radius)
+    assert len(result.shape.Faces()) == 8
+    assert cqblend.verify(result.shape, result.faces).ok
+    middle = [face for face in result.shape.Faces() if abs(face.Center().x - 25) < 1e-6]
+    assert sum(face.Area() for face in middle) == pytest.approx(30 * (10 - 2 * radius), rel=1e-3)
+
+
+@pytest.mark.parametrize("radius", [5.0000005, 5.1, 7])
+def test_a_little_more_is_refused_with_half_the_thickness(radius):
+    body = slab()
+    with pytest.raises(SizeError, match="at most about 5 fits there") as caught:
+        cqblend.blend_edges(body, front_edges(body), radius)
+    assert caught.value.room * radius == pytest.approx(5)
+    assert "together with the blend of edge" in str(caught.value)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.05, 0.1, 0.2])
+def test_sloped_slabs(slope):
+    """The ball that touches front, bottom and top: 10 = R (1 + m + sqrt(1 + m^2)) for a top of slope m."""
+    radius = 10 / (1 + slope + math.hypot(1, slope))
+    body = wedge(slope)
+    edges = [edge for edge in body.edges("|Y").vals() if edge.Center().x > 49]
+    check(cqblend.blend_edges(body, edges, radius), (50, -15, 5), (1, 0, 0))
+    with pytest.raises(SizeError) as caught:
+        cqblend.blend_edges(body, edges, 1.02 * radius)
+    assert caught.value.room * 1.02 == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_rim_of_a_ring(which):
+    """Around an axis, outside and inside: each pair of blends makes half a torus."""
+    ring = cq.Workplane().circle(20).circle(10).extrude(4)
+    result = cqblend.blend_edges(ring, ring.edges(cq.selectors.RadiusNthSelector(which)).vals(), 2)
+    check(result, (0, 0, 2), (0, 0, 1))
+    assert len(result.shape.Faces()) == 5
+
+
+def test_the_top_of_a_curved_wall():
+    """Rails are arcs of one circle, the parameters of both angles of their own."""
+    tube = cq.Workplane().circle(20).circle(16).extrude(10)
+    wall = tube.intersect(cq.Workplane().box(25, 25, 40, centered=(False, False, True)))
+    result = cqblend.blend_edges(wall, wall.faces(">Z").edges("%CIRCLE").vals(), 2)
+    check(result, (12, 12, 10), (0, 0, 1))
+    points = np.array([point.toTuple() for point in find_common_edge(result).positions(np.linspace(0, 1, 9))])
+    assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(18, abs=1e-9)
+    assert points[:, 2] == pytest.approx(10, abs=1e-9)
+
+
+def test_edges_in_either_order_give_the_same_solid():
+    body = slab()
+    results = [cqblend.blend_edges(body, front_edges(body)[::step], 5) for step in (1, -1)]
+    volumes = [cqblend.verify(result.shape, result.faces).volume for result in results]
+    assert volumes[0] == pytest.approx(volumes[1], rel=1e-12)
+
+
+def test_a_hole_in_the_middle_face_is_named():
+    body = slab().faces(">X").workplane().center(0.6, 0).hole(0.4, 20)
+    hole = body.val().Edges().index(body.faces(">X").edges("%CIRCLE").val()) + 1
+    with pytest.raises(SizeError, match=f"the two blends meet all along .* but edge {hole} of it would be left"):
+        cqblend.blend_edges(body, [e for e in body.edges("|Y").vals() if e.Center().x > 24], 5)
+
+
+def test_flat_ends_leave_something_of_the_middle_face():
+    body = slab()
+    with pytest.raises(SizeError, match=r"the two blends meet all along face .*, but edge .* of it would be left"):
+        cqblend.blend_edges(body, front_edges(body), 5, ends="flat")
+
+
+def test_the_full_round_goes_through_step_and_into_later_features(tmp_path):
+    body = slab()
+    result = cqblend.blend_edges(body, front_edges(body), 5)
+    path = tmp_path / "round.step"
+    cq.exporters.export(cq.Workplane(result.shape), str(path))
+    again = cq.importers.importStep(str(path)).val()
+    assert again.isValid()
+    assert again.Volume() == pytest.approx(result.shape.Volume(), rel=1e-9)
+    drilled = cq.Workplane(result.shape).faces("<X").workplane().hole(4)
+    assert drilled.val().isValid()
