@@ -83,6 +83,23 @@ def ends() -> None:
     picture.draw_views(views, PICTURES / "ends.png", size=(900, 320))
 
 
+def full_round() -> None:
+    """Draw a slab with a narrow front face, without one, and striped, and the rim of a ring without a face between."""
+    slab, ring = cq.Workplane().box(30, 24, 10), cq.Workplane().circle(14).circle(8).extrude(6)
+    edges, rims = slab.edges("|Y and >X").vals(), ring.edges(cq.selectors.RadiusNthSelector(1)).vals()
+    cases = ((slab, edges, 4, False), (slab, edges, 5, False), (slab, edges, 5, True), (ring, rims, 3, False))
+    views = []
+    for i, (body, picked, radius, striped) in enumerate(cases):
+        result = cqblend.blend_edges(body, picked, radius)
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        if striped:
+            drawn = [ShadedFaces(result.shape.Faces(), None)]
+        focus, height = ((0, 0, 3), 30) if body is ring else ((6, -2, 0), 26)
+        views.append(View(drawn, (1, -0.9, 0.6), focus, height, (i / 4, 0, (i + 1) / 4, 1)))
+    picture.draw_views(views, PICTURES / "full_round.png", size=(1000, 270))
+
+
 def circle_speeds() -> None:
     """Draw circles with markers at equal steps of the parameter, and below each its speed over the parameter."""
     made = runpy.run_path(str(EXAMPLES / "circle_speeds.py"))
@@ -234,6 +251,7 @@ if __name__ == "__main__":
     gallery()
     circle_speeds()
     ends()
+    full_round()
     for name in FIGURES:
         figure(name)
     spout()
