@@ -72,15 +72,20 @@ def whole_teapot() -> None:
 
 
 def ends() -> None:
-    """Draw how blends of open edges end: on a flush wall, on tangent sides, and flat."""
+    """Draw how blends of open edges end: on a flush wall, on tangent sides, around a rib, and flat."""
     results = runpy.run_path(str(EXAMPLES / "ends.py"))["results"]
-    looks = (((1, 0.9, 0.8), (13, 8, 16), 26), ((0.4, 1.3, 0.7), (34, 6, 11), 28), ((-0.9, -1, 0.8), (-9, -9, 5), 20))
-    views = []
+    looks = (
+        ((1, 0.9, 0.8), (13, 8, 16), 26),
+        ((0.4, 1.3, 0.7), (34, 6, 11), 28),
+        ((1, 1, 0.7), (12.5, 9, 9), 21),
+        ((-0.9, -1, 0.8), (-9, -9, 5), 20),
+    )
+    views, count = [], len(looks)
     for i, (result, (eye, focus, height)) in enumerate(zip(results.values(), looks, strict=True)):
         others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
         drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
-        views.append(View(drawn, eye, focus, height, (i / 3, 0, (i + 1) / 3, 1)))
-    picture.draw_views(views, PICTURES / "ends.png", size=(900, 320))
+        views.append(View(drawn, eye, focus, height, (i / count, 0, (i + 1) / count, 1)))
+    picture.draw_views(views, PICTURES / "ends.png", size=(1200, 320))
 
 
 def full_round() -> None:
