@@ -237,7 +237,8 @@ class _FaceView:
         near = measure_to_polyline(found, spine)
         at = found[near.argmin()] if point is None else point
         width = measure_to_polyline(rail[[measure_to_polyline(rail, at[None]).argmin()]], spine)[0]
-        return float(near.min() / width)
+        touches = near.min() <= SHELL_EDIT_TOLERANCES.boundary_gap * width  # as the neighbours of the blended edge do
+        return 0.0 if touches else float(near.min() / width)
 
     def _measure_room_between(self, one: int, other: int) -> float:
         """Return for what share of the widths of two strips there is room between their edges; 0 if not known."""
