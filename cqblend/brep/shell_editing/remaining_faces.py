@@ -119,10 +119,8 @@ def _check_chain(solid: PlannedSolid, face_plan: FacePlan, parts: Sequence[Bound
     names = ", ".join(solid.name_edge(number) for number in dict.fromkeys(old)) or "its other edges"
     new = [solid.find_strip(part.edge) for part in parts if part.edge is not None]
     strips = sorted({k for k in new if k is not None}) or solid.list_strips(face_plan.number) or [0]
-    message = (
-        f"the boundary of {solid.name_face(face_plan.number)} cannot be closed along the rail, beside {names}: the size "
-        "is too large for it"
-    )
+    name = solid.name_face(face_plan.number)
+    message = f"the boundary of {name} cannot be closed along the rail, beside {names}: the size is too large for it"
     raise FaceConflictError(strips, SizeError(message, kind="too large"))
 
 
