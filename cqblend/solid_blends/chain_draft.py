@@ -42,7 +42,7 @@ class ChainDrafts:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
         ends = request.ends[::-1] if first.is_backward else request.ends
-        self.attempts = EndAttempts(ends, context.vanishes)
+        self.attempts = EndAttempts(ends, context.find_point_ends(ends))
         self._methods: Iterator[tuple[EndMethod, EndMethod]] = iter(self.attempts)
         self._tried: tuple[EndMethod, EndMethod] | None = None
 
