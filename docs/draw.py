@@ -72,15 +72,37 @@ def whole_teapot() -> None:
 
 
 def ends() -> None:
-    """Draw how blends of open edges end: on a flush wall, on tangent sides, and flat."""
+    """Draw how blends of open edges end: on a flush wall, on tangent sides, around a rib, and flat."""
     results = runpy.run_path(str(EXAMPLES / "ends.py"))["results"]
-    looks = (((1, 0.9, 0.8), (13, 8, 16), 26), ((0.4, 1.3, 0.7), (34, 6, 11), 28), ((-0.9, -1, 0.8), (-9, -9, 5), 20))
-    views = []
+    looks = (
+        ((1, 0.9, 0.8), (13, 8, 16), 26),
+        ((0.4, 1.3, 0.7), (34, 6, 11), 28),
+        ((1, 1, 0.7), (12.5, 9, 9), 21),
+        ((-0.9, -1, 0.8), (-9, -9, 5), 20),
+    )
+    views, count = [], len(looks)
     for i, (result, (eye, focus, height)) in enumerate(zip(results.values(), looks, strict=True)):
         others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
         drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
-        views.append(View(drawn, eye, focus, height, (i / 3, 0, (i + 1) / 3, 1)))
-    picture.draw_views(views, PICTURES / "ends.png", size=(900, 320))
+        views.append(View(drawn, eye, focus, height, (i / count, 0, (i + 1) / count, 1)))
+    picture.draw_views(views, PICTURES / "ends.png", size=(1200, 320))
+
+
+def full_round() -> None:
+    """Draw a slab with a narrow front face, without one, and striped, and the rim of a ring without a face between."""
+    slab, ring = cq.Workplane().box(30, 24, 10), cq.Workplane().circle(14).circle(8).extrude(6)
+    edges, rims = slab.edges("|Y and >X").vals(), ring.edges(cq.selectors.RadiusNthSelector(1)).vals()
+    cases = ((slab, edges, 4, False), (slab, edges, 5, False), (slab, edges, 5, True), (ring, rims, 3, False))
+    views = []
+    for i, (body, picked, radius, striped) in enumerate(cases):
+        result = cqblend.blend_edges(body, picked, radius)
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        if striped:
+            drawn = [ShadedFaces(result.shape.Faces(), None)]
+        focus, height = ((0, 0, 3), 30) if body is ring else ((6, -2, 0), 26)
+        views.append(View(drawn, (1, -0.9, 0.6), focus, height, (i / 4, 0, (i + 1) / 4, 1)))
+    picture.draw_views(views, PICTURES / "full_round.png", size=(1000, 270))
 
 
 def circle_speeds() -> None:
@@ -234,6 +256,7 @@ if __name__ == "__main__":
     gallery()
     circle_speeds()
     ends()
+    full_round()
     for name in FIGURES:
         figure(name)
     spout()

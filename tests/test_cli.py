@@ -50,6 +50,46 @@ def one_line(err):
     return lines[0]
 
 
+@pytest.mark.parametrize(
+    ("size", "law"),
+    [("1..3", cqblend.linear(1, 3)), ("0:1,0.5:3,1:2", cqblend.table([(0, 1), (0.5, 3), (1, 2)])), ("2", 2)],
+)
+@pytest.mark.parametrize("name", ["radius", "width"])
+def test_sizes_that_vary(capsys, box, tmp_path, size, law, name):
+    code, out, _ = run(capsys, "blend", box, tmp_path / "out.step", "--near", CORNER, f"--{name}", size)
+    assert code == 0
+    assert "exact" in out
+    shape = cq.importers.importStep(str(tmp_path / "out.step")).val()
+    original = cq.importers.importStep(str(box))
+    edge = original.edges(cq.selectors.NearestToPointSelector((BOX[0], BOX[1], 5)))
+    expected = cqblend.blend_edges(original, edge, **{name: law}).shape
+    assert shape.Center().toTuple() == pytest.approx(expected.Center().toTuple(), abs=1e-9)
+
+
+def test_a_width_for_each_side_and_a_size_for_each_edge(capsys, box, tmp_path):
+    out = tmp_path / "out.step"
+    other = f"{BOX[0]},0,5"
+    code, text, _ = run(
+        capsys, "blend", box, out, "--near", CORNER, "--near", other, "--width", "1/2..3", "--width", "2"
+    )
+    assert code == 0
+    assert text.count(" mm from the point") == 2
+    code, _, err = run(capsys, "blend", box, out, "--near", CORNER, "--radius", "1", "--radius", "2")
+    assert code == 2
+    assert "--radius is given 2 times for 1 edges: once, or once for each --near" in one_line(err)
+    code, _, err = run(capsys, "blend", box, out, "--near", CORNER, "--near", CORNER, "--radius", "1", "--radius", "2")
+    assert code == 2
+    assert "two sizes are given for edge" in err
+
+
+@pytest.mark.parametrize("size", ["1..x", "1..2..3", "0:1", "0:1,2", "0:1,0.5:0,1:1", "-1..2", "0..0", ":", ".."])
+def test_what_is_no_size(capsys, box, tmp_path, size):
+    code, _, err = run(capsys, "blend", box, tmp_path / "out.step", "--near", CORNER, f"--radius={size}")
+    assert code == 2
+    assert "argument --radius" in err
+    assert not (tmp_path / "out.step").exists()
+
+
 def test_help_and_version_load_neither_occt_nor_numpy():
     code = (
         "import sys; from cqblend.__main__ import main\n"

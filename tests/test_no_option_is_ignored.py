@@ -98,10 +98,11 @@ CASES: list[tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = [
     )),
     (blend, {"radius": 0.2, "section": "pde", "order": 2}, {"bulge": 2.0}),
     *((blend, {"radius": 0.2}, {name: value}) for name, value in (
-        ("a", 1.0), ("b", 1.0), ("lam", 0), ("order", 4), ("parameters", 1.0), ("terms", 3)
+        ("taper", 1.0), ("a", 1.0), ("b", 1.0), ("lam", 0), ("order", 4), ("parameters", 1.0), ("terms", 3)
     )),
     *((blend, {"section": "potential", "a": 0.3}, {name: value}) for name, value in (
-        ("radius", 1.0), ("width", 1.0), ("tangents", "chord"), ("bulge", 2.0), ("steer", 0.0), ("order", 4),
+        ("radius", 1.0), ("width", 1.0), ("taper", 1.0), ("tangents", "chord"), ("bulge", 2.0), ("steer", 0.0),
+        ("order", 4),
     )),
 ]  # fmt: skip
 CASES = [case for case in CASES if case[2]]

@@ -225,6 +225,7 @@ RECORDS = (
 EDGE_OPTIONS = {
     "radius": 0.2,
     "width": None,
+    "taper": None,
     "continuity": "G1",
     "tangents": "perpendicular",
     "bulge": 1.0,
@@ -402,6 +403,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "blend": potential(),
         "first": None,
     },
+    "linear": lambda: {"a": 0.1, "b": 0.2},
     "max_size": lambda: {"shape": box(), "edges": corner(), "by": "radius", "tolerance": 0.5, "options": "G1"},
     "normalise": lambda: {"field": ahead(), "tolerance": 1e-2, "method": "schoenberg", "length": 1.0, "knots": None},
     "pde_blend": lambda: {
@@ -445,6 +447,7 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
         "amounts": None,
         "tolerance": 1e-6,
     },
+    "table": lambda: {"points": [(0, 0.1), (0.5, 0.2), (1, 0.1)]},
     "to_curve": lambda: {"edge": corner()},
     "to_edge": lambda: {"curve": line()},
     "to_face": lambda: {"surface": sheet()},
@@ -469,6 +472,7 @@ VARIANTS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
     ),
     "pde section": ("blend_edges", lambda: {"section": "pde", "order": 4, "terms": 2, "continuity": None}),
     "width": ("blend_edges", lambda: {"radius": None, "width": (0.2, 0.3)}),
+    "sizes by edge": ("blend_edges", lambda: {"radius": {corner(): 0.2}, "taper": 0.1}),
     "pde along rails": (
         "pde_blend",
         lambda: {"side1": rail(), "side2": rail(True), "order": 4, "terms": 4, "modes": 4, "tolerance": 1e-3},

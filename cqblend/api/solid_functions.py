@@ -228,8 +228,8 @@ def max_size(
     True
     >>> cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), 0.98 * size).certificate.valid
     True
-    >>> factor = cqblend.max_size(box, box.edges("|Z and >X and >Y"), radius=cqblend.linear(1, 2))
-    >>> 9.5 < factor < 10
+    >>> factor = cqblend.max_size(box, box.edges("|Z and >X and >Y"), width=(1, 2))
+    >>> 9 < factor < 15.1
     True
     """
     by = check_choice("by", by, ("radius", "width"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cqblend.argument_checks import call_user_function, check_number, check_positive
+from cqblend.argument_checks import call_user_function, check_number, check_positive, unpack_pair
 from cqblend.errors import InputError, shown
 
 FloatArray: TypeAlias = NDArray[Any]
@@ -173,10 +173,7 @@ def table(points: Iterable[Any]) -> Table:
     rule = "a table has pairs (t, size)"
     if not isinstance(points, Iterable) or isinstance(points, str | bytes):
         raise InputError(f"{rule}, not {shown(points)}")
-    pairs = call_user_function(rule, list, points)
-    for pair in pairs:
-        if not isinstance(pair, Sequence | np.ndarray) or isinstance(pair, str) or np.shape(pair) != (2,):
-            raise InputError(f"{rule}, not {shown(pair)}")
+    pairs = [unpack_pair(f"{rule}; each", pair) for pair in call_user_function(rule, list, points)]
     nodes = [check_number("t of a table", t) for t, _ in pairs]
     sizes = [
         check_positive(f"the size at t = {t:g} of a table", size, zero=True)

@@ -165,6 +165,17 @@ def test_build123d_solid():
     assert result.shape.is_valid
 
 
+def test_build123d_sizes_by_edge():
+    bd = build123d()
+    box = bd.Box(*BOX)
+    first, second = box.edges().filter_by(bd.Axis.Z)[:2]
+    result = cqblend.blend_edges(box, [first, second], {first: 1, second: cqblend.linear(1, 2)})
+    own, varying = result.certificate.rails[:2], result.certificate.rails[2:]
+    assert len(own) == len(varying) == 2
+    assert result.shape.is_valid
+    assert len(result.faces) == 2
+
+
 def test_build123d_null_shape():
     bd = build123d()
     with pytest.raises(InputError, match="shape must be"):

@@ -67,7 +67,7 @@ def test_both_take_numbers_and_arrays():
         ([(0, -1), (1, 1)], "the size at t = 0 of a table must not be below 0"),
         ([(0, 0), (1, 0)], "all 0"),
         ([(0, 1), (1, np.nan)], "must be finite"),
-        ([(0, 1), "ab"], "a table has pairs (t, size), not 'ab'"),
+        ([(0, 1), "ab"], "a table has pairs (t, size); each must be a pair, not 'ab'"),
         ([(0, 1), (1,)], "a table has pairs"),
         ("01", "a table has pairs"),
         (3, "a table has pairs"),

@@ -82,3 +82,13 @@ def test_alone_such_an_edge_has_nothing_to_end_on():
     arc = next(edge for edge in find_rim(body) if edge.geomType() == "CIRCLE")
     with pytest.raises(cqblend.CqblendError):
         cqblend.blend_edges(body, arc, RADIUS, chain=False, ends="natural")
+
+
+def test_the_top_of_a_slot_becomes_one_round():
+    # both straight rails meet in the middle, both round ends turn about one point each: nothing of the top is left
+    slot = cq.Workplane().slot2D(30, 10).extrude(8)
+    result = cqblend.blend_edges(slot.solids().val(), slot.faces(">Z").edges().vals(), 5)
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape).ok
+    assert len(result.shape.Faces()) == 9
+    assert result.certificate.angle < 1e-10

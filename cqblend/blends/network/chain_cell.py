@@ -300,10 +300,10 @@ class ChainCell:
     def must_turn(self, end: int, section: SectionEnd) -> bool:
         """Whether the cross derivatives of a section at an end are to run along smooth edges, and do not."""
         for jets, tangent in zip(section.jets, self.ends[end].edge_tangents, strict=True):
-            if tangent is not None:
+            if tangent is not None and _is_steep(tangent, jets.rates[0]):
                 vector = jets.values[1]
                 sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
-                if NETWORK_TOLERANCES.along_edge < sine <= np.sin(NETWORK_TOLERANCES.largest_obliquity):
+                if sine > NETWORK_TOLERANCES.along_edge:
                     return True
         return False
 
@@ -447,7 +447,15 @@ def _compare_vectors(vector: Array, wanted: Array, normal: Array) -> tuple[float
 
 
 def _measure_turn(samples: _SideSamples, tangent: Array) -> float:
-    """Return the angle (rad) from the cross derivative at an end to a smooth edge; 0 if that is too oblique."""
+    """Return the angle (rad) from the cross derivative at an end to a smooth edge; 0 if the rail is too near to it."""
+    rate = samples.differentiate @ samples.uv
+    if not _is_steep(tangent, rate[0] * samples.jet[1, 0] + rate[1] * samples.jet[2, 0]):
+        return 0.0
     vector = samples.vectors[0]
-    angle, _ = _compare_vectors(vector, tangent * np.sign(tangent @ vector), samples.normals[0])
-    return angle if abs(angle) <= NETWORK_TOLERANCES.largest_obliquity else 0.0
+    return _compare_vectors(vector, tangent * np.sign(tangent @ vector), samples.normals[0])[0]
+
+
+def _is_steep(tangent: Array, rate: Array) -> bool:
+    """Whether a rail crosses a smooth edge, with a unit tangent, so steeply that cross derivatives can follow it."""
+    cosine = abs(float(tangent @ rate)) / float(np.linalg.norm(rate))
+    return cosine <= np.sin(NETWORK_TOLERANCES.largest_obliquity)

@@ -195,8 +195,14 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
 
 def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
-    natural = cell.estimate_natural_end(end)
-    roughness = cell.ends[end].roughness
+    natural, roughness = cell.estimate_natural_end(end), cell.ends[end].roughness
+    for one, own in zip(given.jets, natural, strict=True):
+        if not one.rates[0] @ own.rates[0] > 0:
+            raise SizeError(
+                "where the chain passes a smooth edge, a rail turns back: the size is larger than the radius of "
+                "curvature there",
+                kind="too large",
+            )
     direction = given.find_common_direction(roughness)
     if direction is not None:
         first, second = (

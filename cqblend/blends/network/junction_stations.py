@@ -157,7 +157,9 @@ def _find_crossing(
     t, sigma = start, float(sigmas[measure_lengths(primary.jet(curve(sigmas)[0])[0] - point).argmin()])
     longest = max(
         NETWORK_TOLERANCES.longest_station_step,
-        float(measure_lengths(point - known.edge_points[[first]])[0]) * NETWORK_TOLERANCES.probe_width / cell.length,
+        float(measure_lengths(point - known.edge_points[[first]])[0])
+        * NETWORK_TOLERANCES.station_step_width
+        / cell.length,
     )
     probes = t + NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
     rate = np.diff(interpolate_locally(nodes, known.uv[side], probes, NETWORK_TOLERANCES.probe_count), axis=0)[0]

@@ -73,7 +73,7 @@ class NetworkTolerances:
     """Sine of the angle between a cross derivative and a smooth edge up to which it runs along the edge."""
 
     largest_obliquity: float = np.pi / 4
-    """Angle (rad) by which a cross derivative is turned at most to run along a smooth edge."""
+    """Angle (rad) from square up to which a smooth edge may cross a rail for cross derivatives to run along it."""
 
     bending_widths: float = 1.0
     """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
@@ -90,10 +90,10 @@ class NetworkTolerances:
     probe_count: int = 6
     """Contacts from which derivatives at the end of a cell are found."""
 
-    probe_width: float = 1 / 8
+    probe_width: float = 1 / 32
     """Distance between them, as a share of the width of the blend."""
 
-    probe_share: float = 1 / 48
+    probe_share: float = 1 / 96
     """The same distance, as a share of the cell, at most."""
 
     lifted_step: float = 0.05
@@ -121,7 +121,10 @@ class NetworkTolerances:
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
 
     longest_station_step: float = 0.1
-    """Longest step in t, unless ``probe_width`` is more: a short cell may be left by several times its length."""
+    """Longest step in t, unless ``station_step_width`` is more: a short cell may be left by several lengths of it."""
+
+    station_step_width: float = 1 / 8
+    """The same, as a share of the width of the blend."""
 
     least_normal_share: float = 1e-9
     """Length of the normal of a cell along its end section, as a share of the longest, from which on it has one."""

@@ -17,7 +17,7 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.knot_line_crossings import ContactCrossing, distance_past_knot, find_contact_crossings
 from cqblend.blends.rails.break_spacing import halve_spans, predict_growth, space_breaks
 from cqblend.blends.rails.cornered_spline import KinkData, add_third_points, interpolate_with_corners
-from cqblend.blends.rails.direction_steering import Steering, SteeringPin, find_pins
+from cqblend.blends.rails.direction_steering import Steering, SteeringPin, drop_hasty_pins, find_pins
 from cqblend.blends.rails.fit_exceptions import TooManySpansError
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import FREE_ENDS, GivenEnds
@@ -97,7 +97,10 @@ def fit_cubic_ribbons(
     breaks, moves = _merge_knot_crossings(ribbons, breaks, corners)
     if moves:
         ribbons = task.interpolate_contacts(breaks, moves, unsteered).ribbons
-    first_pins, second_pins = (find_pins(ribbon, wanted.steer) for ribbon in ribbons)
+    first_pins, second_pins = (
+        drop_hasty_pins(ribbon, find_pins(ribbon, wanted.steer), steering.fixed_ends)
+        for ribbon, steering in zip(ribbons, unsteered, strict=True)
+    )
     if first_pins or second_pins:
         breaks, moves = _add_pin_breaks(ribbons, (first_pins, second_pins), breaks, moves)
         steering = (replace(unsteered[0], pins=tuple(first_pins)), replace(unsteered[1], pins=tuple(second_pins)))

@@ -23,7 +23,7 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import KnotCrossing
-from cqblend.surfaces.vectors import cross_product, normalise_vectors
+from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors
 
 
 @dataclass(frozen=True)
@@ -200,3 +200,19 @@ def find_pins(ribbon: Ribbon, largest_turn: float) -> list[SteeringPin]:
             second_order = crossing.shape_continuity < order
             pins.append(SteeringPin(crossing.t, crossing.axis, crossing.value, angle, second_order))
     return sorted(pins, key=lambda pin: pin.t)
+
+
+def drop_hasty_pins(ribbon: Ribbon, pins: list[SteeringPin], fixed_ends: tuple[bool, bool]) -> list[SteeringPin]:
+    """Return the pins of an unsteered ribbon that leave room to turn back before ends at which directions are given.
+
+    Directions that turn too fast make a blend fold. Where a pin is left out, a crease remains, which is measured later.
+    """
+    ends = np.array([end for end, fixed in zip(ribbon.c.domain, fixed_ends, strict=True) if fixed])
+    if not pins or not len(ends):
+        return pins
+    t = np.array([pin.t for pin in pins])
+    rail = ribbon.jets[0].jet(t, 1)
+    rate, vector = dehomogenise_jets(rail)[1], dehomogenise_jets(np.stack([rail[0], ribbon.jets[1](t)]))[1]
+    room = measure_lengths(rate) * np.abs(t[:, None] - ends).min(axis=1)
+    swing = measure_lengths(vector) * np.abs([pin.angle for pin in pins])
+    return [pin for pin, is_slow in zip(pins, swing <= RAIL_TOLERANCES.fastest_turn * room, strict=True) if is_slow]

@@ -95,6 +95,9 @@ class RailTolerances:
         Error of the fit of a turn where it fades, as a share of the turn, that is accepted.
     fade_length_share
         Length, as a share of the rail, over which a turn fades, unless the next pin is nearer.
+    fastest_turn
+        By how much the end of a cross derivative may be moved by a turn, as a share of the length of the rail on which
+        it turns.
     near_rail_angle
         Angle (rad) between a knot line and the rail below which a direction along the line is too near to the rail.
     folding_turn, largest_turn
@@ -150,6 +153,7 @@ class RailTolerances:
     sliver_share: float = 2e-5
     fade_fit_share: float = 0.02
     fade_length_share: float = 0.1
+    fastest_turn: float = 0.3
     near_rail_angle: float = 0.05
     folding_turn: float = 0.8
     largest_turn: float = 1.57

@@ -105,8 +105,12 @@ class FilledSection(ABC):
     def fit_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
         """Return the interior as splines, None if it is within the tolerance of zero.
 
-        It is sampled at as many points across as its splines take.
+        It is sampled at as many points across as its splines take. Where the rails meet, it is 0.
         """
+        interior = self._approximate_interior(sides)
+        return None if interior is None else replace(interior, curve=_close_at_points(interior.curve, sides))
+
+    def _approximate_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
         jets = align_breaks([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
         for points in (self.points, SECTION_TOLERANCES.finer_points_factor * self.points):
@@ -232,6 +236,24 @@ class FilledSection(ABC):
             if np.abs(fitted - values).max() <= self.tolerance / 4:
                 return across
         return None
+
+
+def _close_at_points(curve: Curve, sides: tuple[Jets, Jets]) -> Curve:
+    """Return the coefficients of an interior with a value of 0 at ends where the rails meet in a point."""
+    ends = np.array(curve.domain)
+    first, second = (jets[0](ends) for jets in sides)
+    if first.shape[1] == 4:
+        first, second = (points[:, :3] / points[:, 3:] for points in (first, second))
+    gaps, size = np.linalg.norm(first - second, axis=1), np.abs(first).max()
+    is_point = gaps <= SECTION_TOLERANCES.coefficient_share * size
+    if not is_point.any():
+        return curve
+    coefs = curve.coefs.copy()
+    if is_point[0]:
+        coefs[0, :, 0] = 0.0
+    if is_point[1]:
+        coefs[-1, :, -1] = 0.0
+    return Curve(curve.breaks, coefs, continuity=curve.continuity)
 
 
 def _space_points_across(points: int) -> Array:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from OCP.BRep import BRep_Tool
+from OCP.ShapeAnalysis import ShapeAnalysis_Surface
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
 from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
 from cqblend.brep.measurement.edge_sides import read_pcurve
 from cqblend.brep.measurement.surface_evaluation import compute_cross_products, normalise_vectors
-from cqblend.brep.topology import find_end_vertices, find_vertex_uv
+from cqblend.brep.topology import CONFUSION, find_end_vertices
 from cqblend.splines.bernstein import Array
 
 
@@ -27,8 +28,9 @@ def measure_pole_contact(
     uv = CurveEvaluator(pcurve)(np.linspace(low, high, samples), 0)[0]
     _, su, sv, suu, svv, _ = jets = SurfaceEvaluator(BRep_Tool.Surface_s(blend_face))(uv, 2)
     across, second = (sv, svv) if np.linalg.norm(su) < np.linalg.norm(sv) else (su, suu)
-    at = find_vertex_uv(vertex, support_face)[:, None]
-    support = SurfaceEvaluator(BRep_Tool.Surface_s(support_face))(at, 2)
+    surface = BRep_Tool.Surface_s(support_face)
+    foot = ShapeAnalysis_Surface(surface).ValueOfUV(BRep_Tool.Pnt_s(vertex), CONFUSION)
+    support = SurfaceEvaluator(surface)(np.array([foot.Coord()]).T, 2)
     normal = normalise_vectors(compute_cross_products(support[1], support[2]))[:, 0]
     lengths = np.linalg.norm(across, axis=0)
     rs = np.linalg.lstsq(support[1:3, :, 0].T, across)[0]

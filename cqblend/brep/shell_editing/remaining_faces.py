@@ -8,7 +8,7 @@ error names the face, what is in the way, and by what factor the size must be sm
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,7 +83,7 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     before = list_boundary_parts(solid.index, FacePlan(face_plan.number))
     touched = {part.wire for part in before if part.number in face_plan.pieces} | {None}
     low, high = _bound_changes(new, before, face_plan)
-    near = {part.wire for part in parts if (part.box[0] <= high).all() and (part.box[1] >= low).all()} - touched
+    near = {wire for wire, box in _bound_wires(parts) if (box[0] <= high).all() and (box[1] >= low).all()} - touched
     if not near and not is_simple and not any(find_close_pairs(parts, slack / scale)):
         return []
     parts = [part for part in parts if part.wire in touched | near]
@@ -98,6 +98,13 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     if not remainder.piece_count:
         raise view.describe_nothing_left()
     return [view]
+
+
+def _bound_wires(parts: Sequence[BoundaryPart]) -> Iterator[tuple[int | None, Array]]:
+    """Yield each wire of a face, and two corners (2, 2) of the box around it."""
+    for wire in dict.fromkeys(part.wire for part in parts):
+        boxes = np.array([part.box for part in parts if part.wire == wire])
+        yield wire, np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 def _bound_changes(

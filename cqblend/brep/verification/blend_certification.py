@@ -79,7 +79,7 @@ def _certify_rail(
     """Measure a blend along one of its rails, or at the one point that the rail is."""
     samples, pole, support = VERIFICATION_TOLERANCES.certificate_samples, strip.poles[i], strip.trimmed_faces[i]
     if pole is not None:
-        found = [measure_pole_contact(strip.blend_face, pole, support, samples)]
+        found = [measure_pole_contact(strip.blend_face, pole, joint.sides[i].face, samples)]
         tolerance = BRep_Tool.Tolerance_s(find_end_vertices(pole)[0])
     else:
         is_held = partial(_is_not_faded, ribbon) if ribbon.fades else None

@@ -21,6 +21,7 @@ from cqblend.brep.topology import (
     ShapeIndex,
     drop_duplicate_shapes,
     explore_subshapes,
+    is_among,
     make_closed_wire,
     make_compound,
 )
@@ -98,11 +99,11 @@ def _is_on_wanted_side(replaced: ReplacedFaces, face: TopoDS_Face, grows: bool) 
 
 
 def _find_supports(replaced: ReplacedFaces, face: TopoDS_Face) -> list[tuple[TopoDS_Face, TopoDS_Edge]]:
-    """Return the faces that a new one is tangent to, with the edge at which it is."""
+    """Return the faces, new ones left out, that a new one is tangent to, with the edge at which it is."""
     found = []
     for use in explore_subshapes(face, TopAbs_EDGE):
         for other in replaced.faces_of_edge(use):
-            if other.IsSame(face) or BRep_Tool.Degenerated_s(use):
+            if is_among(other, replaced.new_faces) or BRep_Tool.Degenerated_s(use):
                 continue
             normals = [_find_normal(one, _find_middle(use, one)) for one in (face, other)]
             if abs(normals[0].Dot(normals[1])) > VERIFICATION_TOLERANCES.tangent_cosine:

@@ -220,6 +220,46 @@ def test_ball_touches_both_faces_on_the_right_side(joint):
 
 
 @every
+def test_a_radius_for_each_station(joint):
+    radii = np.linspace(0.2, 1.1, len(joint.stations.t))
+    contacts = solve_ball_contacts(joint.sides, joint.stations, radii)
+    found = jets(joint, contacts)
+    sign = -1 if joint.convex else 1
+    centre = [jet[0] + sign * radii[:, None] * n for jet, n in zip(found, outward_normals(joint, found), strict=True)]
+    assert np.abs(centre[0] - centre[1]).max() < 1e-12
+    assert np.abs(((centre[0] - joint.stations.points) * joint.stations.tangents).sum(1)).max() < 1e-12
+
+
+@every
+def test_equal_radii_and_widths_are_the_number_bit_for_bit(joint):
+    count = len(joint.stations.t)
+    one, many = (solve_ball_contacts(joint.sides, joint.stations, r) for r in (0.7, np.full(count, 0.7)))
+    first, both = (
+        solve_setback_contacts(joint.sides, joint.stations, widths)
+        for widths in ((0.4, 0.9), (np.full(count, 0.4), np.full(count, 0.9)))
+    )
+    for number, array in ((one, many), (first, both)):
+        assert all(np.array_equal(a, b) for a, b in zip(number.uv, array.uv, strict=True))
+        assert np.array_equal(number.cross_lengths, array.cross_lengths)
+
+
+@every
+def test_widths_for_each_station(joint):
+    widths = np.linspace(0.2, 0.9, len(joint.stations.t)), np.linspace(0.8, 0.3, len(joint.stations.t))
+    contacts = solve_setback_contacts(joint.sides, joint.stations, widths)
+    for jet, width in zip(jets(joint, contacts), widths, strict=True):
+        assert np.abs(np.linalg.norm(jet[0] - joint.stations.points, axis=1) - width).max() < 1e-12
+
+
+def test_a_ball_that_does_not_fit_is_named_with_its_radius_and_place():
+    joint = wave(convex=False)
+    radii = np.where(joint.stations.t < 1, 90.0, 0.5)
+    with pytest.raises(SizeError, match=r"no ball of radius 90 touches both faces at t = 0 of the edge") as caught:
+        solve_ball_contacts(joint.sides, joint.stations, radii)
+    assert (caught.value.value, caught.value.place) == (90.0, 0.0)
+
+
+@every
 def test_cross_derivatives_are_as_long_as_a_cubic_arc_asks(joint):
     radius = 0.7
     contacts = solve_ball_contacts(joint.sides, joint.stations, radius)

@@ -135,3 +135,11 @@ def test_two_strips_that_cross_on_the_face_between_them():
         cqblend.blend_edges(body, edges, 3.5)
     assert caught.value.room * 3.5 == pytest.approx(3, abs=0.02)
     check_sound(cqblend.blend_edges(body, edges, 2.9))
+
+
+def test_a_hole_beside_the_rim_of_another():
+    """Boxes of strip and hole overlap, curves do not meet: the arrangement needs the outline around both."""
+    plate = cq.Workplane().box(60, 60, 8).faces(">Z").workplane().pushPoints([(0, 0)]).hole(10)
+    body = plate.faces(">Z").workplane(origin=(0, 0, 0)).pushPoints([(7, 7)]).hole(4)
+    edge = min(body.faces(">Z").edges("%CIRCLE").vals(), key=lambda one: one.Center().x)
+    check_sound(cqblend.blend_edges(body, edge, 2))
