@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from cqblend.blend_options import EndWanted
 from cqblend.blends.network.chain_ribbons import fit_chain_ribbons
 from cqblend.blends.network.junction_stations import Crossings
 from cqblend.blends.sections.blend_surface import BlendSurface
@@ -59,10 +60,16 @@ class ChainContext:
         """Whether sizes vary along the chain."""
         return any(cell.method.sizes.laws or cell.method.size != self.method.size for cell in self.cells)
 
-    @property
-    def vanishes(self) -> tuple[bool, bool]:
-        """Whether an open chain ends in a point at its start and at its stop: size or joint fade to 0 there."""
-        return self.cells[0].vanishes[0], self.cells[-1].vanishes[1]
+    def find_point_ends(self, wanted: tuple[EndWanted, EndWanted]) -> tuple[bool, bool]:
+        """Return whether an open chain ends in a point at its start and at its stop, by what ends are asked for there.
+
+        It does where the size goes to 0. Where the joint fades out, a flat cap may stand before the vertex.
+        """
+        first, last = (
+            cell.method.sizes.vanishes[end] or (cell.vanishes[end] and wanted[end] != "flat")
+            for end, cell in enumerate(self.end_cells)
+        )
+        return first, last
 
     @property
     def lengths(self) -> Sequence[float]:

@@ -148,6 +148,11 @@ class SectionAtJoint(ABC):
         """Whether nothing but arcs will do."""
         return False
 
+    @property
+    def fading_ends(self) -> tuple[bool, bool]:
+        """Whether both rails run into the edge at t = 0 and at t = 1, as the faces become tangent to each other."""
+        return False, False
+
     @abstractmethod
     def make_solver(self) -> ContactSolver:
         """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
@@ -238,7 +243,7 @@ class _HermiteAtJoint(SectionAtJoint):
             joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
         )
         ends = []
-        for end, (vanishes, fades) in enumerate(zip(sizes.vanishes, joint.fading_ends, strict=True)):
+        for end, (vanishes, fades) in enumerate(zip(sizes.vanishes, self.fading_ends, strict=True)):
             limits = [sizes.find_vanishing_limit(end)] if vanishes else []
             limits += [joint.find_fading_limit(end)] if fades else []
             if limits:
@@ -246,6 +251,10 @@ class _HermiteAtJoint(SectionAtJoint):
         if not ends:
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
+
+    @property
+    def fading_ends(self) -> tuple[bool, bool]:
+        return (False, False) if self.method.request.radius is None else self.joint.fading_ends
 
     def _solve_at_stations(self, stations: Stations, expected: tuple[Array, Array] | None) -> Contacts:
         """Return the contacts of stations, which are near the ``expected`` ones, if these are given."""
@@ -257,14 +266,14 @@ class _HermiteAtJoint(SectionAtJoint):
     def _locate_on_surfaces(self, t: Array) -> Stations:
         """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
-        if any(joint.fading_ends):
+        if any(self.fading_ends):
             return joint.locate_stations(t)
         return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
 
     def _measure_both_sizes(self, t: Array) -> Array:
         """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""
         sizes = np.broadcast_to(self.method.sizes.measure(t), (2, len(t)))
-        for end, fades in enumerate(self.joint.fading_ends):
+        for end, fades in enumerate(self.fading_ends):
             sizes = sizes * np.abs(t - end) if fades else sizes
         return sizes
 

@@ -37,7 +37,7 @@ class StripContext:
     @cached_property
     def vanishes(self) -> tuple[bool, bool]:
         """Whether the blend has no width at t = 0 and at t = 1: its size goes to 0 there, or the joint fades out."""
-        sizes, fades = self.method.sizes.vanishes, self.joint.fading_ends
+        sizes, fades = self.method.sizes.vanishes, self.section.fading_ends
         return sizes[0] or fades[0], sizes[1] or fades[1]
 
     @cached_property

@@ -8,6 +8,19 @@ from itertools import permutations
 import cadquery as cq
 import numpy as np
 import pytest
+from chain_bodies import (
+    chamfered,
+    d_shape,
+    fading_block,
+    letters,
+    pocket,
+    rounded_box,
+    rounded_by_blend,
+    sheared_prism,
+    slot,
+    spline_outline,
+    tapered,
+)
 from chain_witness import ChainWitness
 from OCP.BRep import BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Splitter
@@ -19,7 +32,6 @@ from OCP.TopAbs import TopAbs_SOLID
 from OCP.TopTools import TopTools_ListOfShape
 from places import CASES
 
-import cqblend
 from cqblend.brep.selection.chain_tracing import trace_chain
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import select_chains
@@ -28,71 +40,6 @@ from cqblend.brep.step_files import read_step
 from cqblend.brep.topology import explore_subshapes
 
 W, V = cq.Workplane, cq.Vector
-
-
-def rounded_box() -> cq.Shape:
-    return W().box(30, 20, 10).edges("|Z").fillet(3).val()
-
-
-def slot() -> cq.Shape:
-    return W().slot2D(30, 10).extrude(5).val()
-
-
-def d_shape() -> cq.Shape:
-    return W().moveTo(0, -6).lineTo(10, -6).threePointArc((16, 0), (10, 6)).lineTo(0, 6).close().extrude(7).val()
-
-
-def spline_outline() -> cq.Shape:
-    """Two parallel lines whose ends a spline joins tangentially, and a corner."""
-    end = W().moveTo(0, 0).lineTo(20, 0)
-    return (
-        end.spline([(26, 6), (18, 12)], tangents=[(1, 0), (-1, 0)], includeCurrent=True)
-        .lineTo(0, 12)
-        .close()
-        .extrude(6)
-        .val()
-    )
-
-
-def tapered() -> cq.Shape:
-    return W().sketch().rect(30, 20).vertices().fillet(4).finalize().extrude(12, taper=8).val()
-
-
-def letters() -> cq.Shape:
-    return W().text("BSR", 20, 5).combine().val()
-
-
-def pocket() -> cq.Shape:
-    return (
-        W()
-        .box(40, 30, 12)
-        .faces(">Z")
-        .workplane()
-        .sketch()
-        .rect(24, 16)
-        .vertices()
-        .fillet(4)
-        .finalize()
-        .cutBlind(-7)
-        .val()
-    )
-
-
-def sheared_prism() -> cq.Shape:
-    """A rounded box, sheared so that its smooth edges are oblique."""
-    shear = cq.Matrix([[1, 0, 0.5, 0], [0, 1, 0.2, 0], [0, 0, 1, 0]])
-    return rounded_box().transformGeometry(shear)
-
-
-def chamfered() -> cq.Shape:
-    """A rounded box whose top has a chamfer: two closed chains along it, of obtuse edges."""
-    return W(rounded_box()).faces(">Z").edges().chamfer(1).val()
-
-
-def rounded_by_blend() -> cq.Shape:
-    """A box of which an upright was rounded before, by a spline face."""
-    box = W().box(30, 20, 10)
-    return cqblend.blend_edges(box, box.edges("|Z and >X and >Y"), 3).shape
 
 
 BODIES = [
@@ -246,23 +193,6 @@ def test_a_sharp_edge_that_meets_the_chain_from_a_side_ends_it():
     (chain,) = select(body, [edge])
     assert len(chain.cells) == 1
     assert sorted(chain.ends) == ["corner", "sharp edge"]
-
-
-def fading_block() -> cq.Shape:
-    """A block whose top is a plane for y < 0 and for y > 0 z = -x y / 40: they meet along y = 0, smoothly at x = 0."""
-    top = [V(0, -10, 0), V(20, -10, 0), V(20, 0, 0), V(0, 0, 0), V(0, 10, 0), V(20, 10, -5)]
-    floor = [V(0, -10, -20), V(20, -10, -20), V(20, 10, -20), V(0, 10, -20)]
-    lines = cq.Edge.makeLine(top[3], top[2]), cq.Edge.makeLine(top[4], top[5])
-    outlines = [
-        top[:4],
-        floor,
-        [top[0], top[3], top[4], floor[3], floor[0]],
-        [top[1], top[2], top[5], floor[2], floor[1]],
-        [top[0], top[1], floor[1], floor[0]],
-        [top[4], top[5], floor[2], floor[3]],
-    ]
-    faces = [cq.Face.makeFromWires(cq.Wire.makePolygon(points, close=True)) for points in outlines]
-    return cq.Solid.makeSolid(cq.Shell.makeShell([cq.Face.makeRuledSurface(*lines), *faces]))
 
 
 def test_a_chain_ends_where_its_faces_become_tangent():
