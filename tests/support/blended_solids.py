@@ -25,9 +25,9 @@ class Replacement:
 
 
 def blend(name: str, body: cq.Shape, edges: Sequence[cq.Edge], radius: float, **options) -> Replacement:
-    """Blend edges of a body, by polynomials unless told otherwise."""
-    options = {"section": "hermite"} | options
-    result = cqblend.blend_edges(body.wrapped, [edge.wrapped for edge in edges], radius, **options)
+    """Blend edges of a body, by polynomials."""
+    picked = [edge.wrapped for edge in edges]
+    result = cqblend.blend_edges(body.wrapped, picked, radius, section="hermite", **options)
     grows = cq.Shape.cast(result.shape).Volume() > body.Volume()
     return Replacement(name, body.wrapped, result.shape, tuple(result.faces), grows)
 
@@ -82,10 +82,8 @@ def make_sound_blends() -> tuple[Replacement, ...]:
         _draw(bodies.dome_and_boss, 0),
         _blend_box("box, flat ends", "|Z and >X and >Y", 1, ends="flat"),
         _blend_box("box, four edges", "|Z", 4),
-        _blend_box("box, arcs", "|Z and >X and >Y", 1, section="arc"),
         _blend_box("box, G2", "|Z and >X and >Y", 1, continuity="G2"),
         blend("rod", rod.val(), rod.faces(">Z").edges().vals(), 1.5),
-        blend("rod, arcs", rod.val(), rod.faces(">Z").edges().vals(), 1.5, section="arc"),
         blend("step", step.val(), step.faces(">Z[1]").edges("%CIRCLE").vals(), 1.0),
         _blend_rims("plate, one rim", 5, slice(12, 13)),
         _blend_rims("plate, nine rims", 3, slice(None)),
