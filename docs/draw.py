@@ -105,6 +105,25 @@ def full_round() -> None:
     picture.draw_views(views, PICTURES / "full_round.png", size=(1000, 270))
 
 
+def chains() -> None:
+    """Draw the rim of a prism with lines, a spline and an arc, that of a sheared one, and a blend that runs out."""
+    made = runpy.run_path(str(EXAMPLES / "chains.py"))["results"]
+    looks = {  # of each: from where, and the middle and the height of what is seen, whole and striped
+        "outline": ((0.6, -1, 1.1), ((1, 0, 8), 36), ((10, -4, 9), 14)),
+        "sheared": ((0.7, -1, 0.9), ((3, 0, 5), 34), ((16, -6, 9), 11)),
+        "window": ((0.55, 1, 0.45), ((0, 17, 20), 27), ((3, 19, 26), 13)),
+    }
+    views = []
+    for i, (name, (eye, *framings)) in enumerate(looks.items()):
+        result = made[name]
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        striped = [ShadedFaces(result.shape.Faces(), None)]
+        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
+            views.append(View(drawn, eye, focus, height, (i / 3, (1 - j) / 2, (i + 1) / 3, (2 - j) / 2)))
+    picture.draw_views(views, PICTURES / "chains.png", size=(900, 560))
+
+
 def circle_speeds() -> None:
     """Draw circles with markers at equal steps of the parameter, and below each its speed over the parameter."""
     made = runpy.run_path(str(EXAMPLES / "circle_speeds.py"))
@@ -257,6 +276,7 @@ if __name__ == "__main__":
     circle_speeds()
     ends()
     full_round()
+    chains()
     for name in FIGURES:
         figure(name)
     spout()
