@@ -34,22 +34,27 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> 
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
         face, edges = strip.trimmed_faces[end], strip.rail_edges[end]
-        shifts, turns = zip(*(_measure_rail(blend, built, end, face, edge) for edge in edges), strict=True)
+        faces = strip.blend_face, face
+        shifts, turns = zip(*(_measure_rail(blend, built, end, faces, edge) for edge in edges), strict=True)
         return prove_arc_side(blend, built, end, 2 * max(shifts), 2 * max(turns))
 
     return prove_rail(0) | prove_rail(1)
 
 
 def _measure_rail(
-    blend: BlendSurface, arc: ArcSection, end: Literal[0, 1], face: TopoDS_Face, edge: TopoDS_Edge
+    blend: BlendSurface, arc: ArcSection, end: Literal[0, 1], faces: tuple[TopoDS_Face, TopoDS_Face], edge: TopoDS_Edge
 ) -> tuple[float, float]:
-    """Return by how much the pcurve of a rail edge on its support face is off (mm), and the normals there (rad)."""
+    """Return by how much the pcurve of a rail edge on its support is off (mm), and the normals there (rad).
+
+    ``faces`` are the blend and the support, which may be another blend: the edge has its parameter then.
+    """
     first, last = BRep_Tool.Range_s(edge)
-    s = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples)
-    curve, ribbon = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0), blend.ribbons[end]
-    uv = np.array([curve.Value(at).Coord() for at in s.tolist()])
+    at = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples).tolist()
+    curves = (BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0) for face in faces)
+    on_blend, uv = (np.array([curve.Value(t).Coord() for t in at]) for curve in curves)
+    ribbon, (s, _) = blend.ribbons[end], arc.map_from_surface(on_blend)
     found = ribbon.primary.jet(ribbon.find_native_parameters(arc.map_to_parameters(s)))
-    there = read_support_face(face, found[0]).face_primary.jet(uv)
+    there = read_support_face(faces[1], found[0]).face_primary.jet(uv)
     normals = [_evaluate_normals(jet) for jet in (found, there)]
     sines = measure_lengths(cross_product(*normals))
     return float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
