@@ -51,6 +51,9 @@ class RailRecord:
         vanish.
     held : bool
         Whether the rail is held on an existing edge: there the blend is G0, and ``angle`` is that of the edge.
+    bend : float
+        Largest distance (mm) by which the rail leaves the path of the contacts: where the path would have a kink at an
+        oblique smooth edge between two cells of a chain, it is rounded off.
     """
 
     side: int
@@ -64,6 +67,7 @@ class RailRecord:
     tolerance: float
     kept: float = 0.0
     held: bool = False
+    bend: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,15 +72,20 @@ def whole_teapot() -> None:
 
 
 def ends() -> None:
-    """Draw how blends of open edges end: on a flush wall, on tangent sides, and flat."""
+    """Draw how blends of open edges end: on a flush wall, on tangent sides, around a rib, and flat."""
     results = runpy.run_path(str(EXAMPLES / "ends.py"))["results"]
-    looks = (((1, 0.9, 0.8), (13, 8, 16), 26), ((0.4, 1.3, 0.7), (34, 6, 11), 28), ((-0.9, -1, 0.8), (-9, -9, 5), 20))
-    views = []
+    looks = (
+        ((1, 0.9, 0.8), (13, 8, 16), 26),
+        ((0.4, 1.3, 0.7), (34, 6, 11), 28),
+        ((1, 1, 0.7), (12.5, 9, 9), 21),
+        ((-0.9, -1, 0.8), (-9, -9, 5), 20),
+    )
+    views, count = [], len(looks)
     for i, (result, (eye, focus, height)) in enumerate(zip(results.values(), looks, strict=True)):
         others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
         drawn = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
-        views.append(View(drawn, eye, focus, height, (i / 3, 0, (i + 1) / 3, 1)))
-    picture.draw_views(views, PICTURES / "ends.png", size=(900, 320))
+        views.append(View(drawn, eye, focus, height, (i / count, 0, (i + 1) / count, 1)))
+    picture.draw_views(views, PICTURES / "ends.png", size=(1200, 320))
 
 
 def full_round() -> None:
@@ -98,6 +103,25 @@ def full_round() -> None:
         focus, height = ((0, 0, 3), 30) if body is ring else ((6, -2, 0), 26)
         views.append(View(drawn, (1, -0.9, 0.6), focus, height, (i / 4, 0, (i + 1) / 4, 1)))
     picture.draw_views(views, PICTURES / "full_round.png", size=(1000, 270))
+
+
+def chains() -> None:
+    """Draw the rim of a prism with lines, a spline and an arc, that of a sheared one, and a blend that runs out."""
+    made = runpy.run_path(str(EXAMPLES / "chains.py"))["results"]
+    looks = {  # of each: from where, and the middle and the height of what is seen, whole and striped
+        "outline": ((0.6, -1, 1.1), ((1, 0, 8), 36), ((10, -4, 9), 14)),
+        "sheared": ((0.7, -1, 0.9), ((3, 0, 5), 34), ((16, -6, 9), 11)),
+        "window": ((0.55, 1, 0.45), ((0, 17, 20), 27), ((3, 19, 26), 13)),
+    }
+    views = []
+    for i, (name, (eye, *framings)) in enumerate(looks.items()):
+        result = made[name]
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        striped = [ShadedFaces(result.shape.Faces(), None)]
+        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
+            views.append(View(drawn, eye, focus, height, (i / 3, (1 - j) / 2, (i + 1) / 3, (2 - j) / 2)))
+    picture.draw_views(views, PICTURES / "chains.png", size=(900, 560))
 
 
 def circle_speeds() -> None:
@@ -252,6 +276,7 @@ if __name__ == "__main__":
     circle_speeds()
     ends()
     full_round()
+    chains()
     for name in FIGURES:
         figure(name)
     spout()

@@ -1,4 +1,4 @@
-"""How blends of open edges end: on a wall that is flush with the side, on tangent sides, and flat in a chain."""
+"""How blends of open edges end: at a wall flush with the side, on tangent sides, around a rib, and flat in a chain."""
 
 import cadquery as cq
 
@@ -20,11 +20,16 @@ plate = cq.Workplane().box(40, 26, 9, centered=(False, True, False))
 lug = plate.union(cq.Workplane().center(40, 0).circle(13).extrude(24)).clean().val()
 tangent = cqblend.blend_edges(lug, nearest(lug, 27, 0, 9), radius=5)
 
-# One edge of a chain: the blend ends in caps at its vertices, and warnings say so.
-block = cq.Workplane().box(34, 24, 14).edges("|Z").fillet(7).val()
-flat = cqblend.blend_edges(block, nearest(block, 0, -12, 7), radius=4)
+# A rib that the blend runs into stays, and stands on the blend: it ends on three of its faces, and below.
+block = cq.Workplane().rect(32, 22).extrude(20, taper=7)
+ribbed = block.union(cq.Workplane().box(2, 8, 14, centered=(True, True, False)).translate((11, 12, 0))).val()
+rib = cqblend.blend_edges(ribbed, nearest(ribbed, 14.8, 9.8, 10), radius=5)
 
-results = {"flush": flush, "tangent": tangent, "flat": flat}
+# One edge of a chain: in caps at its vertices, because that is asked for.
+block = cq.Workplane().box(34, 24, 14).edges("|Z").fillet(7).val()
+flat = cqblend.blend_edges(block, nearest(block, 0, -12, 7), radius=4, chain=False, ends="flat")
+
+results = {"flush": flush, "tangent": tangent, "rib": rib, "flat": flat}
 for name, result in results.items():
     print(name, *result.certificate.ends, sep="\n  ")
 

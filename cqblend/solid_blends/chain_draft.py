@@ -11,7 +11,7 @@ from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, place_strip
 from cqblend.brep.shell_editing.strip_planning import PlannedChain, plan_chain
-from cqblend.errors import CqblendError, SizeError, TopologyError, VerificationError
+from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.blend_acceptance import get_crease_limits
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.end_plan import EndAttempts, EndMethod, EndPlan, plan_ends
@@ -94,17 +94,39 @@ def draft_chain(
     CqblendError
         Why that is not possible.
     """
+    short_end: int | None = None
     for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
-        blends = tuple(context.make_blends(domain))
-        for cell, blend in zip(context.cells, blends, strict=True):
-            check_blend(cell, blend)
+        try:
+            blends = _make_blends(context, domain)
+        except (GeometryError, SizeError) as error:
+            if short_end is None:
+                raise
+            raise BlendEndError(
+                short_end, error.with_details(before="it meets no face that it could end on: ")
+            ) from error
         placements = [place_strip(cell.joint, blend) for cell, blend in zip(context.cells, blends, strict=True)]
         try:
             return blends, plan_chain(placements, context.chain, caps)
         except RailsTooShortError as short:
-            slack = 0.1 * (short.needed_domain[1] - short.needed_domain[0])
-            domain = (min(domain[0], short.needed_domain[0] - slack), max(domain[1], short.needed_domain[1] + slack))
-    raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
+            short_end = 0 if short.needed_domain[0] < domain[0] else 1
+            domain = _lengthen(domain, short.needed_domain)
+    nothing = TopologyError("the blend runs on beside the faces there without ever meeting them")
+    raise nothing if short_end is None else BlendEndError(short_end, nothing)
+
+
+def _lengthen(domain: tuple[float, float], needed: tuple[float, float]) -> tuple[float, float]:
+    """Return a domain that has what is needed, and a little more where it was too short, for the next fit differs."""
+    slack = 0.1 * (needed[1] - needed[0])
+    before, after = max(domain[0] - needed[0], 0.0), max(needed[1] - domain[1], 0.0)
+    return domain[0] - before - min(slack, before), domain[1] + after + min(slack, after)
+
+
+def _make_blends(context: ChainContext, domain: tuple[float, float]) -> tuple[BlendSurface, ...]:
+    """Return the blends of all cells of a chain, over at least a given range, and check them one by one."""
+    blends = tuple(context.make_blends(domain))
+    for cell, blend in zip(context.cells, blends, strict=True):
+        check_blend(cell, blend)
+    return blends
 
 
 def check_blend(context: StripContext, blend: BlendSurface) -> None:

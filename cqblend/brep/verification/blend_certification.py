@@ -102,6 +102,7 @@ def _certify_rail(
         length=ribbon.length,
         tolerance=tolerance,
         kept=_measure_faded_share(ribbon),
+        bend=ribbon.bend,
         held=strip.is_held[i],
     )
 

@@ -10,6 +10,7 @@ there before, and whose box meets none of these, has the same surroundings as be
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,15 +107,18 @@ def _separate_parts(
     forward_old = orient_forward(old)
     known, kept = ShapeIndex(forward_old, TopAbs_WIRE), ShapeIndex(orient_forward(face), TopAbs_WIRE)
     is_known = np.array([_has_wire(known, wire) for wire in wires])
-    uses = [use for wire, same in zip(wires, is_known, strict=True) if not same for use in _list_uses(wire)]
-    old_uses = [use for wire in known if not _has_wire(kept, wire) for use in _list_uses(wire)]
+    new_wires = [_list_uses(wire) for wire, same in zip(wires, is_known, strict=True) if not same]
+    old_wires = [_list_uses(wire) for wire in known if not _has_wire(kept, wire)]
+    uses, old_uses = list(chain.from_iterable(new_wires)), list(chain.from_iterable(old_wires))
+    owners = np.repeat(np.arange(len(new_wires) + len(old_wires)), [len(wire) for wire in (*new_wires, *old_wires)])
     if not whole_wires:
         uses, old_uses = _drop_common_uses(uses, old_uses)
+        owners = np.arange(len(uses) + len(old_uses))
     boxes = np.array([*_measure_changes(face, uses, old_uses), *_measure_changes(face, old_uses, uses)]).reshape(-1, 4)
     wire_boxes = np.array([_measure_box(face, wire) for wire in wires])
     outer = int(np.prod(wire_boxes[:, 2:] - wire_boxes[:, :2], axis=1).argmax())
     parts = []
-    for group in _group_boxes(boxes):
+    for group in _group_boxes(boxes, owners):
         low, high = boxes[group, :2].min(axis=0), boxes[group, 2:].max(axis=0)
         near = (wire_boxes[:, :2] <= high).all(axis=1) & (wire_boxes[:, 2:] >= low).all(axis=1)
         near[outer] = True
@@ -192,10 +196,11 @@ def _measure_box(face: TopoDS_Face, wire: TopoDS_Wire) -> tuple[float, float, fl
     return found
 
 
-def _group_boxes(boxes: Array) -> list[NDArray[np.bool_]]:
-    """Return the groups of boxes (n, 4) that hang together by overlaps, each as a mask (n,)."""
+def _group_boxes(boxes: Array, owners: NDArray[np.intp]) -> list[NDArray[np.bool_]]:
+    """Return the groups of boxes (n, 4) that hang together by overlaps, or by an owner (n,), each as a mask (n,)."""
     low, high = boxes[:, :2], boxes[:, 2:]
     linked = (low[:, None] <= high[None]).all(axis=-1) & (high[:, None] >= low[None]).all(axis=-1)
+    linked |= owners[:, None] == owners[None]
     labels = np.arange(len(boxes))
     while True:
         smallest = np.where(linked, labels[None], len(boxes)).min(axis=1, initial=len(boxes))

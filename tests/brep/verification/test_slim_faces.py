@@ -6,7 +6,7 @@ from blended_solids import make_plate
 from OCP.TopAbs import TopAbs_WIRE
 
 import cqblend
-from cqblend.brep.topology import ShapeIndex
+from cqblend.brep.topology import ShapeIndex, find_end_vertices
 from cqblend.brep.verification.replaced_faces import ReplacedFaces
 from cqblend.brep.verification.slim_faces import list_changed_parts
 
@@ -54,3 +54,14 @@ def test_wires_near_to_a_change_are_kept():
     replaced = ReplacedFaces(plate.val().wrapped, result.shape, list(result.faces))
     (part,) = (part for part in list_changed_parts(replaced) if count_wires(part.face) > 4)
     assert count_wires(part.slim_face) == 3
+
+
+def test_whole_wires_are_never_taken_apart():
+    """What encloses a change of volume is closed: at each vertex as many uses start as stop."""
+    replaced = blend(lambda plate: plate.edges("|Z and >X and >Y").vals(), 0.5)
+    parts = [part for part in list_changed_parts(replaced, whole_wires=True) if part.old_face is not None]
+    assert len(parts) == len(replaced.old) == 4
+    for part in parts:
+        for uses in (part.uses, part.old_uses):
+            starts, stops = zip(*map(find_end_vertices, uses), strict=True)
+            assert all(sum(one.IsSame(other) for other in stops) == 1 for one in starts)
