@@ -66,7 +66,7 @@ def pick(shape: cq.Shape, selector: str) -> list[cq.Edge]:
     return cq.Workplane(shape).edges(selector).vals()
 
 
-def without(body: cq.Shape, *selectors: str) -> cq.Shell:
+def without(body: cq.Shape, *selectors: str | cq.Selector) -> cq.Shell:
     """Return the shell of a body's faces but those of some CadQuery selectors."""
     gone = [face for selector in selectors for face in cq.Workplane(body).faces(selector).vals()]
     return cq.Shell.makeShell([face for face in body.Faces() if not any(face.isSame(one) for one in gone)])
@@ -94,6 +94,10 @@ WAVE = (
 )
 SLOPED = BOX.cut(cq.Solid.makeBox(60, 60, 20, (-30, -30, 2)).moved(cq.Location((0, 0, 0), (1, 2, 0), 9)))
 NOTCH = cq.Workplane().box(30, 20, 10).faces(">Z").workplane().rect(12, 30).cutBlind(-4).val()
+
+
+SLOTTED = BOX.cut(cq.Solid.makeBox(20, 8, 20, (3, -4, -10)))
+END_OF_SLOT = cq.selectors.NearestToPointSelector((3, 0, 0))
 
 
 def test_a_box_without_a_lid():
@@ -127,6 +131,7 @@ def test_a_lid_still_fits():
         (BOX, (15, 10, 0), (">Z", "<Z", "<X")),
         (SLOPED, (15, 10, 0), (">Z", "<Z")),
         (NOTCH, (6, 0, 1), (">Y",)),  # a concave edge
+        (SLOTTED, (9, 4, 5), (END_OF_SLOT,)),  # where the top goes on past the missing wall
         (WAVE, (10, 0, 0), ("<X",)),
         (WAVE, (10, 0, 0), ("<X", ">X", ">Z")),
     ],
