@@ -71,10 +71,7 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:
-        following = placement.joint.find_continuing_edge(end)
-        name = "" if following is None else placement.joint.name_part(following)
-        before = f"the joint goes on there in {name}, and " if name else ""
-        raise (failure or error).with_details(before=before) from error
+        raise (failure or error) from error
 
 
 def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -> StripEnd:
