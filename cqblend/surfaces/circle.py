@@ -32,6 +32,11 @@ class PlanarCircle:
     axes: Array  # (2, 2), rows X and Y
     radius: float
 
+    @property
+    def reach(self) -> float:
+        """The largest distance of a point from the centre."""
+        return self.radius
+
     def __call__(self, t: Array) -> Array:
         """Return points (n, 2) at angles (n,)."""
         return self.centre + self.radius * (np.cos(t)[:, None] * self.axes[0] + np.sin(t)[:, None] * self.axes[1])

@@ -44,6 +44,12 @@ class NetworkTolerances:
     coincident_lines: float = 1e-7
     """Radians: straight curves that leave a common end at less lie on each other."""
 
+    cut_fit: float = 1e-12
+    """Relative to the radius: largest error of an ellipse in the parameters of its cylinder, where it is a spline."""
+
+    cut_spans: int = 4
+    """Spans from which on that is fitted."""
+
     arc_plane: float = 1e-12
     """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
     lie may miss its axis, or turn from it."""
