@@ -93,7 +93,7 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     # a cell has no normal where its rail is one point
     is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
     angles = np.arctan2(sine, cosine)[is_regular]
-    distance = NETWORK_TOLERANCES.coordinate_rounding * float(np.abs(first[0]).max())
+    distance = NETWORK_TOLERANCES.section_rounding * float(np.abs(first[0]).max())
     rounding = (
         max(NETWORK_TOLERANCES.natural_gap, distance),
         max(NETWORK_TOLERANCES.natural_angle, distance / before.width),

@@ -51,7 +51,7 @@ class NetworkTolerances:
     natural_gap: float = 1e-12
     """Distance (mm) of the end sections of two cells up to which they have one by nature, near the origin."""
 
-    coordinate_rounding: float = 4e-15
+    section_rounding: float = 4e-15
     """The same, relative to the largest coordinate, farther from there."""
 
     torn_section: float = 1e-9
