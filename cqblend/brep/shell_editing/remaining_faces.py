@@ -71,7 +71,7 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     if face_plan.surface is not None:
         return []
     parts = list_boundary_parts(solid.index, face_plan)
-    _check_chain(solid, face_plan, parts)
+    _check_loops(solid, face_plan, parts)
     new = [part for part in parts if part.wire is None]
     if not new:
         return []
@@ -102,7 +102,7 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     return [view]
 
 
-def _check_chain(solid: PlannedSolid, face_plan: FacePlan, parts: Sequence[BoundaryPart]) -> None:
+def _check_loops(solid: PlannedSolid, face_plan: FacePlan, parts: Sequence[BoundaryPart]) -> None:
     """Check that as many parts of a boundary start as stop at every vertex.
 
     Raises
@@ -194,7 +194,8 @@ class _FaceView:
             room = self._measure_room_between(strips[0], strips[1])
         else:
             message, room = f"{subject} runs into the {second.edge.role} of the same blend", 0.0
-        message += f" at ({x:.4g}, {y:.4g}, {z:.4g}): the size is too large"
+        pieces = ", and would cut the face in pieces" if self.remainder.piece_count > 1 else ""
+        message += f" at ({x:.4g}, {y:.4g}, {z:.4g}){pieces}: the size is too large"
         return FaceConflictError(strips, SizeError(message, kind="too large", room=room))
 
     def describe_nothing_left(self) -> FaceConflictError:

@@ -87,7 +87,7 @@ def test_what_the_fit_reports_of_junctions_is_what_their_surfaces_have():
 def test_cells_alone_would_not_meet():
     """What the chains do together is not there by itself."""
     case = rim_of(four_splines(), radius=2.0)
-    blends = [context.make_blend((0.0, 1.0)) for context in case.contexts]
+    blends = [context.section.fill(context.fit_rails((0.0, 1.0))) for context in case.contexts]
     gap, angle = case.measure(blends)
     assert gap > 1e-7
     assert angle > 1e-6
