@@ -20,7 +20,16 @@ from types import FrameType
 from typing import Any, get_args
 
 from cqblend import __version__
-from cqblend.blend_options import BLEND_DEFAULTS, CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions, BlendRequest
+from cqblend.blend_options import (
+    BLEND_DEFAULTS,
+    CONTINUITIES,
+    ENDS,
+    FORMS,
+    ON_ERROR,
+    SECTIONS,
+    BlendOptions,
+    BlendRequest,
+)
 from cqblend.command_line_values import (
     SIZES_EPILOG,
     assign_sizes,
@@ -223,9 +232,7 @@ def _build_parser() -> argparse.ArgumentParser:
     _add_near_option(blend, repeatable=True)
     size = blend.add_mutually_exclusive_group(required=True)
     each = "; once, or once for each --near"
-    size.add_argument(
-        "--radius", type=parse_size, metavar="SIZE", action="append", help=f"of the rolling ball, mm{each}"
-    )
+    size.add_argument("--radius", type=parse_size, metavar="SIZE", action="append", help=f"of the ball, mm{each}")
     size.add_argument(
         "--width",
         type=parse_width,
@@ -240,12 +247,8 @@ def _build_parser() -> argparse.ArgumentParser:
         help="move one side by A, the other by B, mm, and fill by the curves in which they meet; L is lambda, default "
         "0, an ellipse; the less, the sharper",
     )
-    blend.add_argument(
-        "--taper",
-        type=float,
-        metavar="L",
-        help="length over which the sizes of edges that go on in each other change, mm",
-    )
+    blend.add_argument("--taper", type=float, metavar="L", help="length over which sizes in a chain change, mm")
+    blend.add_argument("--section", choices=SECTIONS, help="default: auto, or what --potential or --order says")
     blend.add_argument("--continuity", choices=CONTINUITIES, help="default: G1, or what --order gives")
     blend.add_argument(
         "--order",
@@ -255,10 +258,7 @@ def _build_parser() -> argparse.ArgumentParser:
     )
     blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
     blend.add_argument(
-        "--on-error",
-        choices=ON_ERROR,
-        default=BLEND_DEFAULTS.on_error,
-        help=f"what to do with edges that cannot be blended; {_DEFAULT_HELP}",
+        "--on-error", choices=ON_ERROR, default=BLEND_DEFAULTS.on_error, help=f"for edges that fail; {_DEFAULT_HELP}"
     )
     hold_help = "hold a rail on the edge nearest to this point, mm; may be repeated"
     blend.add_argument("--hold", type=parse_point, metavar="X,Y,Z", action="append", help=hold_help)
@@ -353,7 +353,7 @@ def _run_blend(options: argparse.Namespace) -> None:
     from cqblend.brep.step_files import read_step, write_step
     from cqblend.solid_blends.blend_pipeline import blend_shape
 
-    section = "potential" if options.potential else "hermite" if options.order is None else "pde"
+    section = options.section or ("potential" if options.potential else "auto" if options.order is None else "pde")
     relation = dict(zip(("a", "b", "lam"), options.potential or (), strict=False))
 
     def make_request(edges: Sequence[Any], hold: Sequence[Any] | None) -> BlendRequest:

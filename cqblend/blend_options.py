@@ -133,7 +133,7 @@ class BlendOptions:
     crease : float, optional
         Largest angle of a crease inside the blend that steering leaves, rad. By default `angular_tolerance`, or the
         angle of the crease that the face itself has there.
-    section : {"auto", "arc", "hermite", "pde", "potential"}, default "hermite"
+    section : {"auto", "arc", "hermite", "pde", "potential"}, default "auto"
         How the blend is filled between the rails: ``"arc"``, by the arcs of the rolling ball, as a cylinder, a torus or
         a sphere: exact where the rails are straight, or circles about one axis, and refused elsewhere; ``"hermite"``,
         by polynomials, cubic across for G1, quintic for G2; ``"auto"``, by arcs where they are exact and go with all
@@ -192,7 +192,7 @@ class BlendOptions:
     bulge: float | tuple[float, float] = 1.0
     steer: float = math.radians(20)
     crease: float | None = None
-    section: str = "hermite"
+    section: str = "auto"
     a: float | None = field(default=None, metadata=_OF_POTENTIAL)
     b: float | None = field(default=None, metadata=_OF_POTENTIAL)
     lam: float | None = field(default=None, metadata=_OF_POTENTIAL)
@@ -251,6 +251,8 @@ class BlendOptions:
         bulge = check_pair("bulge", self.bulge, check_positive)
         form = check_choice("form", self.form, FORMS)
         is_ball = continuity == ("G1", "G1") and tangents == ("perpendicular", "perpendicular") and bulge == (1.0, 1.0)
+        if section == "arc" and form == "compact":
+            raise InputError('form "compact" is for splines, and the arcs of section="arc" are exact: leave it out')
         if section == "auto" and not (is_ball and self.width is None and form != "compact"):
             section = "hermite"
         if continuity == ("G0", "G0"):

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cqblend.blends.quality.smoothness_proof import Proof
 
 Form = Literal["exact", "compact"]
+SectionKind = Literal["arc", "hermite", "pde", "potential"]
 EndKind = Literal["natural", "flat", "point"]
 NewEdgeKind = Literal["end", "border", "seam", "between"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
@@ -54,6 +55,9 @@ class RailRecord:
     bend : float
         Largest distance (mm) by which the rail leaves the path of the contacts: where the path would have a kink at an
         oblique smooth edge between two cells of a chain, it is rounded off.
+    section : {"arc", "hermite", "pde", "potential"}
+        What the sections of the blend are: ``"arc"``, arcs of the rolling ball, on a cylinder, a torus or a sphere;
+        ``"hermite"``, polynomials; ``"pde"`` and ``"potential"``, with an interior of that kind.
     """
 
     side: int
@@ -68,6 +72,7 @@ class RailRecord:
     kept: float = 0.0
     held: bool = False
     bend: float = 0.0
+    section: SectionKind = "hermite"
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,9 +204,10 @@ class Certificate:
         ``exact``: rails and tangent planes are those of the neighbours, to rounding; ``compact``: a spline of least
         degree within the asked tolerances.
     degree : tuple of int
-        Along the rail and across, largest over the blend faces.
+        Along the rail and across, largest over the blend faces; of arcs, those of the rational spline that is the same
+        surface.
     poles : tuple of int
-        Number of control points along the rail and across, largest over the blend faces.
+        Number of control points along the rail and across, largest over the blend faces; of arcs likewise.
     rational : bool
         Whether any blend face has weights.
     inner_crease : float
@@ -239,7 +245,7 @@ class Certificate:
     --------
     >>> rail = RailRecord(1, 2, 7, gap=0.0, angle=1e-16, curvature_jump=0.4, direction=0.0, length=2e-9, tolerance=1e-7)
     >>> print(Certificate((rail,), "exact", (1, 3), (2, 4), False, 0.0, "wire substitution", (3.5, 3.5), 1000))
-    valid blend, exact, degree 1 x 3, 2 x 4 poles, by wire substitution
+    valid blend, exact, hermite, degree 1 x 3, 2 x 4 poles, by wire substitution
     width 3.5 mm, inner crease 0.0e+00 rad, 1000 stations a rail
     side  face  edge      gap    angle  curvature jump  direction   length  tolerance
                            mm      rad            1/mm        rad     rel.         mm
@@ -292,6 +298,14 @@ class Certificate:
         Without unit; the smaller, the fairer. Computed when first read. None if there is no function that computes it.
         """
         return sum(energy() for energy in self.energies) if self.energies else None
+
+    @property
+    def section(self) -> str:
+        """What the sections are, as in `RailRecord`: ``"arc"``, or ``"arc and hermite"`` if of two kinds.
+
+        Which edge has which is in `rails`.
+        """
+        return " and ".join(dict.fromkeys(rail.section for rail in self.rails))
 
     @property
     def gap(self) -> float:
@@ -366,7 +380,7 @@ class Certificate:
         residual = "" if self.residual is None else f", residual {self.residual:.1e}"
         width = low if low == high else f"{low} to {high}"
         head = (
-            f"{state} blend, {self.form}, degree {degree}, {poles} poles{rational}, by {self.method}",
+            f"{state} blend, {self.form}, {self.section}, degree {degree}, {poles} poles{rational}, by {self.method}",
             f"width {width} mm, inner crease {self.inner_crease:.1e} rad, {self.stations} stations a rail{residual}",
         )
         kept = [
@@ -388,11 +402,13 @@ class Certificate:
 
 def _format_table(rails: Sequence[RailRecord]) -> list[str]:
     """Return the lines of the table of rails, numbers right-aligned under their title and unit."""
-    rows = [[title for _, title, _ in _COLUMNS], [unit for _, _, unit in _COLUMNS]]
-    rows += [[_format_cell(getattr(rail, name)) for name, _, _ in _COLUMNS] for rail in rails]
+    mixed = len({rail.section for rail in rails}) > 1
+    columns = (*_COLUMNS, ("section", "section", "")) if mixed else _COLUMNS
+    rows = [[title for _, title, _ in columns], [unit for _, _, unit in columns]]
+    rows += [[_format_cell(getattr(rail, name)) for name, _, _ in columns] for rail in rails]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
 
 
-def _format_cell(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.1e}"
+def _format_cell(value: float | str) -> str:
+    return str(value) if isinstance(value, int | str) else f"{value:.1e}"

@@ -88,6 +88,25 @@ def ends() -> None:
     picture.draw_views(views, PICTURES / "ends.png", size=(1200, 320))
 
 
+def varying_sizes() -> None:
+    """Draw blends whose sizes vary, and below, striped, how smooth they are."""
+    results = runpy.run_path(str(EXAMPLES / "varying_sizes.py"))["results"]
+    looks = (
+        ((0.9, 1, 0.8), (1, 2, 2), 42),
+        ((1, -0.8, 0.7), (0, 0, 6), 34),
+        ((0.8, -1, 0.9), (4, -3, 0), 46),
+        ((0.7, -1, 1), (2, -2, 0), 36),
+    )
+    views = []
+    for result, look in zip(results.values(), looks, strict=True):
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        views.append(([ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)], *look))
+    views += [
+        ([ShadedFaces(one.shape.Faces(), None)], *look) for one, look in zip(results.values(), looks, strict=True)
+    ]
+    tiled(views, 4, "varying_sizes", 210)
+
+
 def full_round() -> None:
     """Draw a slab with a narrow front face, without one, and striped, and the rim of a ring without a face between."""
     slab, ring = cq.Workplane().box(30, 24, 10), cq.Workplane().circle(14).circle(8).extrude(6)
@@ -276,6 +295,7 @@ if __name__ == "__main__":
     circle_speeds()
     ends()
     full_round()
+    varying_sizes()
     chains()
     for name in FIGURES:
         figure(name)

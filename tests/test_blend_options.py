@@ -23,7 +23,7 @@ def test_defaults():
     assert (request.radius, request.width) == (2.0, None)
     assert request.continuity == ("G1", "G1")
     assert request.tangents == ("perpendicular", "perpendicular")
-    assert (request.section, request.form) == ("hermite", "auto")
+    assert (request.section, request.form) == ("auto", "auto")
     assert (request.tolerance, request.angular_tolerance) == (1e-7, 1e-5)
     assert request.bulge == (1.0, 1.0)
     assert math.degrees(request.steer) == pytest.approx(20)

@@ -58,12 +58,16 @@ def test_merging_one_changes_nothing():
 
 def test_table_is_aligned_and_complete():
     lines = str(Certificate.merge([ONE, OTHER])).splitlines()
-    assert lines[0] == "INVALID blend, compact, degree 7 x 3, 12 x 5 poles, rational, by wire substitution, splitter"
+    assert (
+        lines[0]
+        == "INVALID blend, compact, hermite, degree 7 x 3, 12 x 5 poles, rational, by wire substitution, splitter"
+    )
     assert lines[1] == "width 2 to 3.75 mm, inner crease 1.0e-02 rad, 400 stations a rail"
     table = lines[2:]
     assert len(table) == 2 + 3
     assert len({len(line) for line in table}) == 1
-    assert all(len(line.split()) == len(fields(RailRecord)) - 3 for line in table[2:])  # all but kept, held and bend
+    hidden = {"kept", "held", "bend", "section"}
+    assert all(len(line.split()) == len(fields(RailRecord)) - len(hidden) for line in table[2:])
     units = dict(zip(table[0].replace("curvature jump", "curvature_jump").split()[3:], table[1].split(), strict=True))
     assert units == {
         "gap": "mm",

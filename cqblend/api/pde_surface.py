@@ -222,7 +222,9 @@ def pde_blend(
         blend, solution = blend_ribbons(ribbons, setup=SideSetup(rails[0].closed and all(map(is_periodic, ribbons))))
         known = (2, 2)
     check_creases(blend, allowed, ("side 1", "side 2"), steers=bool(rails))
-    return PdeBlend(blend.surface, blend.ribbons, blend.form, rails, solution, known, residual=blend.residual)
+    return PdeBlend(
+        blend.surface, blend.ribbons, blend.form, rails, solution, known, kind=blend.kind, residual=blend.residual
+    )
 
 
 def _check_match(side1: Boundary, side2: Boundary, wanted: PdeSettings) -> bool:

@@ -369,7 +369,15 @@ def potential_blend(
     first, second = map(_mark_faded, blend.ribbons)
     rails = (_make_rail(first, families[0]), _make_rail(second, families[1]))
     return PotentialBlend(
-        blend.surface, (first, second), blend.form, rails, (families[0], families[1]), pair, swept, missed
+        blend.surface,
+        (first, second),
+        blend.form,
+        rails,
+        (families[0], families[1]),
+        pair,
+        swept,
+        missed,
+        kind=blend.kind,
     )
 
 

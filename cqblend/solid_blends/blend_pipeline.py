@@ -124,7 +124,7 @@ def blend_shape(
     def leave_out(picked: Sequence[int], error: CqblendError, chain: ChainContext | None) -> None:
         """Leave out a network of picked edges, or raise the error that stands in its way."""
         if chain is not None:
-            error = _annotate_error(error, chain, hints=hints)
+            error = _explain_following(_annotate_error(error, chain, hints=hints), chain, picked)
         failures.append(SkippedEdges(tuple(picked), error.kind or type(error).__name__, error.place, str(error)))
         if request.on_error == "raise" or len(failures) == len(selection.networks):
             raise error
@@ -229,6 +229,14 @@ def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) 
     is_held = isinstance(context.cells[0], HeldStripContext)
     hint = suggest_size(context, error) if hints and isinstance(error, SizeError) and not is_held else ""
     return error.with_details(shape="" if error.shape else context.name, after=hint)
+
+
+def _explain_following(error: CqblendError, context: ChainContext, picked: Sequence[int]) -> CqblendError:
+    """Return an error that says how edges are left out that were not picked, if it is about one of these."""
+    names = [cell.joint.name for cell in context.cells if cell.joint.edge_number not in picked]
+    if error.shape not in names:
+        return error
+    return error.with_details(after=f"; it continues edge {min(picked)}: chain=False blends just what is picked")
 
 
 def make_cheap_trial(

@@ -77,9 +77,21 @@ class ChainDrafts:
             try:
                 plan = plan_ends(context.end_cells, methods)
                 return ChainDraft(context, *draft_chain(context, plan.cap_stations, plan.rail_range), plan)
-            except (BlendEndError, SizeError, TopologyError, VerificationError) as error:
+            except BlendEndError as error:
+                self.attempts.record_failure(methods, self._mention_continuation(methods, error))
+            except (SizeError, TopologyError, VerificationError) as error:
                 self.attempts.record_failure(methods, error)
         raise self.attempts.make_error(context.end_joints)
+
+    def _mention_continuation(self, methods: tuple[EndMethod, EndMethod], error: BlendEndError) -> BlendEndError:
+        """Return an error of a natural end that says in which edge the joint goes on there, if it does."""
+        joint = self.context.end_joints[error.end]
+        following = joint.find_continuing_edge(error.end) if methods[error.end] == "natural" else None
+        if following is None:
+            return error
+        before = f"the joint goes on there in {joint.name_part(following)}, and "
+        after = "" if self.context.method.request.chain else "; chain=True lets it go on"
+        return BlendEndError(error.end, error.cause.with_details(before=before, after=after))
 
 
 def draft_chain(

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import Contacts, compute_inward_directions
+from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
 from cqblend.blends.contacts.held_contacts import HeldContacts, HeldPoints, solve_held_contacts
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.rails.cross_directions import perpendicular_field
@@ -74,13 +75,22 @@ class HeldStripContext(StripContext):
         SizeError
             If they do not reach it.
         """
-        points, tangents = self.held.evaluate(t)
+        (points, tangents), (edge, into) = self.held.evaluate(t), self._edge_stations
+        nearest = np.linalg.norm(points[:, None] - edge.points, axis=2).argmin(axis=1)
+        side = self.joint.sides[self._free]
+        near = HeldPoints(points, tangents, edge.points[nearest], edge.uv[self._free][nearest], into[nearest])
+        return solve_held_contacts(side, near, self.method.size, is_convex=self.joint.is_convex)
+
+    @property
+    def _free(self) -> int:
+        """The side, 0 or 1, on which the ball touches a face."""
+        return 1 - self.held.side
+
+    @cached_property
+    def _edge_stations(self) -> tuple[Stations, Array]:
+        """Stations of the blended edge, and the directions (n, 3) from there into the face that the ball touches."""
         stations = self.joint.locate_stations(np.linspace(0, 1, SOLID_BLEND_TOLERANCES.held_stations))
-        nearest = np.linalg.norm(points[:, None] - stations.points, axis=2).argmin(axis=1)
-        free = 1 - self.held.side
-        into = compute_inward_directions(self.joint.sides, stations)[free]
-        near = HeldPoints(points, tangents, stations.points[nearest], stations.uv[free][nearest], into[nearest])
-        return solve_held_contacts(self.joint.sides[free], near, self.method.size, is_convex=self.joint.is_convex)
+        return stations, compute_inward_directions(self.joint.sides, stations)[self._free]
 
     def check_size(self) -> None:
         """Check that the contacts are inside the other face, and that the blend fits between both faces at the edge.
@@ -90,47 +100,40 @@ class HeldStripContext(StripContext):
         SizeError
             If not.
         """
-        size, held, joint = self.method.size, self.held, self.joint
         count = SOLID_BLEND_TOLERANCES.check_stations
         t = (np.arange(count) + 0.5) / count
         ball = self.solve_ball(t)
+        self._check_room(t, ball)
+        contacts = Contacts(t, self.held.evaluate(t)[0], (ball.uv, ball.uv), np.ones((2, count)))
+        is_outside = ~self.joint.classify_contacts(contacts, self._free)
+        is_outside &= self.joint.spine.closed | (np.abs(t - 0.5) < 0.25)  # next to oblique ends, rails may pass beside
+        if is_outside.any():
+            where = f"the rail reaches the end of face {self.joint.face_numbers[self._free]}"
+            raise self._make_size_error("large", "", float(t[is_outside.argmax()]), where)
+
+    def _check_room(self, t: Array, ball: HeldContacts) -> None:
+        """Check that the blend leaves the edge, at shares t, between the face that goes and the one beyond."""
+        held, least = self.held, SOLID_BLEND_TOLERANCES.held_angle
         normals, into_face = held.evaluate_face_directions(t, held.oriented_face)
         _, into_beyond = held.evaluate_face_directions(t, held.face_beyond)
-        inside = -normals if joint.is_convex else normals
-        leaves, ends = (
+        inside = -normals if self.joint.is_convex else normals
+        angles, limits = (
             np.arctan2((way * inside).sum(1), (way * into_face).sum(1)) for way in (ball.directions, into_beyond)
         )
-        name = joint.name_part(held.edge)
-        if leaves.min() < SOLID_BLEND_TOLERANCES.held_angle:
-            raise SizeError(
-                f"size {size:g} is too small to be held on {name}: at t = {t[leaves.argmin()]:.3g} the ball touches "
-                f"{joint.name_part(held.face)} before it",
-                kind="too small",
-                place=float(t[leaves.argmin()]),
-                value=size,
-            )
-        room = np.mod(ends, 2 * np.pi) - leaves
-        if room.min() < SOLID_BLEND_TOLERANCES.held_angle:
-            raise SizeError(
-                f"size {size:g} is too large to be held on {name}: at t = {t[room.argmin()]:.3g} the blend runs into "
-                f"{joint.name_part(held.face_beyond)} beyond it",
-                kind="too large",
-                place=float(t[room.argmin()]),
-                value=size,
-            )
-        free = 1 - held.side
-        contacts = Contacts(t, held.evaluate(t)[0], self._arrange(ball.uv, ball.uv), np.ones((2, count)))
-        is_outside = ~joint.classify_contacts(contacts, free)
-        is_outside &= joint.spine.closed | (np.abs(t - 0.5) < 0.25)  # next to oblique ends, rails may pass beside
-        if is_outside.any():
-            place = float(t[is_outside.argmax()])
-            raise SizeError(
-                f"size {size:g} is too large: at t = {place:.3g} the rail reaches the end of "
-                f"face {joint.face_numbers[free]}",
-                kind="too large",
-                place=place,
-                value=size,
-            )
+        name = f" to be held on {self.joint.name_part(held.edge)}"
+        if angles.min() < least:
+            where = f"the ball touches {self.joint.name_part(held.face)} before it"
+            raise self._make_size_error("small", name, float(t[angles.argmin()]), where)
+        room = np.mod(limits, 2 * np.pi) - angles
+        if room.min() < least:
+            where = f"the blend runs into {self.joint.name_part(held.face_beyond)} beyond it"
+            raise self._make_size_error("large", name, float(t[room.argmin()]), where)
+
+    def _make_size_error(self, how: Literal["small", "large"], what_for: str, t: float, where: str) -> SizeError:
+        """Return the error of a size that is too small or too large, with the place and what is in the way there."""
+        size = self.method.size
+        message = f"size {size:g} is too {how}{what_for}: at t = {t:.3g} {where}"
+        return SizeError(message, kind=f"too {how}", place=t, value=size)
 
     def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
         """Return the blend surface, over at least the given range of t of an open edge.
@@ -151,7 +154,7 @@ class HeldStripContext(StripContext):
         beside = np.array([0.0, 1.0])
         window = np.stack([ribbon.uv.min(axis=0) - beside, ribbon.uv.max(axis=0) + beside], axis=1)
         held = SupportFace(ribbon.primary, side.outward, side.face, ribbon.primary, window)
-        return self._arrange(held, self.joint.sides[1 - self.held.side])
+        return self._arrange(held, self.joint.sides[self._free])
 
     def _arrange(self, held: _Value, free: _Value) -> tuple[_Value, _Value]:
         """Return what belongs to the held and to the free side in the order of the sides."""
@@ -196,7 +199,7 @@ class HeldStripContext(StripContext):
     def _fit_ribbons(self, ruled: _RuledSide, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon]:
         """Return the ribbons over a range of t of an open edge, or once around a closed one."""
         joint, closed, targets = self.joint, self.joint.spine.closed, self.method.targets
-        free = 1 - self.held.side
+        free = self._free
         primaries = self._arrange(ruled.surface, joint.sides[free].primary)
 
         def solve(t: Array) -> Contacts:

@@ -174,7 +174,7 @@ class SectionAtJoint(ABC):
 
 
 def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
-    """Return the blend surfaces of all cells of one chain: by arcs if these are exact for each of them.
+    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them.
 
     Raises
     ------

@@ -44,3 +44,17 @@ def interpolate_locally(nodes: Array, values: Array, t: Array, count: int, kinks
     for k in range(1, count):
         result += weights[:, k, None] * flat[first + k]
     return result.reshape(len(t), *values.shape[1:])
+
+
+def tabulate_node_derivatives(nodes: Array) -> Array:
+    """Return the matrix (n, n) that takes values at nodes (n,), in any order, to derivatives there of their polynomial.
+
+    By barycentric weights (Berrut & Trefethen, 2004).
+    """
+    gaps = nodes[:, None] - nodes
+    np.fill_diagonal(gaps, 1.0)
+    weights = 1 / gaps.prod(axis=1)
+    matrix = weights / weights[:, None] / gaps
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return matrix

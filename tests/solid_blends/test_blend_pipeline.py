@@ -217,7 +217,7 @@ def test_simple_joints_stay_light_and_exact(name, place):
     body = make()
     number = next(i for i, edge in enumerate(body.Edges()) if edge.isSame(pick(body)[0]))
     body = place(body)
-    result = check(body, [body.Edges()[number]], grows=grows, radius=0.6)
+    result = check(body, [body.Edges()[number]], grows=grows, radius=0.6, section="hermite")
     assert result.certificate.form == "exact"
     assert result.certificate.poles == most
     surface = BRep_Tool.Surface_s(result.faces[0].wrapped)
@@ -310,7 +310,7 @@ def test_width_sets_the_rails_at_that_distance():
 def test_certificate_tells_width_and_names_of_the_input():
     body = box()
     edge = near(30, 20, 5)(body)[0]
-    certificate = cqblend.blend_edges(body, edge, 2).certificate
+    certificate = cqblend.blend_edges(body, edge, 2, section="hermite").certificate
     assert certificate.width == pytest.approx((2 * math.sqrt(2),) * 2, rel=1e-12)
     assert {rail.edge for rail in certificate.rails} == {body.Edges().index(edge) + 1}
     named = {body.Faces()[rail.face - 1].hashCode() for rail in certificate.rails}
@@ -397,7 +397,7 @@ def test_loops_cut_into_several_edges_are_followed_all_around(picked):
     ring = [e for e in sharp(cut) if abs(e.Center().z - 4) < 1e-6 and abs(e.BoundingBox().zlen) < 1e-6]
     ring = [e for e in ring if math.hypot(*e.startPoint().toTuple()[:2]) < 6]
     assert len(ring) > 1
-    result = check(cut, ring[:picked], grows=True, radius=1)
+    result = check(cut, ring[:picked], grows=True, radius=1, section="hermite")
     assert result.certificate.poles == (9, 4)
 
 
@@ -493,7 +493,7 @@ def test_analytic_faces_keep_their_surfaces():
 
 def test_blend_domain_covers_its_face():
     body = box()
-    face = cqblend.blend_edges(body, near(30, 20, 5)(body), 2).faces[0]
+    face = cqblend.blend_edges(body, near(30, 20, 5)(body), 2, section="hermite").faces[0]
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face.wrapped)
     assert (v0, v1) == pytest.approx((0, 1), abs=1e-9)
     assert u1 - u0 > 0

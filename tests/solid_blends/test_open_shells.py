@@ -13,6 +13,7 @@ from collections import Counter
 import cadquery as cq
 import numpy as np
 import pytest
+from OCP.BRep import BRep_Tool
 from OCP.BRepCheck import BRepCheck_NoError, BRepCheck_Shell
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FORWARD, TopAbs_ShapeEnum
@@ -21,8 +22,17 @@ from OCP.TopoDS import TopoDS
 from places import CASES
 
 import cqblend
+from cqblend.brep.bodies import make_shell
 from cqblend.brep.step_files import read_step, write_step
-from cqblend.brep.topology import ShapeIndex
+from cqblend.brep.topology import (
+    BUILDER,
+    ShapeIndex,
+    explore_subshapes,
+    find_end_vertices,
+    make_closed_wire,
+    make_trimmed_copy,
+    orient_forward,
+)
 from cqblend.errors import InputError, SelectionError, SizeError, TopologyError
 
 
@@ -66,7 +76,7 @@ def pick(shape: cq.Shape, selector: str) -> list[cq.Edge]:
     return cq.Workplane(shape).edges(selector).vals()
 
 
-def without(body: cq.Shape, *selectors: str) -> cq.Shell:
+def without(body: cq.Shape, *selectors: str | cq.Selector) -> cq.Shell:
     """Return the shell of a body's faces but those of some CadQuery selectors."""
     gone = [face for selector in selectors for face in cq.Workplane(body).faces(selector).vals()]
     return cq.Shell.makeShell([face for face in body.Faces() if not any(face.isSame(one) for one in gone)])
@@ -94,6 +104,10 @@ WAVE = (
 )
 SLOPED = BOX.cut(cq.Solid.makeBox(60, 60, 20, (-30, -30, 2)).moved(cq.Location((0, 0, 0), (1, 2, 0), 9)))
 NOTCH = cq.Workplane().box(30, 20, 10).faces(">Z").workplane().rect(12, 30).cutBlind(-4).val()
+
+
+SLOTTED = BOX.cut(cq.Solid.makeBox(20, 8, 20, (3, -4, -10)))
+END_OF_SLOT = cq.selectors.NearestToPointSelector((3, 0, 0))
 
 
 def test_a_box_without_a_lid():
@@ -127,6 +141,7 @@ def test_a_lid_still_fits():
         (BOX, (15, 10, 0), (">Z", "<Z", "<X")),
         (SLOPED, (15, 10, 0), (">Z", "<Z")),
         (NOTCH, (6, 0, 1), (">Y",)),  # a concave edge
+        (SLOTTED, (9, 4, 5), (END_OF_SLOT,)),  # where the top goes on past the missing wall
         (WAVE, (10, 0, 0), ("<X",)),
         (WAVE, (10, 0, 0), ("<X", ">X", ">Z")),
     ],
@@ -165,6 +180,27 @@ def test_a_border_that_is_not_planar_goes_on_without_a_kink():
                 for e in (end, other)
             ]
             assert np.linalg.norm(np.cross(*tangents)) < 1e-6
+
+
+def test_a_slit_at_the_end_of_an_edge():
+    """The top and one wall of a box have edges of their own where they meet: the slit starts at the blend then."""
+    top = cq.Workplane(BOX).faces(">Z").val().wrapped
+    edge = cq.Workplane(BOX).edges(">Z and >X").val().wrapped
+    copy = make_trimmed_copy(edge, find_end_vertices(orient_forward(edge)), BRep_Tool.Range_s(edge))
+    uses = [
+        TopoDS.Edge_s(copy.Oriented(use.Orientation())) if use.IsSame(edge) else use
+        for use in explore_subshapes(orient_forward(top), TopAbs_EDGE)
+    ]
+    face = TopoDS.Face_s(orient_forward(top).EmptyCopied())
+    BUILDER.Add(face, make_closed_wire(uses))
+    others = [one for one in BOX.Faces() if not one.wrapped.IsSame(top)]
+    shell = cq.Shell(make_shell([*(one.wrapped for one in others), face.Oriented(top.Orientation())]))
+    assert len(list_border(shell)) == 2
+    result = cqblend.blend_edges(shell, pick(shell, "|Z and >X and >Y"), 2, ends="natural")
+    check_shell(result)
+    border = list_border(result.shape)
+    assert [one.Length() for one in border] == pytest.approx([18, 18])
+    assert len(result.faces[0].Edges()) == 4
 
 
 def test_both_senses_of_a_shell():
@@ -283,7 +319,7 @@ def test_edges_of_a_real_open_shell():
     rows = [row for row in json.loads((CASES / "edges_more.json").read_text()) if row["file"] == name]
     before = len(list_border(cq.Shape.cast(shape)))
     for row in rows:
-        if row["edge"] in (1, 56, 61, 87, 112):  # one closed, some that end on faces
+        if row["edge"] in (1, 56, 61, 77, 87, 112):  # one closed, one at a slit, others that end on faces
             result = cqblend.blend_edges(shape, edges[row["edge"]], row["radius"], ends="natural")
             assert cq.Shape.cast(result.shape).isValid()
             assert result.certificate.angle < 1e-5

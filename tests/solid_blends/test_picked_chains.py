@@ -184,3 +184,14 @@ def test_chain_is_yes_or_no():
     box = W().box(3, 2, 1)
     with pytest.raises(InputError, match="chain must be"):
         cqblend.blend_edges(box, box.edges("|Z"), 0.1, chain="all")
+
+
+def test_errors_about_edges_that_were_not_picked_say_so():
+    body = rounded_box()
+    straight = next(edge for edge in top_edges(body) if edge.geomType() == "LINE")
+    with pytest.raises(SizeError, match=r"it continues edge \d+: chain=False") as caught:
+        cqblend.blend_edges(body, straight, 5)
+    assert caught.value.shape != f"edge {number(body, [straight])[0]}"
+    with pytest.raises(SizeError) as caught:
+        cqblend.blend_edges(body, top_edges(body), 5)
+    assert "chain=False" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Blends around an axis go into solids as surfaces of revolution: light in STEP, exact, and fit for further operations.
+"""Polynomial sections around an axis go into solids as surfaces of revolution: light in STEP, exact, good to work on.
 
 What is measured is measured by OCCT: types, sizes of files, volumes, and integrals over the finished faces.
 """
@@ -83,7 +83,7 @@ def integrate_bending(face: cq.Face) -> float:
 
 def test_a_rim_takes_less_than_10_kb_in_step_and_comes_back_the_same(tmp_path: Path):
     rod = make_rod()
-    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0)
+    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, section="hermite")
     path = tmp_path / "rim.step"
     result.shape.exportStep(str(path))
     assert path.stat().st_size < 10_000
@@ -97,7 +97,7 @@ def test_a_rim_takes_less_than_10_kb_in_step_and_comes_back_the_same(tmp_path: P
 @pytest.mark.parametrize("continuity", ["G0", "G1", "G2", "G3"])
 def test_any_order_of_continuity_is_a_surface_of_revolution(continuity):
     rod = make_rod()
-    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, continuity=continuity)
+    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, continuity=continuity, section="hermite")
     assert len(find_faces(result)) == 1
     assert result.shape.isValid()
     if continuity != "G0":
@@ -116,7 +116,7 @@ def test_rims_of_all_kinds_of_bodies_are_stored_so_anywhere_in_space(kind):
     rng = np.random.default_rng(12)
     body = revolve_outline(kind, 10.0, rng).val()
     body, at = (place_at_random(one, 30.0, np.random.default_rng(5)) for one in (body, cq.Vertex.makeVertex(0, 0, 0)))
-    result = cqblend.blend_edges(body, find_corner(body, at.Center()), 0.6)
+    result = cqblend.blend_edges(body, find_corner(body, at.Center()), 0.6, section="hermite")
     assert len(find_faces(result)) == 1
     assert_smooth(result)
     assert cqblend.verify(result.shape, result.faces).ok
@@ -127,7 +127,7 @@ def test_a_sphere_that_is_given_the_axis_of_its_rim_keeps_its_shape():
     skew = cq.Solid.makeCylinder(3, 20, cq.Vector(0, 0, 0), cq.Vector(1, 2, 1))
     solid = ball.cut(skew)
     (rim,) = (edge for edge in solid.Edges() if edge.geomType() == "CIRCLE" and abs(edge.Center().Length - 7.4) < 0.1)
-    result = cqblend.blend_edges(solid, rim, 0.5)
+    result = cqblend.blend_edges(solid, rim, 0.5, section="hermite")
     assert_smooth(result)
     (sphere,) = (
         surface
@@ -140,10 +140,10 @@ def test_a_sphere_that_is_given_the_axis_of_its_rim_keeps_its_shape():
 
 def test_both_rims_of_a_rod_in_one_call():
     rod = make_rod()
-    result = cqblend.blend_edges(rod, [find_corner(rod, TOP), find_corner(rod, cq.Vector())], 1.0)
+    result = cqblend.blend_edges(rod, [find_corner(rod, TOP), find_corner(rod, cq.Vector())], 1.0, section="hermite")
     assert len(find_faces(result)) == 2
     assert_smooth(result)
-    one = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0)
+    one = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, section="hermite")
     assert rod.Volume() - result.shape.Volume() == pytest.approx(2 * (rod.Volume() - one.shape.Volume()), rel=1e-10)
     assert len(result.certificate.proof.sides) == 4
 
@@ -155,7 +155,7 @@ def test_arcs_are_stored_so_and_their_energy_is_that_within_the_face(ends, obliq
     corner = find_corner(body, TOP if oblique else cq.Vector())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # flat ends are warned of
-        result = cqblend.blend_edges(body, corner, 0.7, ends=ends)
+        result = cqblend.blend_edges(body, corner, 0.7, ends=ends, section="hermite")
     (face,) = find_faces(result)
     assert_smooth(result)
     assert not face.wrapped.Closed()
@@ -166,7 +166,7 @@ def test_arcs_are_stored_so_and_their_energy_is_that_within_the_face(ends, obliq
 
 def test_the_energy_of_a_full_turn_is_that_of_the_face():
     rod = make_rod()
-    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0)
+    result = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, section="hermite")
     assert result.certificate.fairness == pytest.approx(integrate_bending(find_faces(result)[0]), rel=1e-9)
 
 
@@ -176,7 +176,7 @@ def test_an_arc_may_cross_the_seam_of_its_face(turned):
     rod = make_rod().rotate(cq.Vector(), cq.Vector(0, 0, 1), turned)
     cutter = cq.Solid.makeBox(20, 20, 20, cq.Vector(-10, -24, -5))
     body = cq.Workplane(rod).cut(cq.Workplane(cutter)).val()
-    result = cqblend.blend_edges(body, find_corner(body, TOP), 0.7)
+    result = cqblend.blend_edges(body, find_corner(body, TOP), 0.7, section="hermite")
     assert len(find_faces(result)) == 1
     assert_smooth(result)
     assert result.shape.isValid()
@@ -186,20 +186,20 @@ def test_an_arc_may_cross_the_seam_of_its_face(turned):
 @pytest.mark.parametrize("change", ["cut", "fillet", "blend"])
 def test_later_operations_work_on_top(change):
     rod = make_rod()
-    solid = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0).shape
+    solid = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, section="hermite").shape
     if change == "cut":
         later = solid.cut(cq.Solid.makeBox(4, 4, 30, cq.Vector(2, -2, -10)))
     elif change == "fillet":
         later = solid.fillet(0.5, [find_corner(solid, cq.Vector())])
     else:
-        later = cqblend.blend_edges(solid, find_corner(solid, cq.Vector()), 0.5).shape
+        later = cqblend.blend_edges(solid, find_corner(solid, cq.Vector()), 0.5, section="hermite").shape
     assert later.isValid()
     assert 0 < later.Volume() < solid.Volume()
 
 
 def test_a_blended_rod_can_be_shelled():
     rod = make_rod()
-    solid = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0).shape
+    solid = cqblend.blend_edges(rod, find_corner(rod, TOP), 1.0, section="hermite").shape
     hollow = cq.Workplane(solid).faces("<Z").shell(-0.5).val()
     assert hollow.isValid()
     assert 0 < hollow.Volume() < solid.Volume()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cadquery as cq
 import numpy as np
 import pytest
-from chain_bodies import fading_block
+from chain_bodies import fading_block, gently_fading_block
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
@@ -78,6 +78,16 @@ def test_run_outs_with_all_sorts_of_options(options):
     result = cqblend.blend_edges(body, ridge(body), **options)
     assert cqblend.verify(result.shape, result.faces).ok
     assert "point" in [end.kind for end in result.certificate.ends]
+
+
+def test_a_run_out_at_which_the_angle_fades_with_its_slope():
+    body = gently_fading_block()
+    assert body.isValid()
+    result = cqblend.blend_edges(body, ridge(body), 3)
+    assert cqblend.verify(result.shape, result.faces).ok
+    assert sorted(end.kind for end in result.certificate.ends) == ["natural", "point"]
+    assert result.certificate.coverage == 1
+    assert result.certificate.angle < 1e-5
 
 
 def test_flat_ends_are_made_where_they_are_asked_for():

@@ -25,8 +25,9 @@ class Replacement:
 
 
 def blend(name: str, body: cq.Shape, edges: Sequence[cq.Edge], radius: float, **options) -> Replacement:
-    """Blend edges of a body."""
-    result = cqblend.blend_edges(body.wrapped, [edge.wrapped for edge in edges], radius, **options)
+    """Blend edges of a body, by polynomials."""
+    picked = [edge.wrapped for edge in edges]
+    result = cqblend.blend_edges(body.wrapped, picked, radius, section="hermite", **options)
     grows = cq.Shape.cast(result.shape).Volume() > body.Volume()
     return Replacement(name, body.wrapped, result.shape, tuple(result.faces), grows)
 

@@ -1,6 +1,7 @@
 """Bodies whose edges are chains, for tests of what chains are and of their blends."""
 
 import cadquery as cq
+import numpy as np
 
 import cqblend
 
@@ -87,3 +88,24 @@ def fading_block() -> cq.Shape:
     ]
     faces = [cq.Face.makeFromWires(cq.Wire.makePolygon(points, close=True)) for points in outlines]
     return cq.Solid.makeSolid(cq.Shell.makeShell([cq.Face.makeRuledSurface(*lines), *faces]))
+
+
+def gently_fading_block(length: float = 20.0) -> cq.Shape:
+    """The same with z = -x^2 y / 400: the angle along y = 0 has its slope 0, too, at x = 0."""
+    poles = [[(0, 0, 0), (0, 10, 0)], [(length / 2, 0, 0), (length / 2, 10, 0)], [(length, 0, 0), (length, 10, -10)]]
+    knots = ([0, 0, 0, 1, 1, 1], [0, 0, 1, 1])
+    warped = cq.Face(cqblend.to_face(cqblend.Surface.from_bspline((2, 1), knots, np.array(poles, dtype=float))))
+    top = [V(0, -10, 0), V(length, -10, 0), V(length, 0, 0), V(0, 0, 0), V(0, 10, 0), V(length, 10, -10)]
+    floor = [V(0, -10, -20), V(length, -10, -20), V(length, 10, -20), V(0, 10, -20)]
+    outlines = [
+        top[:4],
+        floor,
+        [top[0], top[3], top[4], floor[3], floor[0]],
+        [top[1], top[2], top[5], floor[2], floor[1]],
+        [top[0], top[1], floor[1], floor[0]],
+    ]
+    faces = [cq.Face.makeFromWires(cq.Wire.makePolygon(points, close=True)) for points in outlines]
+    arc = next(edge for edge in warped.Edges() if edge.Center().y > 9)
+    wall = [cq.Edge.makeLine(a, b) for a, b in ((top[4], floor[3]), (floor[3], floor[2]), (floor[2], top[5]))]
+    back = cq.Face.makeFromWires(cq.Wire.assembleEdges([arc, *wall]))
+    return cq.Solid.makeSolid(cq.Shell.makeShell([warped, *faces, back]))

@@ -29,6 +29,7 @@ from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import EndJets, GivenEnds, RibbonEnd, find_foot, lift_end
 from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonTargets
 from cqblend.splines.bernstein import Array
+from cqblend.splines.local_interpolation import tabulate_node_derivatives
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
@@ -84,13 +85,13 @@ class CellRails:
 class CellEnd:
     """Where a cell ends: the stations of the contacts of both sides.
 
-    Of a side that crosses a smooth edge there, ``edge_tangents`` has the unit vector (3,) along that edge, if the cross
-    derivative is to run along it. ``roughness`` (rad) is the largest angle between the faces at such edges, ``gap``
-    (mm) the largest distance.
+    Of a side that crosses a smooth edge there, ``edge_jets`` has the first three derivatives (3, 3) of that edge by its
+    arc length, if cross derivatives are to run along it. ``roughness`` (rad) is the largest angle between the faces at
+    such edges, ``gap`` (mm) the largest distance.
     """
 
     stations: tuple[float, float]
-    edge_tangents: tuple[Array | None, Array | None] = (None, None)
+    edge_jets: tuple[Array | None, Array | None] = (None, None)
     roughness: float = 0.0
     gap: float = 0.0
 
@@ -130,13 +131,7 @@ class _EndProbe:
     @cached_property
     def differentiate(self) -> Array:
         """The matrix (n, n) that takes values at the offsets to their derivatives there."""
-        gaps = self.offsets[:, None] - self.offsets
-        np.fill_diagonal(gaps, 1.0)
-        weights = 1 / gaps.prod(axis=1)
-        matrix = weights / weights[:, None] / gaps
-        np.fill_diagonal(matrix, 0.0)
-        np.fill_diagonal(matrix, -matrix.sum(axis=1))
-        return matrix
+        return tabulate_node_derivatives(self.offsets)
 
     def bend(self, t: Array, shifts: tuple[Array, Array], moves: tuple[Array, Array]) -> Contacts:
         """Return contacts at t (n,), whose stations are shifted (n,), and native parameters moved (n, 2), by side."""
@@ -178,17 +173,27 @@ class _SideSamples:
         """Su x Sv, normalised, (n, 3)."""
         return normalise_vectors(cross_product(self.jet[1], self.jet[2]))
 
-    def estimate_jets(self, count: int) -> EndJets:
-        """Return so many jets at the end: what of them is tangent to the surface counts, the rest follows from it."""
+    @property
+    def rail_rate(self) -> Array:
+        """The derivative of the rail at the end, (3,)."""
+        rate = self.differentiate @ self.uv
+        return np.asarray(rate[0] * self.jet[1, 0] + rate[1] * self.jet[2, 0])
+
+    def estimate_jets(self, count: int, edge: Array | None) -> EndJets:
+        """Return so many jets at the end: what of them is tangent to the surface counts, the rest follows from it.
+
+        Sections leave the end at constant speed, along a smooth edge with derivatives ``edge`` (3, 3), if there is one.
+        """
         rs = to_tangent_coordinates(self.jet, self.vectors)
         r, s, normals = rs[:, :1], rs[:, 1:], self.normals
         bending = (normals * (self.jet[3] * r**2 + 2 * self.jet[4] * r * s + self.jet[5] * s**2)).sum(axis=1)
         slowing = self.vectors * (bending**2 / (self.vectors**2).sum(axis=1))[:, None]
-        rate = self.differentiate @ self.uv
-        along = rate[0] * self.jet[1, 0] + rate[1] * self.jet[2, 0]
         higher = np.stack([self.vectors, normals * bending[:, None], -slowing])
         values = np.stack([self.jet[0, 0], self.vectors[0], np.zeros(3), -slowing[0]])
-        rates = np.concatenate([along[None], np.einsum("n,knd->kd", self.differentiate, higher)])
+        if edge is not None:
+            length = self.vectors[0] @ edge[0]
+            values[2:] = length**2 * edge[1], length**3 * edge[2]
+        rates = np.concatenate([self.rail_rate[None], np.einsum("n,knd->kd", self.differentiate, higher)])
         return EndJets(values[:count], rates[:count])
 
 
@@ -298,31 +303,44 @@ class ChainCell:
         return sides[0], sides[1]
 
     def must_turn(self, end: int, section: SectionEnd) -> bool:
-        """Whether the cross derivatives of a section at an end are to run along smooth edges, and do not."""
-        for jets, tangent in zip(section.jets, self.ends[end].edge_tangents, strict=True):
-            if tangent is not None and _is_steep(tangent, jets.rates[0]):
-                vector = jets.values[1]
-                sine = np.linalg.norm(cross_product(vector, tangent)) / np.linalg.norm(vector)
-                if sine > NETWORK_TOLERANCES.along_edge:
+        """Whether a section at an end is to follow smooth edges that its sides cross, and does not."""
+        for jets, edge, order in zip(section.jets, self.ends[end].edge_jets, section.orders, strict=True):
+            if edge is None or not _is_steep(edge, jets.rates[0]):
+                continue
+            vector, normal = jets.values[1], cross_product(jets.rates[0], jets.values[1])
+            square = vector @ vector
+            if np.linalg.norm(cross_product(vector, edge[0])) > NETWORK_TOLERANCES.along_edge * np.sqrt(square):
+                return True
+            if order >= 2:
+                off = jets.values[2] - square * edge[1]
+                off -= normal * ((off @ normal) / (normal @ normal))
+                if np.linalg.norm(off) > NETWORK_TOLERANCES.edge_curvature * square:
                     return True
         return False
 
     def estimate_natural_end(self, end: int) -> tuple[EndJets, EndJets]:
-        """Return what the jets at an end are by nature, by side, but that cross derivatives run along smooth edges.
+        """Return what the jets at an end are by nature, by side, but that they follow smooth edges.
 
         Only what of them is tangent to the surfaces counts.
         """
         shifts, targets = self._shift_stations(end, (1.0, 1.0)), self.rails.targets
         natural = self._sample_end(end, shifts, ((), ()), targets)
+        edges = [
+            None if edge is None or not _is_steep(edge, samples.rail_rate) else edge
+            for samples, edge in zip(natural, self.ends[end].edge_jets, strict=True)
+        ]
         angles = [
-            0.0 if tangent is None else _measure_turn(samples, tangent)
-            for samples, tangent in zip(natural, self.ends[end].edge_tangents, strict=True)
+            0.0 if edge is None else _measure_turn(samples, edge[0])
+            for samples, edge in zip(natural, edges, strict=True)
         ]
         if any(angles):
             turns = [[self._make_number_fade(end, angle)] for angle in angles]
             natural = self._sample_end(end, shifts, ((), ()), _bend_targets(targets, turns, ((), ())))
-        counts = self.rails.jet_counts
-        return natural[0].estimate_jets(counts[0]), natural[1].estimate_jets(counts[1])
+        first, second = (
+            samples.estimate_jets(count, edge)
+            for samples, count, edge in zip(natural, self.rails.jet_counts, edges, strict=True)
+        )
+        return first, second
 
     def lift_end(self, end: int, jets: tuple[EndJets, EndJets], paces: tuple[float, float] = (1.0, 1.0)) -> WantedEnd:
         """Return an end of ribbons with the tangent parts of wanted jets, by side."""
@@ -331,6 +349,8 @@ class ChainCell:
             lift_end(primary, find_foot(primary, one.values[0], uv[0]), one, step)
             for primary, one, uv in zip(self.rails.primaries, jets, self._probes[end].contacts.uv, strict=True)
         )
+        fade = self._make_number_fade(end, 0.0).length
+        first, second = replace(first, fade=fade), replace(second, fade=fade)
         return WantedEnd(SectionEnd((first_jets, second_jets), self.rails.targets.orders), (first, second), paces)
 
     def fit_to_ends(self, wanted: WantedEnds) -> tuple[Ribbon, Ribbon]:
@@ -447,15 +467,12 @@ def _compare_vectors(vector: Array, wanted: Array, normal: Array) -> tuple[float
 
 
 def _measure_turn(samples: _SideSamples, tangent: Array) -> float:
-    """Return the angle (rad) from the cross derivative at an end to a smooth edge; 0 if the rail is too near to it."""
-    rate = samples.differentiate @ samples.uv
-    if not _is_steep(tangent, rate[0] * samples.jet[1, 0] + rate[1] * samples.jet[2, 0]):
-        return 0.0
+    """Return the angle (rad) from the cross derivative at an end to a smooth edge."""
     vector = samples.vectors[0]
     return _compare_vectors(vector, tangent * np.sign(tangent @ vector), samples.normals[0])[0]
 
 
-def _is_steep(tangent: Array, rate: Array) -> bool:
-    """Whether a rail crosses a smooth edge, with a unit tangent, so steeply that cross derivatives can follow it."""
-    cosine = abs(float(tangent @ rate)) / float(np.linalg.norm(rate))
+def _is_steep(edge: Array, rate: Array) -> bool:
+    """Whether a rail crosses a smooth edge, with derivatives (3, 3), so steeply that sections can follow it."""
+    cosine = abs(float(edge[0] @ rate)) / float(np.linalg.norm(rate))
     return cosine <= np.sin(NETWORK_TOLERANCES.largest_obliquity)

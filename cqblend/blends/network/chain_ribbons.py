@@ -23,7 +23,7 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import EndJets
 from cqblend.blends.rails.ribbon_fit import Domain
-from cqblend.errors import SizeError
+from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import cross_product
 
@@ -56,7 +56,11 @@ def fit_chain_ribbons(
     Raises
     ------
     SizeError
-        If a cell ends before it starts, since its rails cross smooth edges at both of its ends too early.
+        If a cell ends before it starts, since its rails cross smooth edges at both of its ends too early, or if a rail
+        turns back at a smooth edge.
+    GeometryError
+        If a smooth edge is so oblique that sections cannot follow it, and curvature is to go on: G1 sections still have
+        one position there, and meet at an angle.
     """
     chain = _divide_chain(cells, junctions, open_domain)
     links = [(k, (k + 1) % len(cells)) for k in range(len(junctions))]
@@ -73,7 +77,7 @@ def fit_chain_ribbons(
             stop = _settle_section(chain, wanted, (after, 0), start)
         if start is None:
             start = _settle_section(chain, wanted, (before, 1), stop)
-        mismatches.append(measure_mismatch(start, stop))
+        mismatches.append(_compare_sections(start, stop, chain[before].ends[1].gap))
         given = chain[before].ends[1].roughness + chain[before].ends[1].gap / start.width
         for k in (before, after):
             roughness[k] = max(roughness[k], given)
@@ -100,6 +104,19 @@ def _settle_section(
     own = _dictate_section(chain[cell], end) if given is None else _take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
+
+
+def _compare_sections(start: SectionEnd, stop: SectionEnd, file_gap: float) -> SectionMismatch:
+    """Compare the sections of two cells at their junction, between faces that are a given distance (mm) apart."""
+    mismatch = measure_mismatch(start, stop)
+    if mismatch.gap > NETWORK_TOLERANCES.torn_section + 2 * file_gap:
+        raise GeometryError(
+            f"where the chain passes a smooth edge, its cells are {mismatch.gap:.2g} mm apart: the edge is too oblique "
+            "to the rail for curvature to go on there; take G1",
+            kind="oblique",
+            value=mismatch.gap,
+        )
+    return mismatch
 
 
 def _divide_chain(

@@ -13,7 +13,7 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
-from cqblend.splines.local_interpolation import interpolate_locally
+from cqblend.splines.local_interpolation import interpolate_locally, tabulate_node_derivatives
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
@@ -59,7 +59,7 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
     """
     first: list[_Crossing | None] = [None, None]
     second: list[_Crossing | None] = [None, None]
-    tangents: list[Array | None] = [None, None]
+    edge_jets: list[Array | None] = [None, None]
     roughness = gap = 0.0
     for side, edge in enumerate(crossed):
         if edge is not None:
@@ -72,8 +72,8 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
             meeting = _compare_faces((before, after), side, edge, start.sigma, inside)
             roughness, gap = max(roughness, meeting.angle), max(gap, meeting.gap)
             if not meeting.is_one_surface(max(before.targets.orders[side], after.targets.orders[side])):
-                tangents[side] = meeting.tangent
-    along = tangents[0], tangents[1]
+                edge_jets[side] = np.stack([meeting.tangent, *_differentiate_tangent(edge, start.sigma)])
+    along = edge_jets[0], edge_jets[1]
     return (
         CellEnd(_choose_stations(first, 1.0), along, roughness, gap),
         CellEnd(_choose_stations(second, 0.0), along, roughness, gap),
@@ -133,6 +133,23 @@ def _compare_faces(
         along = shared if np.linalg.norm(shared - along) <= angle else along
     gap = float(np.linalg.norm(points[1] - points[0]))
     return _FaceMeeting(along, angle, bends[0] - bends[1], gap)
+
+
+def _differentiate_tangent(edge: CrossedEdge, sigma: float) -> tuple[Array, Array]:
+    """Return the first two derivatives (3,) of the unit tangent of an edge by its arc length.
+
+    They are those of polynomials through unit tangents at some points around, or beside an end of the edge.
+    """
+    (low, high), count = edge.domain, NETWORK_TOLERANCES.tangent_count
+    step = NETWORK_TOLERANCES.tangent_step * (high - low)
+    first = np.clip(sigma - step * (count - 1) / 2, low, high - step * (count - 1))
+    offsets = np.insert(first + step * np.arange(count) - sigma, 0, 0.0)
+    offsets = np.append(0.0, offsets[1:][np.abs(offsets[1:]) > step / 4])
+    velocities = edge.before(sigma + offsets)[1]
+    speeds = measure_lengths(velocities)[:, None]
+    differentiate = tabulate_node_derivatives(offsets / step) / step
+    curvatures = differentiate @ (velocities / speeds) / speeds
+    return curvatures[0], differentiate[0] @ curvatures / speeds[0]
 
 
 def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[float, float]:

@@ -51,6 +51,9 @@ class NetworkTolerances:
     natural_gap: float = 1e-12
     """Distance (mm) of the end sections of two cells up to which they have one by nature."""
 
+    torn_section: float = 1e-9
+    """Distance (mm) of the end sections of two cells from which on they are apart."""
+
     natural_angle: float = 1e-12
     """Angle (rad) of their tangent planes up to which they have them in common by nature."""
 
@@ -72,7 +75,10 @@ class NetworkTolerances:
     along_edge: float = 1e-12
     """Sine of the angle between a cross derivative and a smooth edge up to which it runs along the edge."""
 
-    largest_obliquity: float = np.pi / 4
+    edge_curvature: float = 1e-9
+    """Difference of curvature (1/mm) up to which a section bends as the smooth edge does that it runs along."""
+
+    largest_obliquity: float = np.pi / 3
     """Angle (rad) from square up to which a smooth edge may cross a rail for cross derivatives to run along it."""
 
     bending_widths: float = 1.0
@@ -128,6 +134,12 @@ class NetworkTolerances:
 
     least_normal_share: float = 1e-9
     """Length of the normal of a cell along its end section, as a share of the longest, from which on it has one."""
+
+    tangent_count: int = 7
+    """Points of a smooth edge from which its curvature is found."""
+
+    tangent_step: float = 1 / 100
+    """Distance between them, as a share of the edge."""
 
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""

@@ -3,7 +3,7 @@ r"""What is proven of a blend by arcs: how far the analytic surface in the solid
 :mod:`cqblend.blends.quality.smoothness_proof` bounds how the rational spline meets both faces. Here its coefficients
 are compared with those of the cylinder, torus or sphere, as doubles, which has the same parameters. With d a bound on
 the differences of homogeneous coefficients (and of weights, times the largest coordinate) of degree p on pieces of
-length h, and with weights from w to 1, points differ by at most d / w and derivatives by at most
+length h, and with weights at the rail from w to 1, points differ by at most d / w and derivatives by at most
 
 .. math:: \frac{1}{w} \Big(\frac{2 p d}{h} + \frac{2 p}{h} \frac{d}{w}\Big) \le \frac{4 p d}{h w^2} .
 
@@ -51,8 +51,9 @@ def _bound_difference(surface: Surface, arc: ArcSection, end: Literal[0, 1]) -> 
     """Bound by how much points (mm) and tangent planes (rad) of a spline and of arcs differ along a rail."""
     net = _build_rational_net(arc)
     net = bernstein.elevate_degree(net, surface.degree[0] + 1 - len(net))
-    weight, reach = float(net[:, :, 3].min()), float(np.abs(net[:, :, :3] / net[:, :, 3:]).max())
-    offset = (net - surface.coefs)[:, [0, 1] if end == 0 else [2, 1]]
+    rows = [0, 1] if end == 0 else [2, 1]  # on which points and derivatives at the rail depend
+    weight, reach = float(net[:, rows[0], 3].min()), float(np.abs(net[:, :, :3] / net[:, :, 3:]).max())
+    offset = (net - surface.coefs)[:, rows]
     difference = np.linalg.norm(offset[:, :, :3], axis=2) + np.abs(offset[:, :, 3]) * reach
     along, across = float(difference[:, 0].max()), float(difference.max())
     steps, angles = np.diff(surface.breaks[0]), np.diff(arc.stops)

@@ -228,7 +228,7 @@ class _CubicFit:
             values: Array, kinks: KinkData | None, row: int, ends: GivenEnds, corners: Array, sharp: Array
         ) -> Curve:
             slopes = None if ends[0] is None else ends[0].slopes[row], None if ends[1] is None else ends[1].slopes[row]
-            values = _put_end_values(values, ends, row)
+            values = _put_end_values(values, t, ends, row)
             if not len(corners):
                 return interpolate(nodes, values[::3], derivatives=slopes)
             pieces = np.unique([0, *corners, len(nodes) - 1])
@@ -298,13 +298,19 @@ class _CubicFit:
         return np.flatnonzero(np.abs(offset).min(axis=1) < RAIL_TOLERANCES.same_node_share * self.length)
 
 
-def _put_end_values(values: Array, ends: GivenEnds, row: int) -> Array:
-    """Return lifted values (n, k) of one curve of a ribbon, with those of given ends first and last."""
+def _put_end_values(values: Array, t: Array, ends: GivenEnds, row: int) -> Array:
+    """Return lifted values (n, k) of one curve of a ribbon at t (n,), with those of given ends first and last.
+
+    Those of the second and the third direction lead there over some length.
+    """
     if ends == FREE_ENDS:
         return values
     values = values.copy()
     for index, end in zip((0, -1), ends, strict=True):
         if end is not None:
+            if row > 1 and end.fade:
+                x = np.clip(np.abs(t - t[index]) / end.fade, 0.0, 1.0)
+                values += np.multiply.outer((1 - x) ** 3 * (1 + 3 * x), end.values[row] - values[index])
             values[index] = end.values[row]
     return values
 

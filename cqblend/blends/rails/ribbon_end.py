@@ -45,11 +45,15 @@ class RibbonEnd:
     ``values`` and ``slopes``, (m, k), are those of the curves, ``uv`` (2,) the native parameters of the rail's end. The
     homogeneous weight of the ribbon is 1 there to the first order in both of its parameters, so that polynomial and
     rational ribbons with the same jets in space have the same section.
+
+    Directions of order 2 and more differ from what they are without given ends over the length ``fade``, in the rail's
+    parameter; if it is 0, at the end alone.
     """
 
     uv: Array
     values: Array
     slopes: Array
+    fade: float = 0.0
 
 
 GivenEnds = tuple[RibbonEnd | None, RibbonEnd | None]

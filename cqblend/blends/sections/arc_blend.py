@@ -34,7 +34,7 @@ def blend_by_arcs(ribbons: tuple[Ribbon, Ribbon], radius: float) -> BlendSurface
     UnsupportedError
         If that is not exact: the message says why.
     """
-    if not all(ribbon.light for ribbon in ribbons):
+    if not all(ribbon.light and not ribbon.fades for ribbon in ribbons):
         raise UnsupportedError("the rails are neither straight nor circles about one axis")
     blend = blend_ribbons(ribbons, "exact", np.inf, np.inf, _build_rational_arcs)
     return replace(blend, kind="arc", arc=_find_ball_surface(blend, radius))
@@ -137,8 +137,11 @@ def _find_torus(blend: BlendSurface, arc: _FirstArc, radius: float) -> ArcSectio
         raise UnsupportedError(f"the ball's centre would be {-major:.3g} mm beyond the axis")
     placed = LocalFrame(frame.origin + height * frame.axes[2], frame.axes)
     surface = Sphere(placed, radius, frame.axes[2]) if is_sphere else RevolvedEllipse.from_radii(placed, major, radius)
-    if min(start, start + sense * arc.opening) < -np.pi / 2:
-        start += 2 * np.pi
-    across = np.array([0.0, sense * arc.opening])
+    stop = start + sense * arc.opening
+    if is_sphere:  # OCCT knows no latitudes beyond the poles
+        start, stop = (float(np.clip(latitude, -np.pi / 2, np.pi / 2)) for latitude in (start, stop))
+    elif min(start, stop) < -SECTION_TOLERANCES.arc_deviation:  # its booleans miss intersections at angles below 0
+        start, stop = start + 2 * np.pi, stop + 2 * np.pi
+    across = np.array([0.0, stop - start])
     along = np.array([1.0, 0.0])
     return ArcSection(surface, radius, np.array([0.0, start]), along, across, turned.angles, turned.breaks)

@@ -75,7 +75,7 @@ def _check_sharp(index: SolidIndex, edge: TopoDS_Edge, name: str) -> None:
     angles = index.measure_dihedral_angles(edge)
     if angles is None:
         raise SelectionError(f"{name} lies where its faces have no normals: there is no angle to blend")
-    size = np.abs(angles.inner)
+    size = np.abs(angles.middle)
     if size.max() < SELECT_TOLERANCES.smooth_angle:
         raise SelectionError(
             f"{name} is smooth already: its faces meet at {size.max():.2g} rad", kind="smooth", value=float(size.max())

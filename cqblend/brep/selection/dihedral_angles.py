@@ -37,11 +37,21 @@ class DihedralAngles:
         return bool(max(np.abs(self.inner).max(), *np.abs(self.ends)) < SELECT_TOLERANCES.smooth_angle)
 
     @property
+    def middle(self) -> Array:
+        """The inner angles but for those near an end at which the faces become tangent that are as small as there."""
+        is_smooth = np.abs(self.inner) < SELECT_TOLERANCES.smooth_angle
+        if is_smooth.all():
+            return self.inner
+        start, stop = is_smooth.argmin(), len(self.inner) - is_smooth[::-1].argmin()
+        fades = np.abs(self.ends) < SELECT_TOLERANCES.smooth_angle
+        return self.inner[start if fades[0] else None : stop if fades[1] else None]
+
+    @property
     def is_sharp(self) -> bool:
         """Whether the edge is convex, or concave, all along, and no knife edge; at its ends it may fade."""
         least, most = SELECT_TOLERANCES.smooth_angle, np.pi - SELECT_TOLERANCES.smooth_angle
-        size = np.abs(self.inner)
-        return bool(size.min() >= least and size.max() <= most and (self.inner > 0).all() == (self.inner > 0).any())
+        angles, size = self.middle, np.abs(self.middle)
+        return bool(size.min() >= least and size.max() <= most and (angles > 0).all() == (angles > 0).any())
 
     @property
     def is_convex(self) -> bool:

@@ -2,7 +2,8 @@
 
 The two free edges there are trimmed where the rails meet them, and the blend gets a free edge between these corners. If
 the border is planar there, that edge lies in its plane, so that a planar face still fits; else it leaves both corners
-in the directions of the free edges, and the border has no kink.
+in the directions of the free edges, and the border has no kink. Where a support face goes on past a planar border, on
+the other side of it than its free edge, it gets a free edge in the same plane.
 """
 
 from __future__ import annotations
@@ -14,18 +15,20 @@ from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS_Edge
 
 from cqblend.blends.contacts.newton import solve_damped_newton
-from cqblend.blends.network.blend_plan import NewEdge, PlannedVertex
+from cqblend.blends.network.blend_plan import EdgeUse, NewEdge, PlannedPcurve, PlannedVertex
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
 from cqblend.brep.selection.border_ends import BorderEnd
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
     fit_solved_curve,
+    solve_border_in_plane,
     solve_end_curve,
 )
-from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
+from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, is_corner_behind
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
+from cqblend.brep.topology import find_vertex_uv
 from cqblend.errors import SizeError, TopologyError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
@@ -48,12 +51,22 @@ def end_at_border(placement: StripPlacement, end: int, border: BorderEnd) -> Str
     first, last = found.curve(np.array(found.span))
     corners = (PlannedVertex(first), PlannedVertex(last))
     edge = NewEdge("end curve", found.curve, found.span, corners, (placement.plan_pcurve(found.on_strip),))
-    trims = tuple(
-        EdgeTrim(placement, end, free, border.vertex, corner, (side.face,))
-        for free, corner, side in zip(border.edges, corners, placement.joint.sides, strict=True)
+    parameters, vertex = found.on_strip(np.array(found.span))[:, 0], placement.keep_vertex(border.vertex)
+    trims, inner = list[EdgeTrim](), list[tuple[EdgeUse, ...]]()
+    for i, (free, corner, side) in enumerate(zip(border.edges, corners, placement.joint.sides, strict=True)):
+        if found.plane is not None and is_corner_behind(free, border.vertex, corner.point):
+            inner.append((EdgeUse(_plan_inner_border(placement, i, found.plane, (vertex, corner), parameters[i])),))
+        else:
+            trims.append(EdgeTrim(placement, end, free, border.vertex, corner, (side.face,)))
+            inner.append(())
+    return StripEnd(
+        (edge,),
+        corners,
+        (float(parameters[0]), float(parameters[1])),
+        vertex,
+        tuple(trims),
+        cap_borders=(inner[0], inner[1]),
     )
-    low, high = found.on_strip(np.array(found.span))[:, 0].tolist()
-    return StripEnd((edge,), corners, (low, high), placement.keep_vertex(border.vertex), trims)
 
 
 class _FreeEnd(NamedTuple):
@@ -62,6 +75,28 @@ class _FreeEnd(NamedTuple):
     curve: Curve | Circle
     span: tuple[float, float]
     on_strip: Curve
+    plane: Plane | None = None  # that of the border, in which it lies
+
+
+def _plan_inner_border(
+    placement: StripPlacement,
+    i: int,
+    plane: Plane,
+    vertices: tuple[PlannedVertex, PlannedVertex],
+    at_corner: float,
+) -> NewEdge:
+    """Plan a free edge inside support face ``i``, from the end of the blended edge to the corner on the rail.
+
+    That is where the face goes on past the border, on the other side of it than its free edge.
+    """
+    side, (vertex, corner) = placement.joint.sides[i], vertices
+    edge_uv = find_vertex_uv(placement.index.vertices[vertex.number], side.face)[None]
+    rail_uv = side.unwrap_near(placement.get_rail_pcurve(i)(np.array([at_corner])), edge_uv)
+    border = solve_border_in_plane(side, plane, (edge_uv, rail_uv), (vertex.point, corner.point))
+    on_face, points = (
+        Curve(border.breaks, border.coefs[:, part], continuity=border.continuity) for part in (slice(0, 2), slice(4, 7))
+    )
+    return NewEdge("cap border", points, (0.0, 1.0), vertices, (PlannedPcurve(placement.face_numbers[i], on_face),))
 
 
 def _cut_border_plane(placement: StripPlacement, end: int, border: BorderEnd) -> _FreeEnd:
@@ -70,7 +105,7 @@ def _cut_border_plane(placement: StripPlacement, end: int, border: BorderEnd) ->
     plane = Plane(LocalFrame(border.point, np.array([x, np.cross(border.normal, x), border.normal])))
     start = EndCurveStart(end, placement.locate_edge_parameter(end), np.zeros(2), border.point)
     cut = solve_end_curve(placement.strip, plane, start)
-    return _FreeEnd(cut.curve, cut.span, cut.on_strip)
+    return _FreeEnd(cut.curve, cut.span, cut.on_strip, plane)
 
 
 def _continue_border(placement: StripPlacement, border: BorderEnd) -> _FreeEnd:

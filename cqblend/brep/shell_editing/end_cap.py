@@ -15,14 +15,13 @@ from OCP.BRep import BRep_Tool
 from OCP.TopoDS import TopoDS, TopoDS_Edge
 
 from cqblend.blends.contacts.contact_solver import Stations, project_to_intersection
-from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.network.blend_plan import CapPlan, EdgePiece, EdgeUse, NewEdge, PlannedSurface, PlannedVertex
 from cqblend.brep.selection.edge_ends import find_edge_in_plane
 from cqblend.brep.shell_editing.end_curve import (
     EndCurveStart,
-    fit_solved_curve,
     plan_end_edge,
     plan_shared_edge,
+    solve_border_in_plane,
     solve_end_curve,
 )
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, project_to_edge
@@ -154,32 +153,7 @@ def _plan_cap_border(
         side.unwrap_near(side.to_face_parameters(cap.stations.uv[i]), edge_uv),
         side.unwrap_near(placement.get_rail_pcurve(i)(np.array([at_corner])), edge_uv),
     )
-    chord, normal = corner - foot, plane.frame.axes[2]
-    length = float(np.linalg.norm(chord))
-
-    def solve_curve_points(shares: Array, near: Array | None) -> Array:
-        """Return (u, v, x, y on the plane, point) at shares (n,) of the chord from foot to corner."""
-
-        def evaluate_system(uv: Array) -> tuple[Array, Array, Array]:
-            jet = side.face_primary.jet(uv)
-            offset = jet[0] - foot
-            residual = np.stack([offset @ normal, offset @ chord / length - shares * length], -1)
-            jacobian = np.stack([np.stack([rate @ normal, rate @ chord / length], -1) for rate in jet[1:3]], -1)
-            return residual, jacobian, np.linalg.norm(jet[1:3], axis=2).T
-
-        first = start + shares[:, None] * (stop - start) if near is None else near[:, :2]
-        uv, good = solve_damped_newton(evaluate_system, first, length, length)
-        if not good.all():
-            raise TopologyError("a flat cap at the end of the edge does not cross its faces cleanly")
-        point = side.face_primary.jet(uv)[0]
-        return np.column_stack([uv, (point - foot) @ plane.frame.axes[:2].T, point])
-
-    def measure_error(values: Array, _: Array) -> float:
-        """Return how far (mm) points are from their images on the support face and on the plane."""
-        on_face, on_plane = side.face_primary.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
-        return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
-
-    border = fit_solved_curve(solve_curve_points, measure_error)
+    border = solve_border_in_plane(side, plane, (start, stop), (foot, corner))
     return plan_shared_edge("cap border", border, vertices, (placement.face_numbers[i], cap.surface))
 
 

@@ -11,6 +11,7 @@ from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.contacts.surface_normals import differentiate_normal
 from cqblend.blends.network.blend_plan import EdgeRole, NewEdge, PlannedPcurve, PlannedSurface, PlannedVertex
 from cqblend.blends.network.strip_surface import StripCut, StripSurface
+from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import CqblendError, TopologyError
@@ -195,6 +196,45 @@ def solve_touch_point(
     if np.iscomplex(roots).any() or not slopes:
         raise TopologyError("the blend does not run out on the face there")
     return TouchPoint(side, float(x[0, 0]), x[0, 1:], min(slopes, key=abs))
+
+
+def solve_border_in_plane(side: SupportFace, plane: Plane, uv: tuple[Array, Array], ends: tuple[Array, Array]) -> Curve:
+    """Return the curve (u, v, x, y, point) in which a support face meets a plane, between two points (3,) of both.
+
+    x, y are parameters of the plane; ``uv`` (1, 2) are parameters of the points on the face.
+
+    Raises
+    ------
+    TopologyError
+        If they do not meet all along.
+    """
+    (start, stop), (foot, corner) = uv, ends
+    chord, normal = corner - foot, plane.frame.axes[2]
+    length = float(np.linalg.norm(chord))
+
+    def solve_curve_points(shares: Array, near: Array | None) -> Array:
+        """Return (u, v, x, y on the plane, point) at shares (n,) of the chord from foot to corner."""
+
+        def evaluate_system(uv: Array) -> tuple[Array, Array, Array]:
+            jet = side.face_primary.jet(uv)
+            offset = jet[0] - foot
+            residual = np.stack([offset @ normal, offset @ chord / length - shares * length], -1)
+            jacobian = np.stack([np.stack([rate @ normal, rate @ chord / length], -1) for rate in jet[1:3]], -1)
+            return residual, jacobian, np.linalg.norm(jet[1:3], axis=2).T
+
+        first = start + shares[:, None] * (stop - start) if near is None else near[:, :2]
+        uv, good = solve_damped_newton(evaluate_system, first, length, length)
+        if not good.all():
+            raise TopologyError("the plane across the end of the edge does not cross its faces cleanly")
+        point = side.face_primary.jet(uv)[0]
+        return np.column_stack([uv, (point - foot) @ plane.frame.axes[:2].T, point])
+
+    def measure_error(values: Array, _: Array) -> float:
+        """Return how far (mm) points are from their images on the support face and on the plane."""
+        on_face, on_plane = side.face_primary.jet(values[:, :2])[0], plane.jet(values[:, 2:4])[0]
+        return float(max(np.abs(p - values[:, 4:]).max() for p in (on_face, on_plane)))
+
+    return fit_solved_curve(solve_curve_points, measure_error)
 
 
 def plan_end_edge(

@@ -7,13 +7,15 @@ are in :mod:`cqblend.brep.shell_editing.end_cap`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
+from OCP.BRep import BRep_Tool
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_OUT
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex
 from cqblend.blends.network.strip_surface import StripCut
@@ -71,10 +73,7 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
     except RailsTooShortError:
         raise
     except (SizeError, TopologyError, GeometryError) as error:
-        following = placement.joint.find_continuing_edge(end)
-        name = "" if following is None else placement.joint.name_part(following)
-        before = f"the joint goes on there in {name}, and " if name else ""
-        raise (failure or error).with_details(before=before) from error
+        raise (failure or error) from error
 
 
 def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -> StripEnd:
@@ -88,8 +87,8 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
     joint = placement.joint
     vertex = joint.spine.vertices[end]
     number = placement.number_face(target.face)
-    shared_edges = _find_shared_edges(placement, vertex, number)
-    use = next(use for use in explore_subshapes(target.face, TopAbs_EDGE) if use.IsSame(shared_edges[0]))
+    meetings = _find_meetings(placement, vertex, number)
+    use = next(use for use in explore_subshapes(target.face, TopAbs_EDGE) if use.IsSame(meetings[0].of_end_face))
     stops_at_vertex = find_end_vertices(use)[1].IsSame(vertex)
     uv = find_end_uv(use, target.face)[1 if stops_at_vertex else 0]
     normals = [side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0] for side in joint.sides]
@@ -99,13 +98,14 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
     if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces:
         side = int(sines.argmin())
         at = placement.rail_curves[side](np.array([start.t]))[0]
-        grows = is_corner_behind(shared_edges[side], vertex, at)
+        grows = is_corner_behind(meetings[side].of_support, vertex, at)
         touch = solve_touch_point(placement.strip, target.face_primary, start, side, into_blend=grows)
     cut = solve_end_curve(placement.strip, target.face_primary, start, touch)
     edge, corners = plan_end_edge(placement, cut, number)
     trims = tuple(
-        EdgeTrim(placement, end, shared, vertex, corner, (side.face, target.face))
-        for shared, corner, side in zip(shared_edges, corners, joint.sides, strict=True)
+        EdgeTrim(placement, end, edge_there, vertex, corner, faces)
+        for meeting, corner, side in zip(meetings, corners, joint.sides, strict=True)
+        for edge_there, faces in meeting.list_edges(side.face, target.face)
     )
     reach = [reaches_corner(trim) for trim in trims]
     outside = None if not all(reach) or _grows(placement, end, target, cut) else _find_outside(placement, target, cut)
@@ -142,25 +142,49 @@ def _find_nearest_edge(target: SupportFace, point: Array) -> TopoDS_Edge:
     return min(edges, key=lambda edge: BRepExtrema_DistShapeShape(vertex, edge).Value())
 
 
-def _find_shared_edges(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[TopoDS_Edge]:
-    """Return the two edges at a vertex that an end face shares with the support faces.
+class _Meeting(NamedTuple):
+    """The edge in which a support face meets the end face; two where a shell has not sewn them together there."""
+
+    of_support: TopoDS_Edge
+    of_end_face: TopoDS_Edge
+
+    def list_edges(
+        self, support: TopoDS_Face, end_face: TopoDS_Face
+    ) -> list[tuple[TopoDS_Edge, tuple[TopoDS_Face, ...]]]:
+        """Return the edge, or both, each with the faces that have it."""
+        if self.of_support.IsSame(self.of_end_face):
+            return [(self.of_support, (support, end_face))]
+        return [(self.of_support, (support,)), (self.of_end_face, (end_face,))]
+
+
+def _is_seam(edge: TopoDS_Edge, face: TopoDS_Face) -> bool:
+    return bool(BRep_Tool.IsClosed_s(edge, face))
+
+
+def _find_meetings(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: int) -> list[_Meeting]:
+    """Return the edges at a vertex in which an end face meets the two support faces.
 
     Raises
     ------
     TopologyError
-        If there is not exactly one with each.
+        If there is not exactly one with each, nor one free edge of either.
     """
     index = placement.index
-    edges, shared_edges = index.edges_at_vertex(vertex), []
+    owners = [
+        (edge, {index.faces.find_number(face) for face in index.faces_at_edge(edge)})
+        for edge in index.edges_at_vertex(vertex)
+    ]
+    meetings = []
     for support in placement.face_numbers:
-        pair = {support, end_face}
-        shared = [
-            edge for edge in edges if {index.faces.find_number(face) for face in index.faces_at_edge(edge)} == pair
-        ]
-        if len(shared) != 1:
+        shared = [edge for edge, faces in owners if faces == {support, end_face}]
+        of_support, of_end_face = (
+            shared or [edge for edge, faces in owners if faces == {number} and not _is_seam(edge, index.faces[number])]
+            for number in (support, end_face)
+        )
+        if len(of_support) != 1 or len(of_end_face) != 1:
             raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
-        shared_edges.append(shared[0])
-    return shared_edges
+        meetings.append(_Meeting(of_support[0], of_end_face[0]))
+    return meetings
 
 
 def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:
@@ -229,6 +253,7 @@ class _FaceCuts:
         self.at, self.placement, self.index = at, at.placement, at.placement.index
         self._removed: dict[int, set[int]] = {}  # number of the face -> numbers of its edges that go
         self._added: dict[int, list[EdgeUse]] = {}
+        self._marks: dict[int, tuple[FaceBoundary, list[BoundaryMark], list[BoundaryMark]]] = {}  # leaving, returning
         self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
 
     def cut_support(self, i: int, crossing: Crossing) -> None:
@@ -240,19 +265,28 @@ class _FaceCuts:
         """Cut a face along one piece of the way, which becomes an edge."""
         forward = piece.runs_forward
         leaves, returns = (piece.entry, piece.exit) if forward else (piece.exit, piece.entry)
-        between = piece.boundary.list_between(leaves, returns)
-        self._cut(piece.boundary, between)
         self._lose_end(piece.boundary, leaves, leaves=True)
         self._lose_end(piece.boundary, returns, leaves=False)
-        self._added.setdefault(self.placement.number_face(piece.side.face), []).append(EdgeUse(edge, forward))
+        number = self.placement.number_face(piece.side.face)
+        _, leaving, returning = self._marks.setdefault(number, (piece.boundary, [], []))
+        leaving.append(leaves)
+        returning.append(returns)
+        self._added.setdefault(number, []).append(EdgeUse(edge, forward))
 
-    def _cut(self, boundary: FaceBoundary, between: Sequence[int] | None) -> None:
+    def _cut(self, boundary: FaceBoundary, between: Iterable[int]) -> None:
         """Take uses of edges out of the boundary of a face."""
-        if between is None:
-            name = self.placement.joint.name_part(boundary.face)
-            raise TopologyError(f"the end of the blend would take {name} apart, or join two boundaries of it")
         numbers = {self.index.edges.find_number(boundary.uses[k]) for k in between}
         self._removed.setdefault(self.placement.number_face(boundary.face), set()).update(numbers)
+
+    def _cut_between_marks(self) -> None:
+        """Cut the faces of all pieces, each from where its boundary leaves it on to where it next comes back."""
+        for boundary, leaving, returning in self._marks.values():
+            for mark in leaving:
+                between = boundary.list_between(mark, returning)
+                if between is None:
+                    name = self.placement.joint.name_part(boundary.face)
+                    raise TopologyError(f"the end of the blend would take {name} apart")
+                self._cut(boundary, between)
 
     def _lose_end(self, boundary: FaceBoundary, mark: BoundaryMark, *, leaves: bool) -> None:
         """Record which end of a crossed edge is cut off, seen from one of its faces."""
@@ -276,6 +310,7 @@ class _FaceCuts:
         TopologyError
             If an edge would go from one of its faces and stay with the other.
         """
+        self._cut_between_marks()
         gone: dict[int, None] = {}
         waiting = {edge for edges in self._removed.values() for edge in edges}
         known = set(waiting)

@@ -32,7 +32,7 @@ from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 
 
-@dataclass(frozen=True)
+@dataclass
 class SharedRails:
     """What takes the place of the rails that coincide: which faces they consume, and what replaces edges and vertices.
 

@@ -122,11 +122,7 @@ class ProposedSolid:
     solid: TopoDS_Shape
     strips: tuple[BuiltStrip, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
-
-    @property
-    def free_edges(self) -> list[TopoDS_Edge]:
-        """The edges in which blends end in the border of an open shell."""
-        return [edge.sides[0][1] for strip in self.strips for edge in strip.other_edges if edge.kind == "border"]
+    free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -179,7 +175,9 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
             )
         )
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance)
+    free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
+    free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges)
 
 
 def _find_partner(

@@ -8,6 +8,7 @@ error names the face, what is in the way, and by what factor the size must be sm
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -70,6 +71,7 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     if face_plan.surface is not None:
         return []
     parts = list_boundary_parts(solid.index, face_plan)
+    _check_loops(solid, face_plan, parts)
     new = [part for part in parts if part.wire is None]
     if not new:
         return []
@@ -98,6 +100,28 @@ def _examine_face(solid: PlannedSolid, face_plan: FacePlan) -> list[_FaceView]:
     if not remainder.piece_count:
         raise view.describe_nothing_left()
     return [view]
+
+
+def _check_loops(solid: PlannedSolid, face_plan: FacePlan, parts: Sequence[BoundaryPart]) -> None:
+    """Check that as many parts of a boundary start as stop at every vertex.
+
+    Raises
+    ------
+    FaceConflictError
+        If not: a rail passes beyond what it should meet.
+    """
+    balance = Counter(part.ends[0] for part in parts)
+    balance.subtract(part.ends[1] for part in parts)
+    loose = {end for end, count in balance.items() if count}
+    if not loose:
+        return
+    old = [part.number for part in parts if part.edge is None and loose.intersection(part.ends)]
+    names = ", ".join(solid.name_edge(number) for number in dict.fromkeys(old)) or "its other edges"
+    new = [solid.find_strip(part.edge) for part in parts if part.edge is not None]
+    strips = sorted({k for k in new if k is not None}) or solid.list_strips(face_plan.number) or [0]
+    name = solid.name_face(face_plan.number)
+    message = f"the boundary of {name} cannot be closed along the rail, beside {names}: the size is too large for it"
+    raise FaceConflictError(strips, SizeError(message, kind="too large"))
 
 
 def _bound_wires(parts: Sequence[BoundaryPart]) -> Iterator[tuple[int | None, Array]]:
@@ -170,7 +194,8 @@ class _FaceView:
             room = self._measure_room_between(strips[0], strips[1])
         else:
             message, room = f"{subject} runs into the {second.edge.role} of the same blend", 0.0
-        message += f" at ({x:.4g}, {y:.4g}, {z:.4g}): the size is too large"
+        pieces = ", and would cut the face in pieces" if self.remainder.piece_count > 1 else ""
+        message += f" at ({x:.4g}, {y:.4g}, {z:.4g}){pieces}: the size is too large"
         return FaceConflictError(strips, SizeError(message, kind="too large", room=room))
 
     def describe_nothing_left(self) -> FaceConflictError:
@@ -237,7 +262,8 @@ class _FaceView:
         near = measure_to_polyline(found, spine)
         at = found[near.argmin()] if point is None else point
         width = measure_to_polyline(rail[[measure_to_polyline(rail, at[None]).argmin()]], spine)[0]
-        return float(near.min() / width)
+        touches = near.min() <= SHELL_EDIT_TOLERANCES.boundary_gap * width  # as the neighbours of the blended edge do
+        return 0.0 if touches else float(near.min() / width)
 
     def _measure_room_between(self, one: int, other: int) -> float:
         """Return for what share of the widths of two strips there is room between their edges; 0 if not known."""

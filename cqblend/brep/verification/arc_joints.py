@@ -7,13 +7,17 @@ from typing import Literal
 
 import numpy as np
 from OCP.BRep import BRep_Tool
+from OCP.Geom2d import Geom2d_Circle, Geom2d_Line
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.quality.arc_proof import prove_arc_side
 from cqblend.blends.quality.smoothness_proof import Proof
+from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.conversion.support_face import read_support_face
+from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
+from cqblend.brep.measurement.pole_contact import measure_pole_contact
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
@@ -27,32 +31,51 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> 
 
     ``arc`` is that surface as it was planned.
     """
-    surface = read_support_face(strip.blend_face, arc.surface.frame.origin[None]).face_primary
+    surface = read_support_face(strip.blend_face, arc.surface.jet(arc.start[None])[0]).face_primary
     if not isinstance(surface, Cylinder | Sphere | RevolvedEllipse):
         raise TypeError(f"a blend by arcs is no {type(surface).__name__}")
     built = replace(arc, surface=surface)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
-        face, edges = strip.trimmed_faces[end], strip.rail_edges[end]
-        shifts, turns = zip(*(_measure_rail(blend, built, end, face, edge) for edge in edges), strict=True)
+        face, edges, pole = strip.trimmed_faces[end], strip.rail_edges[end], strip.poles[end]
+        if pole is not None:  # the rail is one point, and measured there
+            gap, angle, _ = measure_pole_contact(strip.blend_face, pole, face, VERIFICATION_TOLERANCES.proof_samples)
+            largest = float(np.abs(surface.frame.origin).max()) + arc.radius
+            return Proof(gap + PROOF_TOLERANCES.point * largest, angle + PROOF_TOLERANCES.closed_form)
+        shifts, turns = zip(
+            *(_measure_rail(blend, built, end, (strip.blend_face, face), edge) for edge in edges), strict=True
+        )
         return prove_arc_side(blend, built, end, 2 * max(shifts), 2 * max(turns))
 
     return prove_rail(0) | prove_rail(1)
 
 
 def _measure_rail(
-    blend: BlendSurface, arc: ArcSection, end: Literal[0, 1], face: TopoDS_Face, edge: TopoDS_Edge
+    blend: BlendSurface,
+    arc: ArcSection,
+    end: Literal[0, 1],
+    faces: tuple[TopoDS_Face, TopoDS_Face],
+    edge: TopoDS_Edge,
 ) -> tuple[float, float]:
-    """Return by how much the pcurve of a rail edge on its support face is off (mm), and the normals there (rad)."""
+    """Return by how much the pcurve of a rail edge on its support face is off (mm), and the normals there (rad).
+
+    ``faces`` are the blend face and that face. The edge need not run by the parameter of the blend: two blends that
+    meet along a rail share it.
+    """
     first, last = BRep_Tool.Range_s(edge)
-    s = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples)
-    curve, ribbon = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0), blend.ribbons[end]
-    uv = np.array([curve.Value(at).Coord() for at in s.tolist()])
+    t = np.linspace(first, last, VERIFICATION_TOLERANCES.proof_samples)
+    curves = [BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0) for face in faces]
+    own, uv = (np.array([curve.Value(at).Coord() for at in t.tolist()]) for curve in curves)
+    s, ribbon, curve = arc.map_from_surface(own)[0], blend.ribbons[end], curves[1]
     found = ribbon.primary.jet(ribbon.find_native_parameters(arc.map_to_parameters(s)))
-    there = read_support_face(face, found[0]).face_primary.jet(uv)
+    there = read_support_face(faces[1], found[0]).face_primary.jet(uv)
     normals = [_evaluate_normals(jet) for jet in (found, there)]
     sines = measure_lengths(cross_product(*normals))
-    return float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
+    shift, turn = float(measure_lengths(found[0] - there[0]).max()), float(np.arcsin(np.minimum(sines, 1.0)).max())
+    if isinstance(curve, Geom2d_Line | Geom2d_Circle):
+        return shift, turn
+    fitted = CONVERSION_TOLERANCES.pcurve  # in angles or parameters, between the samples
+    return shift + fitted * float(measure_lengths(there[1:3]).max()), turn + fitted
 
 
 def _evaluate_normals(jet: Array) -> Array:

@@ -59,7 +59,7 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
     ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
     """
     blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(strip.blend_face))
-    records = [_certify_rail(joint, strip, blend.ribbons[i], i, blend_surface) for i in (0, 1)]
+    records = [_certify_rail(joint, strip, blend, i, blend_surface) for i in (0, 1)]
     measured = _Measurements(
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
@@ -74,9 +74,10 @@ def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tol
 
 
 def _certify_rail(
-    joint: Joint, strip: BuiltStrip, ribbon: Ribbon, i: int, blend_surface: SurfaceEvaluator
+    joint: Joint, strip: BuiltStrip, blend: BlendSurface, i: int, blend_surface: SurfaceEvaluator
 ) -> RailRecord:
     """Measure a blend along one of its rails, or at the one point that the rail is."""
+    ribbon = blend.ribbons[i]
     samples, pole, support = VERIFICATION_TOLERANCES.certificate_samples, strip.poles[i], strip.trimmed_faces[i]
     if pole is not None:
         found = [measure_pole_contact(strip.blend_face, pole, joint.sides[i].face, samples)]
@@ -104,6 +105,7 @@ def _certify_rail(
         kept=_measure_faded_share(ribbon),
         bend=ribbon.bend,
         held=strip.is_held[i],
+        section=blend.kind,
     )
 
 
@@ -134,7 +136,17 @@ def certify_surfaces(blend: BlendSurface, rails: Sequence[tuple[Surface, Curve]]
         )
         records.append(
             RailRecord(
-                i + 1, 0, 0, gap, angle, jump, ribbon.direction, ribbon.length, 0.0, _measure_faded_share(ribbon)
+                side=i + 1,
+                face=0,
+                edge=0,
+                gap=gap,
+                angle=angle,
+                curvature_jump=jump,
+                direction=ribbon.direction,
+                length=ribbon.length,
+                tolerance=0.0,
+                kept=_measure_faded_share(ribbon),
+                section=blend.kind,
             )
         )
     measured = _Measurements(

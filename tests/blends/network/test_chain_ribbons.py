@@ -10,6 +10,7 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
 
 from cqblend.blends.rails.ribbon_end import EndJets
+from cqblend.errors import GeometryError
 
 GAP, ANGLE = 1e-12, 1e-11
 
@@ -86,7 +87,7 @@ def test_what_the_fit_reports_of_junctions_is_what_their_surfaces_have():
 def test_cells_alone_would_not_meet():
     """What the chains do together is not there by itself."""
     case = rim_of(four_splines(), radius=2.0)
-    blends = [context.make_blend((0.0, 1.0)) for context in case.contexts]
+    blends = [context.section.fill(context.fit_rails((0.0, 1.0))) for context in case.contexts]
     gap, angle = case.measure(blends)
     assert gap > 1e-7
     assert angle > 1e-6
@@ -241,3 +242,39 @@ def test_pde_cells_have_hermite_sections_where_they_meet(order):
     gap, angle = case.measure(case.fill(case.fit()))
     assert gap <= GAP
     assert angle <= ANGLE
+
+
+def turned_part(offset):
+    """A cylinder with a rounded rim, cut off beside its axis: the cut, and the edges around it but for the lowest."""
+    body = cq.Workplane().circle(12).extrude(20).faces(">Z").edges().fillet(4)
+    body = body.intersect(cq.Workplane().box(40, 40, 60).translate((0, 20 + offset, 0)))
+    cut = body.faces("<Y").val()
+    return body.val(), [edge for edge in cut.Edges() if edge.Center().z > 1], cut
+
+
+@pytest.mark.parametrize("continuity", ["G1", "G2", "G3"])
+@pytest.mark.parametrize("offset", [0, 4])
+def test_sections_of_higher_order_follow_curved_smooth_edges(offset, continuity):
+    """By Codazzi's equations, what goes on is common to both faces along a smooth edge, if sections bend as it does."""
+    body, edges, cut = turned_part(offset)
+    case = chain_of(body, edges, cut, radius=1.5, continuity=continuity)
+    gap, angle = case.measure(case.fill(case.fit((0.1, 0.9))))
+    assert gap <= GAP
+    assert angle <= ANGLE
+
+
+def test_curvature_that_cannot_go_on_at_a_very_oblique_edge_is_refused():
+    body, edges, cut = turned_part(6)
+    case = chain_of(body, edges, cut, width=(1.5, 2.0), continuity="G2")
+    with pytest.raises(GeometryError, match="too oblique to the rail for curvature to go on there; take G1"):
+        case.fit((0.1, 0.9))
+
+
+def test_a_very_oblique_edge_costs_an_angle_that_is_reported():
+    body, edges, cut = turned_part(6)
+    case = chain_of(body, edges, cut, radius=1.5)
+    ribbons = case.fit((0.1, 0.9))
+    gap, angle = case.measure(case.fill(ribbons))
+    assert gap <= GAP
+    assert 0.01 < angle < 0.05
+    assert max(junction.angle for junction in ribbons.junctions) == pytest.approx(angle, rel=1e-2)

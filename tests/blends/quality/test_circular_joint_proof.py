@@ -46,7 +46,11 @@ def blend_random_corner(seed: int) -> cqblend.BlendResult | None:
     else:
         continuity = [("G1", "G1"), ("G2", "G2"), ("G1", "G2"), ("G3", "G3")][rng.integers(4)]
         options = {"radius": radius} if kind == "radius" else {"width": (radius, radius * rng.uniform(0.5, 1))}
-        options |= {"continuity": continuity, "bulge": 1.0 if rng.random() < 0.8 else rng.uniform(0.4, 1.2)}
+        options |= {
+            "section": "hermite",
+            "continuity": continuity,
+            "bulge": 1.0 if rng.random() < 0.8 else rng.uniform(0.4, 1.2),
+        }
     try:
         return cqblend.blend_edges(solid, find_corner(solid, corner.Center()), **options)
     except cqblend.errors.GeometryError:  # a crease inside, which interiors may have
@@ -87,7 +91,7 @@ def test_most_of_the_random_joints_are_surfaces_of_revolution():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_joint_near_the_origin_is_proven_to_a_few_hundred_roundings(kind):
     solid = revolve_outline(kind, 10.0, np.random.default_rng(3)).val()
-    proof = cqblend.blend_edges(solid, find_corner(solid, cq.Vector()), 0.7).certificate.proof
+    proof = cqblend.blend_edges(solid, find_corner(solid, cq.Vector()), 0.7, section="hermite").certificate.proof
     assert proof.gap < 3e-13
     assert proof.angle < 1e-13
 

@@ -53,7 +53,7 @@ def check(result: cqblend.BlendResult, removed_face: tuple[float, float, float],
         assert measured.gap <= 1e-9
 
 
-@pytest.mark.parametrize("options", [{}, {"continuity": "G2"}, {"form": "compact"}])
+@pytest.mark.parametrize("options", [{}, {"continuity": "G2"}, {"form": "compact"}, {"section": "arc"}])
 def test_a_slab_gets_a_round_front(options):
     body = slab()
     result = cqblend.blend_edges(body, front_edges(body), 5, **options)
@@ -96,13 +96,53 @@ def test_sloped_slabs(slope):
     assert caught.value.room * 1.02 == pytest.approx(1, abs=1e-9)
 
 
+@pytest.mark.parametrize("slope", [0.05, 0.1, 0.2])
+def test_a_ball_that_grows_along_a_slab(slope):
+    """A slab whose thickness grows along its front: the ball's contacts run along the line halfway between both edges.
+
+    There it is as far from either edge: R is the tangent of half the angle between them times the distance from where
+    they meet.
+    """
+    body = cq.Workplane("YZ").polyline([(0, 0), (30, 0), (30, 10 + slope * 30), (0, 10)]).close().extrude(50)
+    front = [edge for edge in body.faces(">X").edges().vals() if abs(edge.tangentAt(0.5).y) > 0.9]
+    meeting = cq.Vector(50, -10 / slope, 0)
+    tangent = math.tan(math.atan(slope) / 2)
+
+    def take_share(share: float) -> dict:
+        ends = {edge: (edge.startPoint(), edge.endPoint()) for edge in front}
+        return {
+            edge: cqblend.linear(*(share * tangent * (point - meeting).Length for point in points))
+            for edge, points in ends.items()
+        }
+
+    result = cqblend.blend_edges(body, front, take_share(1.0))
+    check(result, (50, 15, 5), (1, 0, 0))
+    assert len(result.shape.Faces()) == 7
+    assert len(cqblend.blend_edges(body, front, take_share(0.98)).shape.Faces()) == 8
+    with pytest.raises(SizeError) as caught:
+        cqblend.blend_edges(body, front, take_share(1.02))
+    assert caught.value.room * 1.02 == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("section", ["hermite", "arc"])
 @pytest.mark.parametrize("which", [0, 1])
-def test_the_rim_of_a_ring(which):
-    """Around an axis, outside and inside: each pair of blends makes half a torus."""
+def test_the_rim_of_a_ring(which, section):
+    """Around an axis, outside and inside: each pair of blends makes half a torus, exactly so by arcs."""
     ring = cq.Workplane().circle(20).circle(10).extrude(4)
-    result = cqblend.blend_edges(ring, ring.edges(cq.selectors.RadiusNthSelector(which)).vals(), 2)
+    rims = ring.edges(cq.selectors.RadiusNthSelector(which)).vals()
+    result = cqblend.blend_edges(ring, rims, 2, section=section)
     check(result, (0, 0, 2), (0, 0, 1))
     assert len(result.shape.Faces()) == 5
+    if section == "arc":
+        assert [face.geomType() for face in result.faces] == ["TORUS", "TORUS"]
+        half_disc, middle = (
+            math.pi * 2,
+            4 * 2 / (3 * math.pi),
+        )  # area, and distance of its centroid from the torus circle
+        centroid = 18 + middle if which else 12 - middle
+        box = 2 * 4 * 2 * math.pi * (19 if which else 11)
+        removed = cqblend.verify(ring).volume - cqblend.verify(result.shape).volume
+        assert removed == pytest.approx(box - 2 * math.pi * centroid * half_disc, rel=1e-9)
 
 
 def test_the_top_of_a_curved_wall():

@@ -19,7 +19,7 @@ ROD = cq.Solid.makeCylinder(5, 10)
 
 def blend_rim(shape: cq.Shape) -> tuple[cqblend.BlendResult, BuiltStrip]:
     """Blend a rim, and collect the faces and edges of the strip from the finished solid."""
-    result = cqblend.blend_edges(shape, find_corner(shape, cq.Vector(0, 0, 10)), 0.7)
+    result = cqblend.blend_edges(shape, find_corner(shape, cq.Vector(0, 0, 10)), 0.7, section="hermite")
     rails = find_rails(result)
     blend = rails[0][0].wrapped
     sides: list[list] = [[], []]
