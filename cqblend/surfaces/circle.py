@@ -33,9 +33,9 @@ class PlanarCircle:
     radius: float
 
     @property
-    def reach(self) -> float:
-        """The largest distance of a point from the centre."""
-        return self.radius
+    def arms(self) -> Array:
+        """The vectors from the centre to the points at 0 and at a quarter of a turn, (2, 2)."""
+        return self.radius * self.axes
 
     def __call__(self, t: Array) -> Array:
         """Return points (n, 2) at angles (n,)."""

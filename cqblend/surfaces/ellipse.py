@@ -31,9 +31,9 @@ class PlanarEllipse:
     radii: tuple[float, float]  # A, B
 
     @property
-    def reach(self) -> float:
-        """The largest distance of a point from the centre."""
-        return self.radii[0]
+    def arms(self) -> Array:
+        """The vectors from the centre to the points at 0 and at a quarter of a turn, (2, 2)."""
+        return np.array(self.radii)[:, None] * self.axes
 
     def __call__(self, t: Array) -> Array:
         """Return points (n, 2) at parameters (n,)."""
