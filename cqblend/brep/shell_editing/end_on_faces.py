@@ -7,7 +7,7 @@ are in :mod:`cqblend.brep.shell_editing.end_cap`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -253,6 +253,7 @@ class _FaceCuts:
         self.at, self.placement, self.index = at, at.placement, at.placement.index
         self._removed: dict[int, set[int]] = {}  # number of the face -> numbers of its edges that go
         self._added: dict[int, list[EdgeUse]] = {}
+        self._marks: dict[int, tuple[FaceBoundary, list[BoundaryMark], list[BoundaryMark]]] = {}  # leaving, returning
         self._lost_ends: dict[tuple[int, float], TopoDS_Vertex] = {}  # a crossing of an edge -> its end that is cut off
 
     def cut_support(self, i: int, crossing: Crossing) -> None:
@@ -264,19 +265,28 @@ class _FaceCuts:
         """Cut a face along one piece of the way, which becomes an edge."""
         forward = piece.runs_forward
         leaves, returns = (piece.entry, piece.exit) if forward else (piece.exit, piece.entry)
-        between = piece.boundary.list_between(leaves, returns)
-        self._cut(piece.boundary, between)
         self._lose_end(piece.boundary, leaves, leaves=True)
         self._lose_end(piece.boundary, returns, leaves=False)
-        self._added.setdefault(self.placement.number_face(piece.side.face), []).append(EdgeUse(edge, forward))
+        number = self.placement.number_face(piece.side.face)
+        _, leaving, returning = self._marks.setdefault(number, (piece.boundary, [], []))
+        leaving.append(leaves)
+        returning.append(returns)
+        self._added.setdefault(number, []).append(EdgeUse(edge, forward))
 
-    def _cut(self, boundary: FaceBoundary, between: Sequence[int] | None) -> None:
+    def _cut(self, boundary: FaceBoundary, between: Iterable[int]) -> None:
         """Take uses of edges out of the boundary of a face."""
-        if between is None:
-            name = self.placement.joint.name_part(boundary.face)
-            raise TopologyError(f"the end of the blend would take {name} apart, or join two boundaries of it")
         numbers = {self.index.edges.find_number(boundary.uses[k]) for k in between}
         self._removed.setdefault(self.placement.number_face(boundary.face), set()).update(numbers)
+
+    def _cut_between_marks(self) -> None:
+        """Cut the faces of all pieces, each from where its boundary leaves it on to where it next comes back."""
+        for boundary, leaving, returning in self._marks.values():
+            for mark in leaving:
+                between = boundary.list_between(mark, returning)
+                if between is None:
+                    name = self.placement.joint.name_part(boundary.face)
+                    raise TopologyError(f"the end of the blend would take {name} apart")
+                self._cut(boundary, between)
 
     def _lose_end(self, boundary: FaceBoundary, mark: BoundaryMark, *, leaves: bool) -> None:
         """Record which end of a crossed edge is cut off, seen from one of its faces."""
@@ -300,6 +310,7 @@ class _FaceCuts:
         TopologyError
             If an edge would go from one of its faces and stay with the other.
         """
+        self._cut_between_marks()
         gone: dict[int, None] = {}
         waiting = {edge for edges in self._removed.values() for edge in edges}
         known = set(waiting)

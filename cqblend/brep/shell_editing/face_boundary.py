@@ -96,17 +96,21 @@ class FaceBoundary:
         """Return the use before a mark: before the marked one, or that one if the mark is at its end."""
         return mark.use if mark.vertex is not None else self._following.index(mark.use)
 
-    def list_between(self, leaves: BoundaryMark, returns: BoundaryMark) -> list[int] | None:
-        """Return the whole uses from one mark forward to another.
+    def list_between(self, leaves: BoundaryMark, returns: Collection[BoundaryMark]) -> list[int] | None:
+        """Return the whole uses from one mark forward to the first of others.
 
-        None if that is on another wire, or further on the same use, of which two pieces would remain.
+        None if there is none on its wire, or one further on the same use, of which two pieces would remain.
         """
-        if leaves.vertex is None and returns.vertex is None and leaves.use == returns.use:
-            is_forward = self.uses[leaves.use].Orientation() == TopAbs_FORWARD
-            if (leaves.parameter < returns.parameter) == is_forward:
-                return None
-        stop = returns.use if returns.vertex is None else self._following[returns.use]
-        return self._walk(self._following[leaves.use], [stop], self._following)
+        stops = {mark.use if mark.vertex is None else self._following[mark.use] for mark in returns}
+        on_same_use = [mark for mark in returns if mark.vertex is None and mark.use == leaves.use]
+        if leaves.vertex is None and any(self._is_ahead(leaves, mark) for mark in on_same_use):
+            return None
+        return self._walk(self._following[leaves.use], stops, self._following)
+
+    def _is_ahead(self, mark: BoundaryMark, other: BoundaryMark) -> bool:
+        """Whether another mark on the same use comes after a mark."""
+        is_forward = self.uses[mark.use].Orientation() == TopAbs_FORWARD
+        return (mark.parameter < other.parameter) == is_forward
 
     def list_until(self, mark: BoundaryMark, stops: Collection[int], *, backward: bool) -> list[int] | None:
         """Return the whole uses from a mark forward, or backward, up to one of some; None if there is none."""

@@ -79,7 +79,11 @@ class BoundaryPart:
             points = spline.coefs[:, :2] / spline.coefs[:, 2:] if spline.rational else spline.coefs
             return np.stack([points.min(axis=(0, 2)), points.max(axis=(0, 2))])
         assert self.pcurve is not None
-        return np.stack([self.pcurve.centre - self.pcurve.radius, self.pcurve.centre + self.pcurve.radius])
+        extremes = np.arctan2(self.pcurve.axes[1], self.pcurve.axes[0])  # of either coordinate, every half turn
+        turns = np.arange(np.floor((low - np.pi) / np.pi), np.ceil((high + np.pi) / np.pi) + 1)
+        t = (extremes[:, None] + np.pi * turns).ravel()
+        points = self.pcurve(np.concatenate([[low, high], t[(t > low) & (t < high)]]))
+        return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def to_curve(self, scale: Array) -> BoundaryCurve:
         """Return it as a curve, with the parameters times a scale (2,)."""

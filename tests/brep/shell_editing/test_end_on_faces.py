@@ -285,6 +285,8 @@ def box_with_end(kind: str) -> cq.Shape:
         return box.cut(cq.Workplane().box(4, 20, 1.2).translate((13, 0, 4.4))).val()
     if kind == "notch":
         return box.cut(cq.Workplane().box(2, 3, 3).translate((14, 7, 5))).val()
+    if kind == "pocket":  # in the end face, which the end curve crosses twice
+        return box.cut(cq.Workplane().box(2, 2, 2).translate((14.5, 8.6, 3.5))).val()
     if kind == "bore":
         return box.cut(cq.Workplane("XY", origin=(15, 10, 3.5)).circle(4).extrude(5)).val()
     if kind == "countersink":
@@ -310,6 +312,7 @@ def box_with_end(kind: str) -> cq.Shape:
         ("step", 4),
         ("notch", 2.5),
         ("notch", 4.5),
+        ("pocket", 3.4),
         ("bore", 3),
         ("bore", 5),
         ("countersink", 2),

@@ -67,13 +67,15 @@ def test_a_path_may_be_whole_periods_away(turns):
 def test_what_lies_between_two_marks():
     boundary = top_of_box()
     on = [BoundaryMark(k, sum(boundary.find_span(k)) / 2) for k in range(4)]
-    assert boundary.list_between(on[0], on[1]) == []
-    assert boundary.list_between(on[0], on[2]) == [1]
-    assert boundary.list_between(on[2], on[0]) == [3]
+    assert boundary.list_between(on[0], [on[1]]) == []
+    assert boundary.list_between(on[0], [on[2]]) == [1]
+    assert boundary.list_between(on[2], [on[0]]) == [3]
+    assert boundary.list_between(on[0], [on[3], on[2]]) == [1]
+    assert boundary.list_between(on[0], []) is None
     corner = boundary.mark_vertex(1, stops=True)
     assert corner.vertex is not None
-    assert boundary.list_between(on[0], corner) == [1]
-    assert boundary.list_between(corner, on[0]) == [2, 3]
+    assert boundary.list_between(on[0], [corner]) == [1]
+    assert boundary.list_between(corner, [on[0]]) == [2, 3]
     assert boundary.list_until(on[0], [3], backward=False) == [1, 2]
     assert boundary.list_until(on[0], [2], backward=True) == [3]
     assert boundary.list_until(on[0], [9], backward=False) is None
@@ -84,5 +86,5 @@ def test_two_marks_on_one_edge():
     boundary = top_of_box()
     first, last = boundary.find_span(0)
     early, late = (BoundaryMark(0, first + share * (last - first)) for share in (0.25, 0.75))
-    assert boundary.list_between(late, early) == [1, 2, 3]
-    assert boundary.list_between(early, late) is None
+    assert boundary.list_between(late, [early]) == [1, 2, 3]
+    assert boundary.list_between(early, [late]) is None

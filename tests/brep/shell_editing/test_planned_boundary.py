@@ -11,11 +11,20 @@ from test_strip_planning import plan
 
 from cqblend.blends.network.blend_plan import FacePlan
 from cqblend.brep.shell_editing.planned_boundary import find_close_pairs, list_boundary_parts, measure_scale
+from cqblend.surfaces.circle import PlanarCircle
 
 
 def blended_box():
     box = cq.Workplane().box(30, 20, 10)
     return plan(box.val(), box.edges("|Z and >X and >Y").vals(), 2)
+
+
+def blended_wall():
+    """Rails and end curves are arcs, of all quadrants."""
+    body = (
+        cq.Workplane().circle(20).circle(12).extrude(10).intersect(cq.Workplane().box(90, 90, 90).translate((35, 0, 0)))
+    )
+    return plan(body.val(), body.faces(">Z").edges("%CIRCLE").vals(), 2)
 
 
 def blended_cylinder():
@@ -37,7 +46,7 @@ def test_each_part_starts_where_another_stops(make):
             assert gaps.min(axis=0).max() < 1e-9
 
 
-@pytest.mark.parametrize("make", [blended_box, blended_cylinder])
+@pytest.mark.parametrize("make", [blended_box, blended_wall, blended_cylinder])
 def test_parts_lie_in_their_boxes(make):
     index, planned = make()
     for face_plan in planned.faces:
@@ -45,6 +54,9 @@ def test_parts_lie_in_their_boxes(make):
             points = part.evaluate(np.linspace(*part.span, 101))
             assert (points >= part.box[0] - 1e-12).all()
             assert (points <= part.box[1] + 1e-12).all()
+            if part.pcurve is not None and isinstance(part.pcurve, PlanarCircle):
+                assert points.min(axis=0) == pytest.approx(part.box[0], abs=1e-2)
+                assert points.max(axis=0) == pytest.approx(part.box[1], abs=1e-2)
             straight = np.linspace(*points[[0, -1]], 101)
             assert part.is_straight == (np.abs(points - straight).max() < 1e-9)
 
