@@ -242,9 +242,10 @@ class BlendOptions:
             if (self.radius is None) == (self.width is None):
                 given = "neither" if self.radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
-        if self.hold is not None:
-            self._check_hold(section)
         edge_sizes = self._check_edge_sizes()
+        radius = None if edge_sizes or self.radius is None else _check_size("radius", self.radius)
+        if self.hold is not None:
+            self._check_hold(section, radius)
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
         tangents = check_pair("tangents", self.tangents, check_tangents)
@@ -263,7 +264,7 @@ class BlendOptions:
                 steer=(self.steer, BLEND_DEFAULTS.steer),
             )
         return BlendRequest(
-            radius=None if edge_sizes or self.radius is None else _check_size("radius", self.radius),
+            radius=radius,
             width=None if edge_sizes or self.width is None else check_pair("width", self.width, _check_size),
             edge_sizes=edge_sizes,
             taper=None if self.taper is None else check_positive("taper", self.taper),
@@ -287,13 +288,13 @@ class BlendOptions:
             chain=check_flag("chain", self.chain),
         )
 
-    def _check_hold(self, section: SectionName) -> None:
-        """Raise InputError for options that have no meaning where a rail is held on an edge."""
+    def _check_hold(self, section: SectionName, radius: "Size | None") -> None:
+        """Raise InputError for options that have no meaning where a rail is held on an edge; ``radius`` is checked."""
         if section not in ("auto", "hermite", "arc"):
             raise InputError(f"hold is no option of section={section!r}: leave it out")
         if self.radius is None:
             raise InputError("hold takes a radius, not a width: the held edge says how wide the blend is")
-        if callable(self.radius) or isinstance(self.radius, Mapping):
+        if not isinstance(radius, float):
             raise InputError("with hold, radius is a number: it does not vary, nor from edge to edge")
         if isinstance(self.continuity, tuple | list):
             raise InputError("with hold, continuity is that of the side that is not held: give one, not a pair")

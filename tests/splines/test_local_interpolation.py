@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cqblend.splines.local_interpolation import interpolate_locally
+from cqblend.splines.local_interpolation import interpolate_locally, tabulate_node_derivatives
 
 RNG = np.random.default_rng(11)
 NODES = np.sort(RNG.random(23))
@@ -46,3 +46,11 @@ def test_no_polynomial_goes_across_a_kink():
     t = np.concatenate([T, kinks, kinks - 1e-9, kinks + 1e-9])
     assert np.abs(interpolate_locally(NODES, evaluate(NODES), t, 6, kinks) - evaluate(t)).max() < 1e-9
     assert np.abs(interpolate_locally(NODES, evaluate(NODES), t, 6) - evaluate(t)).max() > 1e-2
+
+
+@pytest.mark.parametrize("count", [2, 5, 8])
+def test_derivatives_of_polynomials_through_nodes_are_exact(count):
+    nodes = RNG.permutation(NODES)[:count]
+    coefs = RNG.normal(size=(count, 2))
+    values, slopes = (np.stack([np.polyval(p, nodes) for p in q], -1) for q in (coefs.T, map(np.polyder, coefs.T)))
+    assert tabulate_node_derivatives(nodes) @ values == pytest.approx(slopes, abs=1e-8)

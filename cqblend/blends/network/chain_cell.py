@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
+from cqblend.blends.contacts.contact_solver import ContactSolver
 from cqblend.blends.network.bent_contacts import (
     BentContacts,
     EndFade,
@@ -22,14 +22,15 @@ from cqblend.blends.network.bent_contacts import (
     sum_fades,
     turn_field,
 )
+from cqblend.blends.network.end_samples import EndProbe, SideSamples
 from cqblend.blends.network.shared_section import SectionEnd
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.cubic_ribbons import NO_CORNERS, fit_cubic_ribbons
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import EndJets, GivenEnds, RibbonEnd, find_foot, lift_end
 from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonTargets
+from cqblend.errors import SizeError
 from cqblend.splines.bernstein import Array
-from cqblend.splines.local_interpolation import tabulate_node_derivatives
 from cqblend.surfaces.primary_surface import Primary
 from cqblend.surfaces.vectors import cross_product, measure_lengths, normalise_vectors, to_tangent_coordinates
 
@@ -119,85 +120,6 @@ WantedEnds = tuple[WantedEnd | None, WantedEnd | None]
 
 
 @dataclass(frozen=True)
-class _EndProbe:
-    """Natural contacts beside an end of a cell, those of the end first, at the same ``offsets`` (n,) on both sides.
-
-    The offsets are from the station of each side, so that stations may differ. In between, contacts are polynomials.
-    """
-
-    offsets: Array
-    contacts: Contacts
-
-    @cached_property
-    def differentiate(self) -> Array:
-        """The matrix (n, n) that takes values at the offsets to their derivatives there."""
-        return tabulate_node_derivatives(self.offsets)
-
-    def bend(self, t: Array, shifts: tuple[Array, Array], moves: tuple[Array, Array]) -> Contacts:
-        """Return contacts at t (n,), whose stations are shifted (n,), and native parameters moved (n, 2), by side."""
-        natural = self.contacts
-        tables = [self._tabulate_interpolation(self.offsets + shift - shift[0]) for shift in shifts]
-        first, second = (table @ uv + move for table, uv, move in zip(tables, natural.uv, moves, strict=True))
-        return Contacts(
-            t,
-            natural.edge_points,
-            (first, second),
-            np.stack([table @ lengths for table, lengths in zip(tables, natural.cross_lengths, strict=True)]),
-            None
-            if natural.cross_vectors is None
-            else np.stack([table @ vectors for table, vectors in zip(tables, natural.cross_vectors, strict=True)]),
-        )
-
-    def _tabulate_interpolation(self, at: Array) -> Array:
-        """Return the matrix (m, n) that takes values at the offsets to those of their polynomial at (m,)."""
-        nodes, others = self.offsets, ~np.eye(len(self.offsets), dtype=bool)
-        ratios = (at[:, None, None] - nodes) / np.where(others, nodes[:, None] - nodes, 1.0)
-        return np.asarray(np.where(others, ratios, 1.0).prod(axis=2))
-
-
-@dataclass(frozen=True)
-class _SideSamples:
-    """Contacts of one side beside an end of a cell, that of the end first.
-
-    ``uv`` are native parameters (n, 2), ``jet`` the native jet there, and ``vectors`` (n, 3) cross derivatives;
-    ``differentiate`` (n,) are the weights of values in their derivative at the end.
-    """
-
-    uv: Array
-    jet: Array
-    vectors: Array
-    differentiate: Array
-
-    @property
-    def normals(self) -> Array:
-        """Su x Sv, normalised, (n, 3)."""
-        return normalise_vectors(cross_product(self.jet[1], self.jet[2]))
-
-    @property
-    def rail_rate(self) -> Array:
-        """The derivative of the rail at the end, (3,)."""
-        rate = self.differentiate @ self.uv
-        return np.asarray(rate[0] * self.jet[1, 0] + rate[1] * self.jet[2, 0])
-
-    def estimate_jets(self, count: int, edge: Array | None) -> EndJets:
-        """Return so many jets at the end: what of them is tangent to the surface counts, the rest follows from it.
-
-        Sections leave the end at constant speed, along a smooth edge with derivatives ``edge`` (3, 3), if there is one.
-        """
-        rs = to_tangent_coordinates(self.jet, self.vectors)
-        r, s, normals = rs[:, :1], rs[:, 1:], self.normals
-        bending = (normals * (self.jet[3] * r**2 + 2 * self.jet[4] * r * s + self.jet[5] * s**2)).sum(axis=1)
-        slowing = self.vectors * (bending**2 / (self.vectors**2).sum(axis=1))[:, None]
-        higher = np.stack([self.vectors, normals * bending[:, None], -slowing])
-        values = np.stack([self.jet[0, 0], self.vectors[0], np.zeros(3), -slowing[0]])
-        if edge is not None:
-            length = self.vectors[0] @ edge[0]
-            values[2:] = length**2 * edge[1], length**3 * edge[2]
-        rates = np.concatenate([self.rail_rate[None], np.einsum("n,knd->kd", self.differentiate, higher)])
-        return EndJets(values[:count], rates[:count])
-
-
-@dataclass(frozen=True)
 class ChainCell:
     """A cell between its two ends."""
 
@@ -239,7 +161,7 @@ class ChainCell:
         return float(first), float(last)
 
     @cached_property
-    def _probes(self) -> tuple[_EndProbe, _EndProbe]:
+    def _probes(self) -> tuple[EndProbe, EndProbe]:
         """Natural contacts beside both ends."""
         numbers = np.arange(NETWORK_TOLERANCES.probe_count)
         offsets = [
@@ -256,9 +178,9 @@ class ChainCell:
         t, index = np.unique(stations, return_inverse=True)
         found, index = self._natural(t), index.reshape(stations.shape)
 
-        def probe_end(end: int) -> _EndProbe:
+        def probe_end(end: int) -> EndProbe:
             first, second = (found.select_stations(index[end, side]) for side in (0, 1))
-            return _EndProbe(offsets[end], merge_sides(first, second))
+            return EndProbe(offsets[end], merge_sides(first, second))
 
         return probe_end(0), probe_end(1)
 
@@ -284,7 +206,7 @@ class ChainCell:
 
     def _sample_end(
         self, end: int, shifts: tuple[Fades, Fades], moves: tuple[Fades, Fades], targets: RibbonTargets
-    ) -> tuple[_SideSamples, _SideSamples]:
+    ) -> tuple[SideSamples, SideSamples]:
         """Sample bent contacts beside an end, inside the cell, and cross derivatives there."""
         probe = self._probes[end]
         t, flat = self.domain[end] + probe.offsets, np.zeros((len(probe.offsets), 2))
@@ -299,7 +221,7 @@ class ChainCell:
             rs = probe.differentiate @ uv
             rates = rs[:, :1] * jet[1] + rs[:, 1:] * jet[2]
             vectors = samples.compute_cross_derivatives(side, rates, targets)
-            sides.append(_SideSamples(uv, jet, vectors, probe.differentiate[0]))
+            sides.append(SideSamples(uv, jet, vectors, probe.differentiate[0]))
         return sides[0], sides[1]
 
     def must_turn(self, end: int, section: SectionEnd) -> bool:
@@ -412,7 +334,19 @@ class ChainCell:
                 shifts[side] += fades
                 bend = self._make_fade(end, at - uv[0], rate - natural, widths=NETWORK_TOLERANCES.bending_widths)
                 moves[side].append(bend)
+        for shifted in shifts:
+            self._check_stations(tuple(shifted))
         return (tuple(shifts[0]), tuple(shifts[1])), (tuple(moves[0]), tuple(moves[1]))
+
+    def _check_stations(self, shifts: Fades) -> None:
+        """Raise SizeError if shifted stations do not all follow one another."""
+        t = np.linspace(*self.domain, NETWORK_TOLERANCES.checked_stations)
+        if not (np.diff(t + sum_fades(shifts, t)) > 0).all():
+            raise SizeError(
+                "a cell of the chain is too short for the size: its rails run at different speeds, or end at smooth "
+                "edges at different places, which it has no room to even out",
+                kind="short cell",
+            )
 
     def _turn_targets(
         self, wanted: WantedEnds, shifts: tuple[Fades, Fades], moves: tuple[Fades, Fades]
@@ -466,7 +400,7 @@ def _compare_vectors(vector: Array, wanted: Array, normal: Array) -> tuple[float
     return float(angle), float(np.linalg.norm(wanted) / np.linalg.norm(vector) - 1.0)
 
 
-def _measure_turn(samples: _SideSamples, tangent: Array) -> float:
+def _measure_turn(samples: SideSamples, tangent: Array) -> float:
     """Return the angle (rad) from the cross derivative at an end to a smooth edge."""
     vector = samples.vectors[0]
     return _compare_vectors(vector, tangent * np.sign(tangent @ vector), samples.normals[0])[0]

@@ -70,15 +70,17 @@ class SectionMismatch:
     """What two cells have not in common at their junction.
 
     ``gap`` is the largest distance (mm) of their sections at equal parameters, ``angle`` the largest angle (rad)
-    between their tangent planes along them.
+    between their tangent planes along them; ``rounding`` is what is rounding in either, by their distance from the
+    origin.
     """
 
     gap: float
     angle: float
+    rounding: tuple[float, float]
 
     def is_natural(self, roughness: float) -> bool:
         """Whether the cells meet but for rounding, and for the ``roughness`` (rad) of the smooth edge between them."""
-        return self.gap <= NETWORK_TOLERANCES.natural_gap and self.angle <= NETWORK_TOLERANCES.natural_angle + roughness
+        return self.gap <= self.rounding[0] and self.angle <= self.rounding[1] + roughness
 
 
 def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
@@ -91,4 +93,9 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     # a cell has no normal where its rail is one point
     is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
     angles = np.arctan2(sine, cosine)[is_regular]
-    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(angles.max()))
+    distance = NETWORK_TOLERANCES.section_rounding * float(np.abs(first[0]).max())
+    rounding = (
+        max(NETWORK_TOLERANCES.natural_gap, distance),
+        max(NETWORK_TOLERANCES.natural_angle, distance / before.width),
+    )
+    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(angles.max()), rounding)

@@ -49,7 +49,10 @@ class NetworkTolerances:
     lie may miss its axis, or turn from it."""
 
     natural_gap: float = 1e-12
-    """Distance (mm) of the end sections of two cells up to which they have one by nature."""
+    """Distance (mm) of the end sections of two cells up to which they have one by nature, near the origin."""
+
+    section_rounding: float = 4e-15
+    """The same, relative to the largest coordinate, farther from there."""
 
     torn_section: float = 1e-9
     """Distance (mm) of the end sections of two cells from which on they are apart."""
@@ -83,6 +86,9 @@ class NetworkTolerances:
 
     bending_widths: float = 1.0
     """Length over which a rail that arrives at the end of a cell at an angle is bent, in widths of the blend."""
+
+    checked_stations: int = 129
+    """Parameters of a cell at which shifted stations must follow one another."""
 
     bend_samples: int = 17
     """Points along a bend at which it is measured how far it is from the natural rail."""

@@ -10,7 +10,7 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
 from OCP.gp import gp_Vec
 
 from cqblend.blends.rails.ribbon_end import EndJets
-from cqblend.errors import GeometryError
+from cqblend.errors import GeometryError, SizeError
 
 GAP, ANGLE = 1e-12, 1e-11
 
@@ -278,3 +278,9 @@ def test_a_very_oblique_edge_costs_an_angle_that_is_reported():
     assert gap <= GAP
     assert 0.01 < angle < 0.05
     assert max(junction.angle for junction in ribbons.junctions) == pytest.approx(angle, rel=1e-2)
+
+
+def test_a_ball_larger_than_the_radius_of_a_corner_is_refused():
+    body = cq.Workplane().box(30, 20, 10).edges("|Z").fillet(1)
+    with pytest.raises(SizeError, match="a rail turns back: the size is larger than the radius of curvature there"):
+        rim_of(body, radius=2.0).fit()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernel_surfaces import clamped
 
-from cqblend.blends.rails.direction_steering import Steering, SteeringPin, find_pins
+from cqblend.blends.rails.direction_steering import Steering, SteeringPin, drop_hasty_pins, find_pins
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.errors import GeometryError
@@ -144,3 +144,23 @@ def test_pins_only_where_the_surface_is_too_rough_and_the_turn_allowed():
 def test_third_order_says_where_the_surface_is_not_c3():
     with pytest.raises(GeometryError, match=r"v = 0\.5, where one is only C2, at t = 0\.5; use G2"):
         find_pins(slanted(0.1, 3, multiplicity=1), 0.5)
+
+
+def test_turns_fade_before_ends_at_which_directions_are_given():
+    pin = SteeringPin(0.03, 0, 0.5, 0.2, second_order=True)
+    free, fixed = Steering((pin,), (0.0, 1.0), False), Steering((pin,), (0.0, 1.0), False, (True, False))
+    t = np.array([0.0, 0.03, 0.08])
+    assert free.evaluate_angle(t)[0] > 0.05
+    assert fixed.evaluate_angle(t)[0] == 0
+    assert fixed.evaluate_angle(t)[1:] == pytest.approx(free.evaluate_angle(t)[1:])
+    second = fixed.align_second_directions(np.ones((3, 2)), t)
+    assert second[0].tolist() == [1.0, 1.0]
+    assert second[1, 0] == 0
+
+
+def test_pins_too_near_to_a_given_end_for_their_turn_are_dropped():
+    ribbon = slanted(0.4, 1)
+    pins = find_pins(ribbon, 0.5)
+    assert drop_hasty_pins(ribbon, pins, (False, False)) == pins
+    assert drop_hasty_pins(ribbon, pins, (True, True)) == []  # 0.4 of a unit on 0.4 of the rail's own length
+    assert drop_hasty_pins(slanted(0.05, 1), find_pins(slanted(0.05, 1), 0.5), (True, True)) != []
