@@ -166,9 +166,11 @@ class BlendOptions:
         How the blend of an open edge ends: ``"natural"``, on whatever faces lie around its end; ``"flat"``, in a flat
         cap across the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much);
         ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
-        pair is for the start and the end of the edge, in its own orientation.
+        pair is for the start and the end of the edge, in its own orientation; of a chain, in that of the picked edge
+        with the lowest index.
     first : a face, optional
-        The face that counts as side 1; by default the one with the lower index in the shape.
+        The face that counts as side 1; by default the one with the lower index in the shape, of a chain the one at the
+        picked edge with the lowest index. The side that it is on is side 1 all along the chain.
     on_error : {"raise", "skip"}, default "raise"
         What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
         all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.
@@ -242,9 +244,10 @@ class BlendOptions:
             if (self.radius is None) == (self.width is None):
                 given = "neither" if self.radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
-        if self.hold is not None:
-            self._check_hold(section)
         edge_sizes = self._check_edge_sizes()
+        radius = None if edge_sizes or self.radius is None else _check_size("radius", self.radius)
+        if self.hold is not None:
+            self._check_hold(section, radius)
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
         tangents = check_pair("tangents", self.tangents, check_tangents)
@@ -263,7 +266,7 @@ class BlendOptions:
                 steer=(self.steer, BLEND_DEFAULTS.steer),
             )
         return BlendRequest(
-            radius=None if edge_sizes or self.radius is None else _check_size("radius", self.radius),
+            radius=radius,
             width=None if edge_sizes or self.width is None else check_pair("width", self.width, _check_size),
             edge_sizes=edge_sizes,
             taper=None if self.taper is None else check_positive("taper", self.taper),
@@ -287,13 +290,13 @@ class BlendOptions:
             chain=check_flag("chain", self.chain),
         )
 
-    def _check_hold(self, section: SectionName) -> None:
-        """Raise InputError for options that have no meaning where a rail is held on an edge."""
+    def _check_hold(self, section: SectionName, radius: "Size | None") -> None:
+        """Raise InputError for options that have no meaning where a rail is held on an edge; ``radius`` is checked."""
         if section not in ("auto", "hermite", "arc"):
             raise InputError(f"hold is no option of section={section!r}: leave it out")
         if self.radius is None:
             raise InputError("hold takes a radius, not a width: the held edge says how wide the blend is")
-        if callable(self.radius) or isinstance(self.radius, Mapping):
+        if not isinstance(radius, float):
             raise InputError("with hold, radius is a number: it does not vary, nor from edge to edge")
         if isinstance(self.continuity, tuple | list):
             raise InputError("with hold, continuity is that of the side that is not held: give one, not a pair")

@@ -112,6 +112,12 @@ def test_functions_that_are_constant_become_numbers():
     assert checked(width=(cqblend.linear(2, 2), 3)).width == (2.0, 3.0)
 
 
+def test_a_rail_can_be_held_with_a_constant_function_but_with_none_that_varies():
+    assert checked(lambda _: 0.3, hold=["edge"]).radius == 0.3
+    with pytest.raises(InputError, match="with hold, radius is a number"):
+        checked(cqblend.linear(1, 2), hold=["edge"])
+
+
 @pytest.mark.parametrize("law", [lambda t: 1e-7 + 1e-9 * t, cqblend.linear(1e-8, 1e-7)])
 def test_sizes_that_vary_have_the_same_range(law):
     with pytest.raises(SizeError, match="below 1e-06 mm"):

@@ -355,6 +355,24 @@ def test_both_widths_go_to_0_or_none():
         cqblend.blend_edges(BOX, BOX.edges(EDGE), width=(cqblend.linear(0, 3), 2))
 
 
+def test_in_an_open_shell_a_blend_may_end_in_a_point():
+    shell = cq.Shell.makeShell(cq.Workplane().box(30, 20, 10).faces("not >Z").vals())
+    edge = cq.Workplane(shell).edges("|Z and >X and >Y")
+    for law in (cqblend.linear(0, 2), cqblend.linear(2, 0)):
+        result = cqblend.blend_edges(shell, edge, law)
+        assert cqblend.verify(result.shape, result.faces).ok
+        assert sorted(end.kind for end in result.certificate.ends) == ["natural", "point"]
+
+
+def test_rails_of_two_that_vary_may_meet_all_along():
+    """A full round whose only edge runs obliquely: the radii add up to the thickness everywhere."""
+    slab = cq.Workplane().box(50, 30, 10)
+    first, second = slab.edges("|Y and >X").vals()  # in opposite senses
+    result = cqblend.blend_edges(slab, [first, second], {first: cqblend.linear(4, 6), second: cqblend.linear(4, 6)})
+    check_sound(result)
+    assert len(result.shape.Faces()) == 7
+
+
 # Sizes by edge.
 
 
@@ -430,6 +448,30 @@ def test_a_law_runs_along_a_whole_closed_chain(continuity):
     check_sound(result)
     assert len(result.faces) == 8
     assert all(edge.angle <= 1e-10 for edge in result.certificate.edges if edge.kind == "between")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_on_a_closed_chain_t_starts_where_the_picked_edge_with_the_lowest_index_does(turned):
+    body, rim_edges = tray()
+    lowest = next(edge for edge in body.val().Edges() if any(edge.isSame(one) for one in rim_edges))
+    others = [edge for edge in rim_edges if not edge.isSame(lowest)]
+    picked = cq.Edge(lowest.wrapped.Reversed()) if turned else lowest
+    length = sum(edge.Length() for edge in rim_edges)
+    result = cqblend.blend_edges(body, [*others, picked], lambda t: 1.5 + 0.5 * np.cos(2 * np.pi * t))
+    check_sound(result)
+    start = np.array((lowest.endPoint() if turned else lowest.startPoint()).toTuple())
+    top = np.concatenate(
+        [rail for one in split_faces(result) for rail in locate_rails(one) if np.ptp(rail[:, 2]) < 1e-9]
+    )
+    top = top[np.abs(top[:, 2] - 5) < 1e-9]
+    near = top[np.linalg.norm(top - start, axis=1).argmin()]
+    assert np.linalg.norm(near - start) == pytest.approx(2.0, abs=1e-3)
+    along = np.array((lowest.tangentAt(0.0) if not turned else -lowest.tangentAt(1.0)).toTuple())
+    if lowest.geomType() == "LINE":  # a quarter of the way along it, the radius has gone down by that much
+        share = lowest.Length() / 4
+        place = start + share * along
+        found = np.linalg.norm(top - place, axis=1).min()
+        assert found == pytest.approx(1.5 + 0.5 * np.cos(2 * np.pi * share / length), abs=2e-2)
 
 
 def test_a_chain_may_end_in_points():

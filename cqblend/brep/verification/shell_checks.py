@@ -69,7 +69,7 @@ def _find_new_borders(
     """Return a line, and the edges it is about, for what is wrong with the border and the sense of a shell's faces.
 
     Of the edges that changed faces have, each must be used once in each sense or not at all; or as often as before; or,
-    once, if it is one of the given free edges, or a piece of an edge that was free.
+    once, if it is one of the given free edges, or a piece of an edge that was free. Points bound one face only.
     """
     edges = ShapeIndex.from_shapes([replaced.old_compound, replaced.new_compound], TopAbs_EDGE)
     (taken, old_groups), (given, new_groups) = (_count_uses(faces, edges) for faces in (replaced.old, replaced.new))
@@ -85,7 +85,7 @@ def _find_new_borders(
         lines.append(("the shell comes apart", []))
     for number, edge in enumerate(edges, 1):
         uses = [before[n] - taken[n] + given[n] for n in (number, -number)]
-        if uses in ([0, 0], [1, 1], [before[number], before[-number]]):
+        if BRep_Tool.Degenerated_s(edge) or uses in ([0, 0], [1, 1], [before[number], before[-number]]):
             continue
         is_border = sum(uses) == 1 and (is_among(edge, free_edges) or any(_is_piece(edge, one) for one in was_free))
         if not is_border:
