@@ -135,6 +135,9 @@ class NetworkTolerances:
     station_exact: float = 1e-14
     """Steps, in t and as a share of the edge, with which it ends at once."""
 
+    common_stations: float = 1e-13
+    """In t: stations of both sides that differ by no more are the same but for rounding."""
+
     station_rounding: float = 1e-9
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""
 

@@ -187,7 +187,9 @@ def _find_partner(
 ) -> TopoDS_Face:
     """Return the face of the other strip that shares a rail, whose support face is consumed."""
     return next(
-        face for other, face in zip(plan.strips, blend_faces, strict=True) if other is not strip and rail in other.rails
+        face
+        for other, face in zip(plan.strips, blend_faces, strict=True)
+        if other is not strip and any(rail[0] in side for side in other.rails)
     )
 
 
