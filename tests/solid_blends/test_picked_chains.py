@@ -6,6 +6,7 @@ import math
 
 import cadquery as cq
 import pytest
+from OCP.ShapeUpgrade import ShapeUpgrade_ShapeDivideClosedEdges
 from OCP.TopAbs import TopAbs_EDGE
 
 import cqblend
@@ -116,6 +117,25 @@ def test_just_what_is_picked():
         assert len(result.faces) == len(picked)
         assert [end.kind for end in result.certificate.ends] == ["flat", "flat"]
         assert cqblend.verify(result.shape, result.faces).ok
+
+
+def test_a_ring_in_pieces_is_followed_only_if_asked_to():
+    """The foot of a boss in two arcs, at whose vertices only the two faces meet."""
+    body = cq.Solid.makeCylinder(8, 3).fuse(cq.Solid.makeCylinder(4, 9)).Solids()[0]
+    divide = ShapeUpgrade_ShapeDivideClosedEdges(body.wrapped)
+    divide.Perform()
+    cut = cq.Shape.cast(divide.Result()).Solids()[0]
+    arcs = [e for e in cut.Edges() if e.geomType() == "CIRCLE" and e.radius() == 4 and abs(e.Center().z - 3) < 1e-6]
+    assert len(arcs) == 2
+    for picked, chain in ((arcs[:1], True), (arcs, True), (arcs, False)):
+        result = cqblend.blend_edges(cut, picked, 1, chain=chain)
+        assert sorted(result.certificate.blended) == sorted(number(cut, arcs))
+        assert result.certificate.ends == ()
+        assert len(result.faces) == 1
+    half = cqblend.blend_edges(cut, arcs[0], 1, chain=False, ends="flat")
+    assert half.certificate.blended == tuple(number(cut, arcs[:1]))
+    assert [end.kind for end in half.certificate.ends] == ["flat", "flat"]
+    assert 0.9 < half.certificate.coverage <= 1
 
 
 def test_ends_of_a_chain_run_as_the_lowest_picked_edge_does():
