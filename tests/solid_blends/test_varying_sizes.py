@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from io import BytesIO
 
 import cadquery as cq
@@ -12,6 +13,7 @@ from OCP.BRepTools import BRepTools
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
+from places import CASES
 
 import cqblend
 from cqblend.brep.topology import explore_subshapes
@@ -77,7 +79,7 @@ def straight() -> tuple[cq.Workplane, cq.Edge]:
 BODIES = {make.__name__: make for make in (straight, wedge, step, half_cylinder, wavy, rim, foot)}
 CLOSED = ("rim", "foot")
 LAWS = {"linear": LINEAR, "sine": sine, "table": TABLE, "to 0": cqblend.linear(0, 2), "0 to 0": arch}
-CASES = [
+SOLID_CASES = [
     (body, law)
     for body in BODIES
     for law in LAWS
@@ -94,7 +96,7 @@ def check_sound(result: cqblend.BlendResult, angle: float = 1e-10) -> None:
     assert result.certificate.coverage == 1.0
 
 
-@pytest.mark.parametrize(("body", "law"), CASES)
+@pytest.mark.parametrize(("body", "law"), SOLID_CASES)
 def test_it_is_sound_and_exactly_tangent(body, law):
     solid, edge = BODIES[body]()
     size = LAWS[law]
@@ -305,6 +307,14 @@ def test_a_linear_radius_between_planes_is_a_cone():
     assert size == pytest.approx(np.full(40, 4 / np.sqrt(20**2 + 2 * 4**2 - 4**2)), rel=1e-12)
     half = np.arccos((rail[0] * rail[1]).sum(-1) / size**2).max() / 2
     assert (np.abs(radii - size[:, None]) / size[:, None]).max() < 1.01 * find_cubic_arc_error(half)
+    assert result.certificate.degree == (1, 3)
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not at hand")
+def test_the_case_with_a_radius_as_a_law():
+    body, edges, law = runpy.run_path(str(CASES / "blend_cases.py"))["CASES"]["25_variable"][0]()
+    result = cqblend.blend_edges(body, edges, law)
+    check_sound(result)
     assert result.certificate.degree == (1, 3)
 
 
