@@ -120,7 +120,6 @@ def test_it_is_sound_and_exactly_tangent(body, law):
         {"tangents": "chord"},
         {"bulge": 0.8},
         {"form": "compact"},
-        {"ends": "flat"},
     ],
     ids=str,
 )
@@ -333,6 +332,16 @@ def test_at_a_point_the_vertex_stays_and_nothing_else_changes():
     unchanged = [face for face in BOX.val().Faces() if any(face.isSame(one) for one in result.shape.Faces())]
     assert len(unchanged) == 3  # but for the two beside the edge, and the one across its other end
     assert len(result.shape.Faces()) == 7
+
+
+def test_an_end_that_is_no_point_may_be_flat():
+    edge = BOX.edges(EDGE)
+    for law, kinds in ((LINEAR, ["flat", "flat"]), (cqblend.linear(0, 2), ["point", "flat"])):
+        result = cqblend.blend_edges(BOX, edge, law, ends="flat")
+        assert cqblend.verify(result.shape, result.faces).ok
+        assert [end.kind for end in result.certificate.ends] == kinds
+    with pytest.raises(InputError, match="ends has no effect where the size is 0 at both ends"):
+        cqblend.blend_edges(BOX, edge, arch, ends="flat")
 
 
 def test_both_ends_may_be_points():
