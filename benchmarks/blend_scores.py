@@ -42,6 +42,8 @@ STATIONS = 9
 """Places of an edge at which nothing of it may be left."""
 SHARP = 0.1
 """Angle from which on a joint counts as an end, rad."""
+FADED = 1e-6
+"""Share of the largest |S_u x S_v| along an edge below which a face has no normal: it ends in a point there."""
 FAR_END = 6.0
 """Distance from the end of a chain within which there may be sharp edges of its blend, in widths."""
 LEAST_DEPTH = 0.02
@@ -203,12 +205,14 @@ def _list_uses(edge: TopoDS_Edge, faces: Sequence[Face]) -> list[tuple[TopoDS_Ed
 
 
 def _trace(edge: TopoDS_Edge, face: Face, parameters: Sequence[float]) -> tuple[Array, Array]:
-    """Return points and outward normals of a face along one of its edges."""
+    """Return points and outward normals of a face along one of its edges; NaN where the face fades into a point."""
     first, last = BRep_Tool.Range_s(edge)
     pcurve = BRep_Tool.CurveOnSurface_s(edge, face.shape, first, last)
-    places = [pcurve.Value(t).Coord() for t in parameters]
-    points = np.array([face.surface.Value(*uv).Coord() for uv in places])
-    return points, np.array([face.find_normal(*uv) for uv in places])
+    jets = np.array([face.evaluate(*pcurve.Value(t).Coord())[:3] for t in parameters])
+    cross = face.sign * np.cross(jets[:, 1], jets[:, 2])
+    lengths = np.linalg.norm(cross, axis=1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return jets[:, 0], np.where(lengths > FADED * lengths.max(), cross / lengths, np.nan)
 
 
 def _check_joints(

@@ -166,9 +166,11 @@ class BlendOptions:
         How the blend of an open edge ends: ``"natural"``, on whatever faces lie around its end; ``"flat"``, in a flat
         cap across the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much);
         ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
-        pair is for the start and the end of the edge, in its own orientation.
+        pair is for the start and the end of the edge, in its own orientation; of a chain, in that of the picked edge
+        with the lowest index.
     first : a face, optional
-        The face that counts as side 1; by default the one with the lower index in the shape.
+        The face that counts as side 1; by default the one with the lower index in the shape, of a chain the one at the
+        picked edge with the lowest index. The side that it is on is side 1 all along the chain.
     on_error : {"raise", "skip"}, default "raise"
         What to do where edges cannot be blended: ``"raise"`` the error, and nothing is blended; or ``"skip"`` them and
         all edges that touch them, and blend the others: ``result.skipped`` has a record of each such network of edges.

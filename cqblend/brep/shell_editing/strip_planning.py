@@ -250,7 +250,7 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     for trim in (trim for chain in chains for trim in chain.edge_trims):
         trims.setdefault(index.edges.find_number(trim.edge), []).append(trim)
     shared = share_rails([strip for chain in chains for strip in chain.strips], trims)
-    if shared.vertices:
+    if shared.vertices or shared.consumed:
         chains = [_use_shared_rails(chain, shared, index) for chain in chains]
     cuts: list[FacePlan] = []
     for group in group_networks([chain.cut_edges for chain in chains]):
