@@ -49,10 +49,10 @@ def estimate_largest_radius(body: Body, chain: Chain) -> float:
         largest = min(largest, width * slope)
         to_centre = station.inward[0] / slope + station.sense * station.normals[0]
         largest = min(largest, _invert(float(to_centre @ station.curvature)))
-    bend = max(
-        _find_largest_bend(body, edge, station) for edge in chain.edges for station in _list_stations(body, edge)
-    )
-    largest = min(largest, _invert(bend))
+    for edge in chain.edges:
+        for station in _list_stations(body, edge):
+            largest = min(largest, _invert(_find_largest_bend(body, edge, station)))
+            largest = min(largest, AWAY * _invert(_find_largest_bend(body, edge, station, both=True)))
     if not chain.closed:
         largest = min(largest, 0.4 * sum(chain.measure_lengths()) * min(math.tan(one.angle / 2) for one in stations))
     return ROOM * largest
