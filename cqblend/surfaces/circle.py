@@ -32,6 +32,11 @@ class PlanarCircle:
     axes: Array  # (2, 2), rows X and Y
     radius: float
 
+    @property
+    def arms(self) -> Array:
+        """The vectors from the centre to the points at 0 and at a quarter of a turn, (2, 2)."""
+        return self.radius * self.axes
+
     def __call__(self, t: Array) -> Array:
         """Return points (n, 2) at angles (n,)."""
         return self.centre + self.radius * (np.cos(t)[:, None] * self.axes[0] + np.sin(t)[:, None] * self.axes[1])

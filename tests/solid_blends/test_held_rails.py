@@ -213,3 +213,16 @@ def test_the_command_line(tmp_path):
     back = cq.Shape.cast(read_step(tmp_path / "out.step"))
     assert back.isValid()
     assert back.Volume() == pytest.approx(blend("step")[3].shape.Volume(), rel=1e-9)
+
+
+def test_shapes_of_build123d():
+    build123d = pytest.importorskip("build123d")
+    plate = build123d.Box(30, 20, 3)
+    low, high = (
+        group.sort_by(build123d.Axis.X)[-1]
+        for group in plate.edges().filter_by(build123d.Axis.Y).group_by(build123d.Axis.Z)
+    )
+    result = cqblend.blend_edges(plate, high, 5, hold=build123d.ShapeList([low]))
+    assert type(result.shape) is build123d.Part
+    assert len(result.shape.faces()) == 6
+    assert result.certificate.valid

@@ -325,3 +325,13 @@ def test_edges_of_a_real_open_shell():
             assert result.certificate.angle < 1e-5
             assert result.certificate.coverage == 1
             assert len(list_border(cq.Shape.cast(result.shape))) == before
+
+
+def test_shapes_of_build123d():
+    build123d = pytest.importorskip("build123d")
+    tray = build123d.Shell([face for face in build123d.Box(30, 20, 10).faces() if face.center().Z < 4.9])
+    upright = next(edge for edge in tray.edges() if abs((edge % 0.5).Z) > 0.9)
+    result = cqblend.blend_edges(tray, upright, 2)
+    assert type(result.shape) is build123d.Shell
+    assert len(result.shape.faces()) == 6
+    assert cqblend.verify(result.shape, result.faces).ok

@@ -92,3 +92,12 @@ def test_the_top_of_a_slot_becomes_one_round():
     assert cqblend.verify(result.shape).ok
     assert len(result.shape.Faces()) == 9
     assert result.certificate.angle < 1e-10
+
+
+@pytest.mark.parametrize(("upright", "radius", "kind"), [(2, 1, "TORUS"), (4, 2, "TORUS"), (3, 1.7, "REVOLUTION")])
+def test_tori_that_cross_themselves_stay_polynomial_since_step_does_not_keep_them(upright, radius, kind):
+    # at twice the radius the torus touches itself in the axis: rounding must not make it cross itself
+    box = cq.Workplane().box(30, 20, 10).edges("|Z").fillet(upright)
+    result = cqblend.blend_edges(box.solids().val(), box.faces(">Z").edges(">Y").vals(), radius)
+    assert {face.geomType() for face in result.faces[1::2]} == {kind}
+    assert cqblend.verify(result.shape).ok

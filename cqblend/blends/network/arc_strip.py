@@ -10,8 +10,10 @@ from cqblend.blends.network.strip_surface import StripCut, StripSection, find_me
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection, BallSurface
 from cqblend.splines import Curve
+from cqblend.splines.approximation import approximate_curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
 from cqblend.surfaces.line import Line
 from cqblend.surfaces.primary_surface import JET_ORDERS
 from cqblend.surfaces.quadrics import Plane
@@ -87,20 +89,56 @@ class ArcStrip:
         return Curve(curve.breaks, coefs + section.start[:, None], continuity=curve.continuity)
 
     def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
-        """Return the section in a plane across a cylinder, or in one that the axis of a torus lies in."""
+        """Return the circle or ellipse in which a plane cuts a cylinder, or a torus whose axis lies in it."""
         section, tolerance = self.section, NETWORK_TOLERANCES.arc_plane
         frame, normal = section.surface.frame, plane.frame.axes[2]
         if section.is_straight:
-            slope = np.linalg.norm(np.cross(frame.axes[2], normal))
-            along = section.along[1] * frame.axes[2]
-            s = float((plane.frame.origin - frame.origin) @ normal / (along @ normal)) if slope <= tolerance else None
+            cosine = float(frame.axes[2] @ normal)
+            if abs(cosine) <= NETWORK_TOLERANCES.least_cut_sine:
+                return None
+            height = float((plane.frame.origin - frame.origin) @ normal) / cosine
+            across = frame.axes[:2] @ normal
+            if np.linalg.norm(across) > tolerance:
+                return self._cut_obliquely(plane, height, across / cosine)
+            s = section.along[1] * height
         else:
             radius = float(measure_lengths(self.jet(np.zeros(1), np.zeros(1), 1)[1, 0, 0]))
-            s = find_meridian_angle(frame, plane, near, radius, tolerance)
-        if s is None:
-            return None
+            angle = find_meridian_angle(frame, plane, near, radius, tolerance)
+            if angle is None:
+                return None
+            s = angle
         circle, span = self._make_circle(s), (0.0, section.opening)
-        axes = plane.frame.axes[:2]
-        centre = axes @ (circle.frame.origin - plane.frame.origin)
-        on_plane = PlanarCircle(centre, circle.frame.axes[:2] @ axes.T, section.radius)
-        return StripCut(circle, span, Curve.bezier([(s, 0.0), (s, 1.0)], domain=span), on_plane)
+        centre, axes = _project_to_plane(plane, circle.frame)
+        on_strip = Curve.bezier([(s, 0.0), (s, 1.0)], domain=span)
+        return StripCut(circle, span, on_strip, PlanarCircle(centre, axes, section.radius))
+
+    def _cut_obliquely(self, plane: Plane, height: float, slope: Array) -> StripCut:
+        """Return the ellipse in which a plane cuts a cylinder.
+
+        The plane meets the axis at ``height`` and falls by ``slope`` (2,) along the other axes of the frame. The
+        parameter of the ellipse is the cylinder's angle, less that of the steepest way.
+        """
+        section, radius = self.section, self.section.radius
+        frame, steepness = section.surface.frame, float(np.linalg.norm(slope))
+        steepest = float(np.arctan2(slope[1], slope[0]))
+        low, high = section.start[0] - steepest, section.start[0] - steepest + section.opening
+        (x, y), z = np.array([slope, [-slope[1], slope[0]]]) / steepness @ frame.axes[:2], frame.axes[2]
+        longer = float(np.hypot(1.0, steepness))
+        x = (x - steepness * z) / longer
+        placed = LocalFrame(frame.origin + height * z, np.stack([x, y, cross_product(x, y)]))
+        radii = radius * longer, radius
+
+        def locate_on_strip(t: Array) -> Array:
+            s = section.along[1] * (height - radius * steepness * np.cos(t))
+            return np.stack([s, (t - low) / section.opening], axis=-1)
+
+        breaks = np.linspace(low, high, NETWORK_TOLERANCES.cut_spans + 1)
+        on_strip = approximate_curve(locate_on_strip, breaks, NETWORK_TOLERANCES.cut_fit * radius)
+        centre, axes = _project_to_plane(plane, placed)
+        return StripCut(Ellipse(placed, radii), (low, high), on_strip, PlanarEllipse(centre, axes, radii))
+
+
+def _project_to_plane(plane: Plane, frame: LocalFrame) -> tuple[Array, Array]:
+    """Return the origin (2,) and the first two axes (2, 2) of a frame in the parameters of a plane that it lies in."""
+    axes = plane.frame.axes[:2]
+    return axes @ (frame.origin - plane.frame.origin), frame.axes[:2] @ axes.T

@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
 
-from cqblend.blends.network.strip_surface import RailCurve
+from cqblend.blends.network.strip_surface import PlaneCurve, RailCurve
 from cqblend.blends.sections.arc_section import BallSurface
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.circle import PlanarCircle
+from cqblend.surfaces.ellipse import Ellipse
 from cqblend.surfaces.quadrics import Plane
 
 EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
@@ -57,7 +57,7 @@ class PlannedPcurve:
     """
 
     face: int | PlannedSurface
-    curve: Curve | PlanarCircle
+    curve: PlaneCurve
     reversed_curve: Curve | None = None
 
 
@@ -66,7 +66,7 @@ class NewEdge:
     """A new edge on a curve over a span of its parameter; a pole has no curve."""
 
     role: EdgeRole
-    curve: RailCurve | None
+    curve: RailCurve | Ellipse | None
     span: tuple[float, float]
     vertices: tuple[PlannedVertex, PlannedVertex]
     pcurves: tuple[PlannedPcurve, ...]

@@ -139,7 +139,8 @@ class ChainCell:
     @property
     def has_common_stations(self) -> bool:
         """Whether the rails of both sides end at the same stations."""
-        return all(end.stations[0] == end.stations[1] for end in self.ends)
+        differences = [abs(end.stations[0] - end.stations[1]) for end in self.ends]
+        return max(differences) <= NETWORK_TOLERANCES.common_stations
 
     def fit_light(self) -> tuple[Ribbon, Ribbon] | None:
         """Return straight or circular ribbons, if these are exact."""

@@ -18,12 +18,16 @@ from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
 from cqblend.surfaces.line import Line
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame
 
 RailCurve = Curve | Circle | Line
 """A rail in space."""
+
+PlaneCurve = Curve | PlanarCircle | PlanarEllipse
+"""A curve in a parameter plane."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +49,10 @@ class StripCut:
     ``on_strip`` is the same curve in the parameters (s, v) of the strip, ``on_other`` in those of the other surface.
     """
 
-    curve: Curve | Circle
+    curve: Curve | Circle | Ellipse
     span: tuple[float, float]
     on_strip: Curve
-    on_other: Curve | PlanarCircle
+    on_other: PlaneCurve
 
     @classmethod
     def from_solution(cls, solution: Curve) -> StripCut:

@@ -44,6 +44,12 @@ class NetworkTolerances:
     coincident_lines: float = 1e-7
     """Radians: straight curves that leave a common end at less lie on each other."""
 
+    cut_fit: float = 1e-12
+    """Relative to the radius: largest error of an ellipse in the parameters of its cylinder, where it is a spline."""
+
+    cut_spans: int = 4
+    """Spans from which on that is fitted."""
+
     arc_plane: float = 1e-12
     """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
     lie may miss its axis, or turn from it."""
@@ -128,6 +134,9 @@ class NetworkTolerances:
 
     station_exact: float = 1e-14
     """Steps, in t and as a share of the edge, with which it ends at once."""
+
+    common_stations: float = 1e-13
+    """In t: stations of both sides that differ by no more are the same but for rounding."""
 
     station_rounding: float = 1e-9
     """Steps, in t and as a share of the edge, from which on they are due to rounding if they no longer halve."""

@@ -211,8 +211,9 @@ def drop_hasty_pins(ribbon: Ribbon, pins: list[SteeringPin], fixed_ends: tuple[b
     if not pins or not len(ends):
         return pins
     t = np.array([pin.t for pin in pins])
-    rail = ribbon.jets[0].jet(t, 1)
+    rail, to_end = ribbon.jets[0].jet(t, 1), np.abs(t[:, None] - ends).min(axis=1)
     rate, vector = dehomogenise_jets(rail)[1], dehomogenise_jets(np.stack([rail[0], ribbon.jets[1](t)]))[1]
-    room = measure_lengths(rate) * np.abs(t[:, None] - ends).min(axis=1)
     swing = measure_lengths(vector) * np.abs([pin.angle for pin in pins])
-    return [pin for pin, is_slow in zip(pins, swing <= RAIL_TOLERANCES.fastest_turn * room, strict=True) if is_slow]
+    is_slow = swing <= RAIL_TOLERANCES.fastest_turn * measure_lengths(rate) * to_end
+    is_slow |= to_end >= RAIL_TOLERANCES.fade_length_share * np.ptp(ribbon.c.domain)  # as long as turns ever take
+    return [pin for pin, is_kept in zip(pins, is_slow, strict=True) if is_kept]

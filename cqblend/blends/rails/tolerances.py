@@ -153,7 +153,7 @@ class RailTolerances:
     sliver_share: float = 2e-5
     fade_fit_share: float = 0.02
     fade_length_share: float = 0.1
-    fastest_turn: float = 0.3
+    fastest_turn: float = 0.4
     near_rail_angle: float = 0.05
     folding_turn: float = 0.8
     largest_turn: float = 1.57

@@ -135,6 +135,13 @@ def _find_torus(blend: BlendSurface, arc: _FirstArc, radius: float) -> ArcSectio
     is_sphere = abs(major) <= SECTION_TOLERANCES.arc_deviation * max(radius, abs(height))
     if major < 0 and not is_sphere:
         raise UnsupportedError(f"the ball's centre would be {-major:.3g} mm beyond the axis")
+    if not is_sphere and major < radius:
+        if major < radius * (1 - SECTION_TOLERANCES.arc_deviation):
+            raise UnsupportedError(
+                f"the ball's centre goes around the axis at {major:.3g} mm, less than its radius: that torus crosses "
+                "itself, and STEP files do not keep its edges exactly"
+            )
+        major = radius  # but for rounding, it touches itself
     placed = LocalFrame(frame.origin + height * frame.axes[2], frame.axes)
     surface = Sphere(placed, radius, frame.axes[2]) if is_sphere else RevolvedEllipse.from_radii(placed, major, radius)
     stop = start + sense * arc.opening

@@ -33,6 +33,7 @@ from cqblend.errors import SizeError, TopologyError
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle
+from cqblend.surfaces.ellipse import Ellipse
 from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import LocalFrame, measure_lengths, normalise_vectors
 
@@ -72,7 +73,7 @@ def end_at_border(placement: StripPlacement, end: int, border: BorderEnd) -> Str
 class _FreeEnd(NamedTuple):
     """The free end of a blend: a curve from rail 1 to rail 2, in space and in the parameters of the strip."""
 
-    curve: Curve | Circle
+    curve: Curve | Circle | Ellipse
     span: tuple[float, float]
     on_strip: Curve
     plane: Plane | None = None  # that of the border, in which it lies

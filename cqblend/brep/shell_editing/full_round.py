@@ -23,6 +23,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedSurface,
     PlannedVertex,
     StripPlan,
+    reverse_path,
 )
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
@@ -30,17 +31,18 @@ from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import CONFUSION
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
+from cqblend.surfaces.circle import Circle
 
 
 @dataclass
 class SharedRails:
     """What takes the place of the rails that coincide: which faces they consume, and what replaces edges and vertices.
 
-    ``edges`` has the new use of each edge that was used forward.
+    ``edges`` has the new uses of each edge that was used forward.
     """
 
     consumed: set[int] = field(default_factory=set)
-    edges: dict[NewEdge | EdgePiece, EdgeUse] = field(default_factory=dict)
+    edges: dict[NewEdge | EdgePiece, tuple[EdgeUse, ...]] = field(default_factory=dict)
     vertices: dict[PlannedVertex, PlannedVertex] = field(default_factory=dict)
 
     def join(self, rail: tuple[PlannedPcurve, NewEdge], twin: tuple[PlannedPcurve, NewEdge], *, opposite: bool) -> None:
@@ -52,7 +54,30 @@ class SharedRails:
         across = PlannedPcurve(other_pcurve.face, _make_line(ends, edge.span))
         order = min(edge.order, other.order)
         common_edge = NewEdge("rail", edge.curve, edge.span, (corners[0], corners[1]), (pcurve, across), order)
-        self.edges[edge], self.edges[other] = EdgeUse(common_edge), EdgeUse(common_edge, forward=not opposite)
+        self.edges[edge], self.edges[other] = (EdgeUse(common_edge),), (EdgeUse(common_edge, forward=not opposite),)
+
+    def join_circles(
+        self, rail: tuple[PlannedPcurve, NewEdge], twin: tuple[PlannedPcurve, NewEdge], at: float, *, opposite: bool
+    ) -> None:
+        """Put two arcs in the place of two circles, of which the second one starts at a parameter of the first."""
+        (pcurve, edge), (other_pcurve, other) = rail, twin
+        (low, high), (start, stop), order = edge.span, other.span, min(edge.order, other.order)
+        spans = ((low, at), (at, high))
+        ends = (
+            ((start + at - low, start), (stop, stop - high + at))
+            if opposite
+            else ((stop - at + low, stop), (start, start + high - at))
+        )
+        corners = ((edge.vertices[0], other.vertices[0]), (other.vertices[0], edge.vertices[0]))
+        arcs = []
+        for span, pair, between in zip(spans, ends, corners, strict=True):
+            own = pcurve.curve.clip(*span) if isinstance(pcurve.curve, Curve) else pcurve.curve
+            across = _make_line(other_pcurve.curve(np.array(pair)), span)
+            pcurves = (PlannedPcurve(pcurve.face, own), PlannedPcurve(other_pcurve.face, across))
+            arcs.append(NewEdge("rail", edge.curve, span, between, pcurves, order))
+        first, second = map(EdgeUse, arcs)
+        self.edges[edge] = (first, second)
+        self.edges[other] = (first.reverse(), second.reverse()) if opposite else (second, first)
 
     def join_corners(self, corner: PlannedVertex, other: PlannedVertex) -> None:
         """Make two corners one if they coincide."""
@@ -69,7 +94,9 @@ class SharedRails:
 
     def replace_strip(self, strip: StripPlan) -> StripPlan:
         """Return the plan of a strip on the common edges."""
-        first, second = (tuple(self._replace_use(EdgeUse(edge)).edge for edge in side) for side in strip.rails)
+        first, second = (
+            tuple(use.edge for edge in side for use in self._replace_use(EdgeUse(edge))) for side in strip.rails
+        )
         poles = [None if edge is None else self._find_new_edge(edge) for edge in strip.poles]
         return replace(
             strip,
@@ -83,7 +110,7 @@ class SharedRails:
     def replace_face(self, plan: FacePlan) -> FacePlan:
         """Return the plan of a face on the common edges."""
         pieces = {
-            number: tuple(one if isinstance(one, KeptEdge) else self._replace_use(EdgeUse(one)).edge for one in some)
+            number: tuple(one if isinstance(one, KeptEdge) else self._replace_use(EdgeUse(one))[0].edge for one in some)
             for number, some in plan.pieces.items()
         }
         return replace(plan, pieces=pieces, added=self._replace_uses(plan.added))
@@ -92,7 +119,7 @@ class SharedRails:
         """Return the trim of an edge to the common corner."""
         border = trim.cap_border
         if border is not None:
-            edge = self._replace_use(EdgeUse(border)).edge
+            edge = self._replace_use(EdgeUse(border))[0].edge
             border = edge if isinstance(edge, EdgePiece) else border
         return replace(trim, corner=self.vertices.get(trim.corner, trim.corner), cap_border=border)
 
@@ -101,18 +128,18 @@ class SharedRails:
         return replace(crossings, vertices=[self.vertices.get(vertex, vertex) for vertex in crossings.vertices])
 
     def _replace_uses(self, uses: Sequence[EdgeUse]) -> tuple[EdgeUse, ...]:
-        return tuple(map(self._replace_use, uses))
+        return tuple(one for use in uses for one in self._replace_use(use))
 
-    def _replace_use(self, use: EdgeUse) -> EdgeUse:
+    def _replace_use(self, use: EdgeUse) -> tuple[EdgeUse, ...]:
         if use.edge not in self.edges:
             low, high = (self.vertices.get(vertex, vertex) for vertex in use.edge.vertices)
             same = low is use.edge.vertices[0] and high is use.edge.vertices[1]
-            self.edges[use.edge] = EdgeUse(use.edge if same else replace(use.edge, vertices=(low, high)))
+            self.edges[use.edge] = (EdgeUse(use.edge if same else replace(use.edge, vertices=(low, high))),)
         found = self.edges[use.edge]
-        return found if use.forward else found.reverse()
+        return found if use.forward else tuple(reverse_path(found))
 
     def _find_new_edge(self, edge: NewEdge) -> NewEdge:
-        found = self._replace_use(EdgeUse(edge)).edge
+        found = self._replace_use(EdgeUse(edge))[0].edge
         assert isinstance(found, NewEdge)
         return found
 
@@ -150,7 +177,11 @@ def share_rails(strips: Sequence[StripPlan], trims: Mapping[int, Sequence[EdgeTr
             pairs = _match_rails(one.edges, other.edges)
             for edge, twin, opposite in pairs:
                 shared.join((one.get_pcurve(edge), edge), (other.get_pcurve(twin), twin), opposite=opposite)
-            if pairs:
+            circles = None if pairs else _match_circles(one.edges, other.edges)
+            if circles is not None:
+                (edge,), (twin,), (at, opposite) = one.edges, other.edges, circles
+                shared.join_circles((one.get_pcurve(edge), edge), (other.get_pcurve(twin), twin), at, opposite=opposite)
+            if pairs or circles is not None:
                 shared.consumed.add(face)
     for at_edge in trims.values():
         for first, second in combinations(at_edge, 2):
@@ -167,6 +198,25 @@ def _match_rails(one: Sequence[NewEdge], other: Sequence[NewEdge]) -> list[tuple
         if all(_coincide(edge, twin, opposite=opposite) for edge, twin in pairs):
             return [(edge, twin, opposite) for edge, twin in pairs]
     return []
+
+
+def _match_circles(one: Sequence[NewEdge], other: Sequence[NewEdge]) -> tuple[float, bool] | None:
+    """Return where on a whole circle another one that coincides starts, and whether in the opposite sense; or None."""
+    if len(one) != 1 or len(other) != 1:
+        return None
+    (edge,), (twin,) = one, other
+    circle, partner = edge.curve, twin.curve
+    is_closed = all(rail.vertices[0] is rail.vertices[1] for rail in (edge, twin))
+    if not (is_closed and isinstance(circle, Circle) and isinstance(partner, Circle)):
+        return None
+    x, y = circle.frame.axes[:2] @ (twin.vertices[0].point - circle.frame.origin)
+    at = edge.span[0] + float(np.mod(np.arctan2(y, x) - edge.span[0], 2 * np.pi))
+    steps = np.linspace(0.0, 2 * np.pi, SHELL_EDIT_TOLERANCES.shared_rail_samples)
+    for opposite in (False, True):
+        apart = circle(at + steps) - partner(twin.span[0] + (-steps if opposite else steps))
+        if np.linalg.norm(apart, axis=1).max() <= CONFUSION:
+            return at, opposite
+    return None
 
 
 def _coincide(edge: NewEdge, twin: NewEdge, *, opposite: bool) -> bool:

@@ -16,6 +16,7 @@ from OCP.Geom import (
     Geom_Circle,
     Geom_Curve,
     Geom_CylindricalSurface,
+    Geom_Ellipse,
     Geom_Line,
     Geom_Plane,
     Geom_SphericalSurface,
@@ -23,7 +24,7 @@ from OCP.Geom import (
     Geom_SurfaceOfRevolution,
     Geom_ToroidalSurface,
 )
-from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Line
+from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Ellipse, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
@@ -45,7 +46,7 @@ from cqblend.blends.network.blend_plan import (
     SurfaceGeometry,
     reverse_path,
 )
-from cqblend.blends.network.strip_surface import RailCurve
+from cqblend.blends.network.strip_surface import PlaneCurve, RailCurve
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.bodies import replace_body_faces
 from cqblend.brep.conversion import spline_arrays
@@ -74,8 +75,9 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import NewEdgeKind
 from cqblend.errors import TopologyError
-from cqblend.splines import Curve, Surface
+from cqblend.splines import Surface
 from cqblend.surfaces.circle import Circle, PlanarCircle
+from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
 from cqblend.surfaces.line import Line
 from cqblend.surfaces.quadrics import Cylinder, Plane
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
@@ -123,6 +125,7 @@ class ProposedSolid:
     strips: tuple[BuiltStrip, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
+    gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -177,7 +180,8 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges)
+    gone = (*plan.consumed_faces, *plan.swallowed_faces)
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges, gone)
 
 
 def _find_partner(
@@ -185,7 +189,9 @@ def _find_partner(
 ) -> TopoDS_Face:
     """Return the face of the other strip that shares a rail, whose support face is consumed."""
     return next(
-        face for other, face in zip(plan.strips, blend_faces, strict=True) if other is not strip and rail in other.rails
+        face
+        for other, face in zip(plan.strips, blend_faces, strict=True)
+        if other is not strip and any(rail[0] in side for side in other.rails)
     )
 
 
@@ -306,13 +312,16 @@ class _PartBuilder:
         return edge
 
 
-def _make_curve(curve: RailCurve) -> Geom_Curve:
+def _make_curve(curve: RailCurve | Ellipse) -> Geom_Curve:
     """Return a curve as one of OCCT's."""
     if isinstance(curve, Line):
         return Geom_Line(gp_Pnt(*curve.origin.tolist()), gp_Dir(*curve.direction.tolist()))
-    if isinstance(curve, Circle):
+    if isinstance(curve, Circle | Ellipse):
         origin, x, _, z = _to_points(curve.frame)
-        return Geom_Circle(gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x)), curve.radius)
+        position = gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
+        return (
+            Geom_Circle(position, curve.radius) if isinstance(curve, Circle) else Geom_Ellipse(position, *curve.radii)
+        )
     return spline_arrays.curve_from_arrays(*curve.to_bspline())
 
 
@@ -344,11 +353,14 @@ def _make_pcurves(pcurve: PlannedPcurve) -> list[Geom2d_Curve]:
     return [_make_pcurve(curve) for curve in (pcurve.curve, pcurve.reversed_curve) if curve is not None]
 
 
-def _make_pcurve(curve: Curve | PlanarCircle) -> Geom2d_Curve:
+def _make_pcurve(curve: PlaneCurve) -> Geom2d_Curve:
     """Return a curve in a parameter plane as one of OCCT's: a line where it is one that runs at unit speed."""
-    if isinstance(curve, PlanarCircle):
+    if isinstance(curve, PlanarCircle | PlanarEllipse):
         centre, (x, y) = curve.centre.tolist(), curve.axes.tolist()
-        return Geom2d_Circle(gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y)), curve.radius)
+        axes = gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y))
+        if isinstance(curve, PlanarCircle):
+            return Geom2d_Circle(axes, curve.radius)
+        return Geom2d_Ellipse(axes, *curve.radii)
     degree, knots, poles, weights = curve.to_bspline()
     if degree == 1 and len(poles) == 2 and weights is None:
         (low, high), step = curve.domain, poles[1] - poles[0]

@@ -17,13 +17,13 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.network.blend_plan import EdgePiece, EdgeUse, FacePlan, KeptEdge, NewEdge, PlannedVertex
 from cqblend.blends.network.face_arrangement import BoundaryCurve
+from cqblend.blends.network.strip_surface import PlaneCurve
 from cqblend.brep.measurement.bulk_curves import CurveEvaluator
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import explore_subshapes, find_end_vertices, orient_forward
 from cqblend.splines import Curve
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.circle import PlanarCircle
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class BoundaryPart:
     ends: tuple[Hashable, Hashable]
     use: TopoDS_Edge | None = None  # whose pcurve it lies on, if its edge is not new
     edge: NewEdge | None = None
-    pcurve: Curve | PlanarCircle | None = None
+    pcurve: PlaneCurve | None = None
 
     @cached_property
     def evaluator(self) -> CurveEvaluator | None:
@@ -79,7 +79,7 @@ class BoundaryPart:
             points = spline.coefs[:, :2] / spline.coefs[:, 2:] if spline.rational else spline.coefs
             return np.stack([points.min(axis=(0, 2)), points.max(axis=(0, 2))])
         assert self.pcurve is not None
-        extremes = np.arctan2(self.pcurve.axes[1], self.pcurve.axes[0])  # of either coordinate, every half turn
+        extremes = np.arctan2(self.pcurve.arms[1], self.pcurve.arms[0])  # of either coordinate, every half turn
         turns = np.arange(np.floor((low - np.pi) / np.pi), np.ceil((high + np.pi) / np.pi) + 1)
         t = (extremes[:, None] + np.pi * turns).ravel()
         points = self.pcurve(np.concatenate([[low, high], t[(t > low) & (t < high)]]))

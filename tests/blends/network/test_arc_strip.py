@@ -125,9 +125,35 @@ def test_a_plane_through_a_section_cuts_in_a_circle(strip):
     assert np.abs(cut.rail_parameters - np.array([s, s])).max() < 1e-13
 
 
-def test_an_oblique_plane_does_not(strip):
-    plane = make_section_plane(strip, 0.6 * strip.domain[1])
+def turn_plane(plane: Plane, angle: float) -> Plane:
     x, y, z = plane.frame.axes
-    turned = np.stack([np.cos(1e-3) * x + np.sin(1e-3) * z, y, np.cos(1e-3) * z - np.sin(1e-3) * x])
-    oblique = Plane(LocalFrame(plane.frame.origin, turned))
-    assert strip.cut_with_plane(oblique, 0.6 * strip.domain[1]) is None
+    axes = np.stack([np.cos(angle) * x + np.sin(angle) * z, y, np.cos(angle) * z - np.sin(angle) * x])
+    return Plane(LocalFrame(plane.frame.origin, axes))
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-3, -0.8, 1.2])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("flip", [False, True])
+def test_an_oblique_plane_cuts_a_cylinder_in_an_ellipse(angle, sense, flip):
+    strip = make_cylinder(sense)
+    plane = turn_plane(make_section_plane(strip, 4.0), angle)
+    if flip:
+        x, y, z = plane.frame.axes
+        plane = Plane(LocalFrame(plane.frame.origin, np.stack([y, x, -z])))
+    cut = strip.cut_with_plane(plane, 4.0)
+    assert cut is not None
+    t = np.linspace(*cut.span, 33)
+    s, v = cut.on_strip(t).T
+    assert v[0] == pytest.approx(0, abs=1e-12)
+    assert v[-1] == pytest.approx(1, abs=1e-12)
+    points = cut.curve(t)
+    assert np.abs(points - strip(s, v)).max() < 1e-11
+    assert np.abs(points - plane.jet(cut.on_other(t))[0]).max() < 1e-13
+    assert np.abs((points - plane.frame.origin) @ plane.frame.axes[2]).max() < 1e-13
+    assert cut.curve.radii[0] >= cut.curve.radii[1] == RADIUS
+
+
+@pytest.mark.parametrize("strip", [make_torus(1.0), make_sphere(-1.0)])
+def test_an_oblique_plane_cuts_no_torus_in_closed_form(strip):
+    s = 0.6 * strip.domain[1]
+    assert strip.cut_with_plane(turn_plane(make_section_plane(strip, s), 1e-3), s) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,8 +160,11 @@ def test_turns_fade_before_ends_at_which_directions_are_given():
 
 
 def test_pins_too_near_to_a_given_end_for_their_turn_are_dropped():
-    ribbon = slanted(0.4, 1)
-    pins = find_pins(ribbon, 0.5)
-    assert drop_hasty_pins(ribbon, pins, (False, False)) == pins
-    assert drop_hasty_pins(ribbon, pins, (True, True)) == []  # 0.4 of a unit on 0.4 of the rail's own length
-    assert drop_hasty_pins(slanted(0.05, 1), find_pins(slanted(0.05, 1), 0.5), (True, True)) != []
+    """Half-way along the rail, there is room for any turn; close to its end, for small ones."""
+    ribbon = slanted(0.2, 1)
+    (pin,) = find_pins(ribbon, 0.5)
+    assert drop_hasty_pins(ribbon, [pin], (True, True)) == [pin]
+    near, slow = replace(pin, t=0.99), replace(pin, t=0.99, angle=1e-3)
+    assert drop_hasty_pins(ribbon, [near], (False, True)) == []
+    assert drop_hasty_pins(ribbon, [near], (True, False)) == [near]
+    assert drop_hasty_pins(ribbon, [slow], (False, True)) == [slow]

@@ -27,10 +27,9 @@ def wedge(slope: float) -> cq.Workplane:
     return cq.Workplane("XZ").polyline(outline).close().extrude(30)
 
 
-def find_common_edge(result: cqblend.BlendResult) -> cq.Edge:
+def find_common_edges(result: cqblend.BlendResult) -> list[cq.Edge]:
     first, second = result.faces
-    (edge,) = [one for one in first.Edges() if any(one.isSame(other) for other in second.Edges())]
-    return edge
+    return [one for one in first.Edges() if any(one.isSame(other) for other in second.Edges())]
 
 
 def check(result: cqblend.BlendResult, removed_face: tuple[float, float, float], normal: tuple) -> None:
@@ -47,7 +46,8 @@ def check(result: cqblend.BlendResult, removed_face: tuple[float, float, float],
     for face in result.shape.Faces():
         is_there = face.geomType() == "PLANE" and (face.Center() - cq.Vector(*removed_face)).Length < 1
         assert not (is_there and abs(face.normalAt().dot(cq.Vector(*normal))) > 0.99)
-    for edge in {find_common_edge(result)}:
+    assert find_common_edges(result)
+    for edge in find_common_edges(result):
         measured = cqblend.continuity(result.shape, edge)
         assert measured.angle <= 1e-10
         assert measured.gap <= 1e-9
@@ -59,6 +59,8 @@ def test_a_slab_gets_a_round_front(options):
     result = cqblend.blend_edges(body, front_edges(body), 5, **options)
     check(result, (25, 0, 0), (1, 0, 0))
     assert len(result.shape.Faces()) == 7
+    front = body.val().Faces().index(body.faces(">X").val()) + 1
+    assert result.certificate.method == f"wire substitution, face {front} gone"
     single = slab(20)
     alone = cqblend.blend_edges(single, front_edges(single)[0], 5, **options)
     removed = cqblend.verify(single).volume - cqblend.verify(alone.shape).volume
@@ -151,9 +153,26 @@ def test_the_top_of_a_curved_wall():
     wall = tube.intersect(cq.Workplane().box(25, 25, 40, centered=(False, False, True)))
     result = cqblend.blend_edges(wall, wall.faces(">Z").edges("%CIRCLE").vals(), 2)
     check(result, (12, 12, 10), (0, 0, 1))
-    points = np.array([point.toTuple() for point in find_common_edge(result).positions(np.linspace(0, 1, 9))])
+    (edge,) = find_common_edges(result)
+    points = np.array([point.toTuple() for point in edge.positions(np.linspace(0, 1, 9))])
     assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(18, abs=1e-9)
     assert points[:, 2] == pytest.approx(10, abs=1e-9)
+
+
+@pytest.mark.parametrize("section", ["hermite", "arc"])
+@pytest.mark.parametrize("turn", [40.0, -120.0])
+@pytest.mark.parametrize("step", [1, -1])
+def test_the_top_of_a_tube_whose_rims_start_elsewhere(turn, step, section):
+    """Both rails are one circle, which starts at another place for either blend: it is cut in two arcs."""
+    hole = cq.Workplane().circle(16).extrude(10).rotate((0, 0, 0), (0, 0, 1), turn)
+    tube = cq.Workplane().circle(20).extrude(10).cut(hole)
+    rims = tube.faces(">Z").edges("%CIRCLE").vals()[::step]
+    assert len({round(math.atan2(v.Y, v.X), 6) for rim in rims for v in rim.Vertices()}) == 2
+    result = cqblend.blend_edges(tube, rims, 2, section=section)
+    check(result, (0, 0, 10), (0, 0, 1))
+    arcs = find_common_edges(result)
+    assert len(arcs) == 2
+    assert sum(arc.Length() for arc in arcs) == pytest.approx(2 * math.pi * 18, rel=1e-12)
 
 
 def test_edges_in_either_order_give_the_same_solid():
