@@ -123,7 +123,8 @@ class BlendOptions:
     tangents : {"perpendicular", "parametric", "chord"} or pair of them, default "perpendicular"
         Direction in which the blend leaves its neighbours: perpendicular to the rail in space, perpendicular to it in
         the parameters of the face (on a sphere, about the rail's own axis), or towards the other rail (Kim and Elber's
-        T2, T1, T3). A pair is for side 1 and side 2. Not with the potential section.
+        T2, T1, T3). With a radius that varies, the first is square to the path of the ball's centre instead. A pair is
+        for side 1 and side 2. Not with the potential section.
     bulge : float or pair of float, default 1.0
         Factor on the length of the cross derivatives: below 1 flatter, above 1 fuller. A pair is for side 1 and side 2.
         Not with the potential section.
@@ -167,7 +168,7 @@ class BlendOptions:
         cap across the edge, which may stand some way before the vertex (``certificate.coverage`` says by how much);
         ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
         pair is for the start and the end of the edge, in its own orientation; of a chain, in that of the picked edge
-        with the lowest index.
+        with the lowest index. Where the size is 0, it ends in a point.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape, of a chain the one at the
         picked edge with the lowest index. The side that it is on is side 1 all along the chain.

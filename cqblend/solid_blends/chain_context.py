@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from cqblend.blend_options import EndWanted
+from cqblend.blend_options import BLEND_DEFAULTS, EndWanted
 from cqblend.blends.network.chain_ribbons import fit_chain_ribbons
 from cqblend.blends.network.junction_stations import Crossings
 from cqblend.blends.sections.blend_surface import BlendSurface
@@ -14,6 +14,7 @@ from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.errors import InputError
 from cqblend.solid_blends.section_methods import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 
@@ -64,10 +65,17 @@ class ChainContext:
         """Return whether an open chain ends in a point at its start and at its stop, by what ends are asked for there.
 
         It does where the size goes to 0. Where the joint fades out, a flat cap may stand before the vertex.
+
+        Raises
+        ------
+        InputError
+            The size goes to 0 at both ends, so that no other end can be had.
         """
+        is_nothing = [cell.method.sizes.vanishes[end] for end, cell in enumerate(self.end_cells)]
+        if all(is_nothing) and wanted != (BLEND_DEFAULTS.ends,) * 2:
+            raise InputError("ends has no effect where the size is 0 at both ends, which are points: leave ends out")
         first, last = (
-            cell.method.sizes.vanishes[end] or (cell.vanishes[end] and wanted[end] != "flat")
-            for end, cell in enumerate(self.end_cells)
+            is_nothing[end] or (cell.vanishes[end] and wanted[end] != "flat") for end, cell in enumerate(self.end_cells)
         )
         return first, last
 

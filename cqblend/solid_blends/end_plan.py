@@ -24,7 +24,7 @@ from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
 SMALLER_SIZE_HINT = "A smaller size may help"
-EARLIER_BLEND_HINT = "It helps to blend before the edges there are rounded, or to leave a chain to fillet"
+EARLIER_BLEND_HINT = "It helps to blend all of a chain, or to blend before the edges there are rounded"
 
 EndMethod = Literal["natural", "flat at the vertex", "flat", "point"]
 """On the faces around the end; in a cap at the vertex; in a cap at the vertex or before it; in a point."""

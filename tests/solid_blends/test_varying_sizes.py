@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from io import BytesIO
 
 import cadquery as cq
@@ -12,6 +13,7 @@ from OCP.BRepTools import BRepTools
 from OCP.gp import gp_Pnt, gp_Vec
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS
+from places import CASES
 
 import cqblend
 from cqblend.brep.topology import explore_subshapes
@@ -77,7 +79,7 @@ def straight() -> tuple[cq.Workplane, cq.Edge]:
 BODIES = {make.__name__: make for make in (straight, wedge, step, half_cylinder, wavy, rim, foot)}
 CLOSED = ("rim", "foot")
 LAWS = {"linear": LINEAR, "sine": sine, "table": TABLE, "to 0": cqblend.linear(0, 2), "0 to 0": arch}
-CASES = [
+SOLID_CASES = [
     (body, law)
     for body in BODIES
     for law in LAWS
@@ -94,7 +96,7 @@ def check_sound(result: cqblend.BlendResult, angle: float = 1e-10) -> None:
     assert result.certificate.coverage == 1.0
 
 
-@pytest.mark.parametrize(("body", "law"), CASES)
+@pytest.mark.parametrize(("body", "law"), SOLID_CASES)
 def test_it_is_sound_and_exactly_tangent(body, law):
     solid, edge = BODIES[body]()
     size = LAWS[law]
@@ -118,7 +120,6 @@ def test_it_is_sound_and_exactly_tangent(body, law):
         {"tangents": "chord"},
         {"bulge": 0.8},
         {"form": "compact"},
-        {"ends": "flat"},
     ],
     ids=str,
 )
@@ -308,6 +309,14 @@ def test_a_linear_radius_between_planes_is_a_cone():
     assert result.certificate.degree == (1, 3)
 
 
+@pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not at hand")
+def test_the_case_with_a_radius_as_a_law():
+    body, edges, law = runpy.run_path(str(CASES / "blend_cases.py"))["CASES"]["25_variable"][0]()
+    result = cqblend.blend_edges(body, edges, law)
+    check_sound(result)
+    assert result.certificate.degree == (1, 3)
+
+
 # Points.
 
 
@@ -323,6 +332,16 @@ def test_at_a_point_the_vertex_stays_and_nothing_else_changes():
     unchanged = [face for face in BOX.val().Faces() if any(face.isSame(one) for one in result.shape.Faces())]
     assert len(unchanged) == 3  # but for the two beside the edge, and the one across its other end
     assert len(result.shape.Faces()) == 7
+
+
+def test_an_end_that_is_no_point_may_be_flat():
+    edge = BOX.edges(EDGE)
+    for law, kinds in ((LINEAR, ["flat", "flat"]), (cqblend.linear(0, 2), ["point", "flat"])):
+        result = cqblend.blend_edges(BOX, edge, law, ends="flat")
+        assert cqblend.verify(result.shape, result.faces).ok
+        assert [end.kind for end in result.certificate.ends] == kinds
+    with pytest.raises(InputError, match="ends has no effect where the size is 0 at both ends"):
+        cqblend.blend_edges(BOX, edge, arch, ends="flat")
 
 
 def test_both_ends_may_be_points():

@@ -100,6 +100,7 @@ def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStat
     else:
         low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
         check_reach(placements, (low, high))
+        _require_apart(low, high)
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = caps
@@ -123,6 +124,19 @@ def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, Stri
                 float(last.strip.to_rail_parameters(np.array([high]))[0]),
             )
         )
+
+
+def _require_apart(low: StripEnd, high: StripEnd) -> None:
+    """Raise SizeError if both ends of a chain take away the same edge, or the same face."""
+    edges = [{number for plan in end.face_plans for number in plan.pieces} for end in (low, high)]
+    if edges[0] & edges[1] or set(low.removed_faces) & set(high.removed_faces):
+        raise _make_meeting_error()
+
+
+def _make_meeting_error() -> SizeError:
+    return SizeError(
+        "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
+    )
 
 
 @dataclass(frozen=True)
@@ -161,9 +175,7 @@ def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps:
     for i in (0, 1):
         span = (low.rail_parameters[i], high.rail_parameters[i])
         if span[0] >= span[1]:
-            raise SizeError(
-                "the two ends of the blend meet: the size is too large for the length of the edge", kind="too large"
-            )
+            raise _make_meeting_error()
         borders = (low.cap_borders[i], high.cap_borders[i])
         part = RailSpan(span, (low.corners[i], high.corners[i]), borders, (low.is_junction, high.is_junction))
         rails.append(trim_at_rail(placement, i, part, removed))

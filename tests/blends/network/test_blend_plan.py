@@ -46,7 +46,8 @@ def plan() -> SolidPlan:
     old = PlannedVertex(np.array([5.0, 0.0, 0.0]), number=8)
     piece = EdgePiece(12, (0.2, 1.0), (CORNERS[0], old), (1e-9, 0.0))
     cap = CapPlan(PlannedSurface(Plane(LocalFrame(np.zeros(3), np.eye(3)))), (EdgeUse(HIGH),))
-    strip = StripPlan((11,), (3, 4), PATCH, BOUNDARY, ((FIRST,), (SECOND,)), (LOW, HIGH), (cap,))
+    rails = ((FIRST,), (SECOND,))
+    strip = StripPlan((11,), (3, 4), PATCH, BOUNDARY, rails, end_edges=((LOW,), (HIGH,)), caps=(cap,))
     faces = (
         FacePlan(3, {11: (), 12: (piece,)}, (EdgeUse(FIRST, forward=False),)),
         FacePlan(4, {11: ()}, (EdgeUse(SECOND),)),
