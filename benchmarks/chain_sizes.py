@@ -1,9 +1,9 @@
 """What radius fits a chain of edges, and how much it takes or adds: estimates from the edges and their tangent planes.
 
 Neither sees what cqblend does. The radius is to fit with certainty on bodies like those of `benchmarks.chain_bodies`:
-with some room, offset curves in both faces do not fold or meet each other or other edges, and no face bends into the
-ball. The change of volume is that of circular arcs between the tangent planes, carried along the edge (Pappus): right
-to a share of R times the curvatures of the faces.
+with some room, offset curves in both faces do not fold or meet each other or other edges, no face bends into the ball,
+and none bends away from it much more sharply than the ball. The change of volume is that of circular arcs between the
+tangent planes, carried along the edge (Pappus): right to a share of R times the curvatures of the faces.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from benchmarks.touching_balls import Array, Body, Station, find_station, measur
 
 ROOM = 0.8
 """Share of what would just fit that counts as fitting."""
+AWAY = 2.0
+"""Largest radius, in curvature radii of faces that bend away from the ball, which alone would allow any."""
 STATIONS = 48
 """Stations of each edge."""
 POINTS = 40
@@ -47,10 +49,10 @@ def estimate_largest_radius(body: Body, chain: Chain) -> float:
         largest = min(largest, width * slope)
         to_centre = station.inward[0] / slope + station.sense * station.normals[0]
         largest = min(largest, _invert(float(to_centre @ station.curvature)))
-    bend = max(
-        _find_largest_bend(body, edge, station) for edge in chain.edges for station in _list_stations(body, edge)
-    )
-    largest = min(largest, _invert(bend))
+    for edge in chain.edges:
+        for station in _list_stations(body, edge):
+            largest = min(largest, _invert(_find_largest_bend(body, edge, station)))
+            largest = min(largest, AWAY * _invert(_find_largest_bend(body, edge, station, both=True)))
     if not chain.closed:
         largest = min(largest, 0.4 * sum(chain.measure_lengths()) * min(math.tan(one.angle / 2) for one in stations))
     return ROOM * largest

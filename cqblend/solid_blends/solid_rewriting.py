@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -117,7 +117,7 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
     strips: dict[DraftedNetwork, list[CertifiedStrip]] = {}
     for (network, draft, k), built in zip(_list_cells(networks), proposal.strips, strict=True):
         try:
-            certificate = _certify_strip(draft, k, built, proposal.tolerance)
+            certificate = _certify_strip(draft, k, built, proposal)
         except CqblendError as error:
             raise FaultyNetworkError(network, error) from error
         strips.setdefault(network, []).append(CertifiedStrip(built.blend_face, certificate))
@@ -129,10 +129,13 @@ def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork
     return [(network, draft, k) for network in networks for draft in network.drafts for k in range(len(draft.blends))]
 
 
-def _certify_strip(draft: ChainDraft, k: int, strip: BuiltStrip, tolerance: float) -> Certificate:
+def _certify_strip(draft: ChainDraft, k: int, strip: BuiltStrip, proposal: ProposedSolid) -> Certificate:
     """Measure the blend of cell ``k`` of a chain, and check that it measures up to what it promises."""
     context, blend = draft.context.cells[k], draft.blends[k]
-    certificate = certify_blend(context.joint, strip, blend, tolerance)
+    certificate = certify_blend(context.joint, strip, blend, proposal.tolerance)
+    gone = [context.joint.name_part(context.joint.index.faces[number]) for number in proposal.gone_faces]
+    if gone:
+        certificate = replace(certificate, method=f"{certificate.method}, {', '.join(gone)} gone")
     check_promises(certificate, context, blend)
     return certificate
 

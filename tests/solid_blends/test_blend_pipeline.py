@@ -497,10 +497,3 @@ def test_blend_domain_covers_its_face():
     u0, u1, v0, v1 = BRepTools.UVBounds_s(face.wrapped)
     assert (v0, v1) == pytest.approx((0, 1), abs=1e-9)
     assert u1 - u0 > 0
-
-
-def test_a_rim_of_several_joints_is_refused_before_anything_is_blended():
-    """Straight and round pieces meet tangentially; blended one by one they would leave notches."""
-    tray = cq.Workplane().box(40, 30, 10).edges("|Z").fillet(6)
-    with pytest.raises(UnsupportedError, match=r"edge \d+ shares a vertex with edge \d+"):
-        cqblend.blend_edges(tray, tray.faces(">Z").edges(), 2)

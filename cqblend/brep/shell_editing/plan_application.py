@@ -125,6 +125,7 @@ class ProposedSolid:
     strips: tuple[BuiltStrip, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
+    gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -179,7 +180,8 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges)
+    gone = (*plan.consumed_faces, *plan.swallowed_faces)
+    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges, gone)
 
 
 def _find_partner(

@@ -59,6 +59,8 @@ def test_a_slab_gets_a_round_front(options):
     result = cqblend.blend_edges(body, front_edges(body), 5, **options)
     check(result, (25, 0, 0), (1, 0, 0))
     assert len(result.shape.Faces()) == 7
+    front = body.val().Faces().index(body.faces(">X").val()) + 1
+    assert result.certificate.method == f"wire substitution, face {front} gone"
     single = slab(20)
     alone = cqblend.blend_edges(single, front_edges(single)[0], 5, **options)
     removed = cqblend.verify(single).volume - cqblend.verify(alone.shape).volume

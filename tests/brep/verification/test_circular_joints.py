@@ -27,7 +27,8 @@ def blend_rim(shape: cq.Shape) -> tuple[cqblend.BlendResult, BuiltStrip]:
         sides[round(BRep_Tool.CurveOnSurface_s(edge.wrapped, blend, 0.0, 1.0).Value(0.0).Y())].append((face, edge))
     faces = tuple(TopoDS.Face_s(side[0][0].wrapped) for side in sides)
     edges = tuple([TopoDS.Edge_s(edge.wrapped) for _, edge in side] for side in sides)
-    return result, BuiltStrip(TopoDS.Face_s(blend), None, faces, edges, (), 0)
+    no_poles, not_held = (None, None), (False, False)
+    return result, BuiltStrip(TopoDS.Face_s(blend), None, faces, edges, no_poles, (), 0, not_held)
 
 
 def test_the_certificate_has_the_proof_of_the_finished_faces():
