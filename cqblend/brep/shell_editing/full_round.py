@@ -166,14 +166,14 @@ def share_rails(strips: Sequence[StripPlan], trims: Mapping[int, Sequence[EdgeTr
         _SupportedRail(tuple(edge for edge in edges if isinstance(edge, NewEdge)), strip.surface, face)
         for strip in strips
         for edges, face in zip(strip.rails, strip.support_faces, strict=True)
-        if not any(isinstance(edge, EdgePiece) for edge in edges)  # rails held on edges that stay
+        if edges and not any(isinstance(edge, EdgePiece) for edge in edges)  # no points, none held on edges that stay
     ]
     by_face: dict[int, list[_SupportedRail]] = {}
     for rail in rails:
         by_face.setdefault(rail.face, []).append(rail)
     shared = SharedRails()
     for face, own in by_face.items():
-        for one, other in combinations(own, 2):
+        for one, other in _list_near_pairs(own):
             pairs = _match_rails(one.edges, other.edges)
             for edge, twin, opposite in pairs:
                 shared.join((one.get_pcurve(edge), edge), (other.get_pcurve(twin), twin), opposite=opposite)
@@ -187,6 +187,26 @@ def share_rails(strips: Sequence[StripPlan], trims: Mapping[int, Sequence[EdgeTr
         for first, second in combinations(at_edge, 2):
             shared.join_corners(first.corner, second.corner)
     return shared
+
+
+def _list_near_pairs(rails: Sequence[_SupportedRail]) -> list[tuple[_SupportedRail, _SupportedRail]]:
+    """Return the pairs of rails that have an end in common, or are arcs of one circle."""
+    if len(rails) < 2:
+        return []
+    starts = np.array([rail.edges[0].vertices[0].point for rail in rails])
+    stops = np.array([rail.edges[-1].vertices[1].point for rail in rails])
+    circles = np.full((len(rails), 4), np.nan)
+    for row, rail in zip(circles, rails, strict=True):
+        curve = rail.edges[0].curve
+        if isinstance(curve, Circle):
+            row[:] = *curve.frame.origin, curve.radius
+
+    def measure_distances(one: Array, other: Array) -> Array:
+        return np.linalg.norm(one[:, None] - other, axis=2)
+
+    near = [measure_distances(*pair) for pair in ((starts, starts), (starts, stops), (circles, circles))]
+    found = np.triu((np.array(near) <= 2 * CONFUSION).any(axis=0), 1)
+    return [(rails[i], rails[j]) for i, j in np.argwhere(found).tolist()]
 
 
 def _match_rails(one: Sequence[NewEdge], other: Sequence[NewEdge]) -> list[tuple[NewEdge, NewEdge, bool]]:
