@@ -77,6 +77,12 @@ class OptionLimits:
     """Largest radius, width or offset, mm: above it, neighbouring doubles differ by more than OCCT's default tolerance,
     1e-7 mm."""
 
+    min_bulge: float = 1e-12
+    """Smallest bulge: with a smaller one, the cross derivatives are lost in the rounding of the poles."""
+
+    max_bulge: float = 1e6
+    """Largest bulge; a section turns back on itself long before."""
+
     max_terms: int = 100
     """Largest number of terms of a solution across the blend; more than any blend takes."""
 
@@ -252,7 +258,7 @@ class BlendOptions:
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
         tangents = check_pair("tangents", self.tangents, check_tangents)
-        bulge = check_pair("bulge", self.bulge, check_positive)
+        bulge = check_pair("bulge", self.bulge, _check_bulge)
         form = check_choice("form", self.form, FORMS)
         is_ball = continuity == ("G1", "G1") and tangents == ("perpendicular", "perpendicular") and bulge == (1.0, 1.0)
         if section == "arc" and form == "compact":
@@ -462,6 +468,14 @@ def _check_size(name: str, value: object) -> "Size":
     for size in (law,) if isinstance(law, float) else (law.smallest, law.largest):
         _check_size_range(name, size)
     return law
+
+
+def _check_bulge(name: str, value: object) -> float:
+    """Return a factor on cross derivatives that neither vanish in rounding nor exceed all that a section can take."""
+    bulge, least, most = check_positive(name, value), OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge
+    if not least <= bulge <= most:
+        raise InputError(f"{name} must be from {least:g} to {most:g}, not {bulge:g}")
+    return bulge
 
 
 def _check_size_range(name: str, size: float) -> float:

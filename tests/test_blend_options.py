@@ -76,6 +76,14 @@ def test_the_range_of_sizes():
         checked(width=(1e12, 1))
 
 
+@pytest.mark.parametrize("value", [5e-324, 9e-13, 1.1e6, 1e300])
+def test_the_range_of_bulges(value):
+    for good in (OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge):
+        assert checked(2, bulge=good).bulge == (good, good)
+    with pytest.raises(InputError, match=r"^bulge\[1\] must be from 1e-12 to 1e\+06, not "):
+        checked(2, bulge=(1, value))
+
+
 @pytest.mark.parametrize(("options", "given"), [({}, "neither"), ({"radius": 1, "width": 1}, "both")])
 def test_exactly_one_of_radius_and_width(options, given):
     with pytest.raises(InputError, match=f"exactly one of radius and width, not {given}"):

@@ -157,6 +157,107 @@ def sharp(name: str, draw: random.Random) -> tuple[Callable[[], Any], Callable[[
     return lambda: body(name), lambda: [edges(name, "sharp")[int(share * len(edges(name, "sharp")))]]
 
 
+def bad_law(draw: random.Random) -> Callable[..., Any]:
+    """A size that varies, but as no size can: by its values, by what it returns, or by its arguments."""
+    return draw.choice(
+        [
+            lambda t: -1 - t,
+            lambda t: t - 0.5,
+            lambda t: (t - 0.5) ** 2,
+            lambda t: 0 * t,
+            lambda t: 1 + np.heaviside(t - 0.3, 1.0),
+            lambda t: 1 + np.abs(t - 0.4),
+            lambda t: 1 / (t - 0.5) ** 2,
+            lambda t: np.full_like(t, math.nan),
+            lambda t: math.inf,
+            lambda t: 1e10 * (1 + t),
+            lambda t: "1",
+            lambda t: None,
+            lambda t: 1 + 1j * t,
+            lambda t: [1, 2, 3],
+            lambda t: {}["t"],
+            lambda: 1.0,
+            lambda t, u: t + u,
+            cqblend.linear,
+        ]
+    )
+
+
+def too_small_law(draw: random.Random) -> Callable[..., Any]:
+    return draw.choice([lambda t: 1e-7 * (1 + t), lambda t: 0 * t + 1e-9, cqblend.linear(1e-8, 1.0)])
+
+
+def open_law(draw: random.Random) -> Call:
+    """A size that differs at both ends, on an edge that is closed."""
+    law = draw.choice([lambda t: 1 + t, cqblend.linear(2, 1), cqblend.table([(0, 1), (0.5, 2), (1, 1.5)])])
+    return Call("open law", draw.choice(DOORS), *sharp("cylinder", draw), sizes(law, draw), (InputError,))
+
+
+def bad_mapping(draw: random.Random) -> Call:
+    """Sizes of single edges that are not those of the picked edge, or no sizes."""
+    name = draw.choice(("box", "rounded box", "spline prism"))
+    shape, picked = sharp(name, draw)
+    own, other = picked()[0], body("other box").Edges()[0]
+    unpicked = next(edge for edge in edges(name, "sharp") if not edge.isSame(own))
+    sized = draw.choice(
+        [
+            {},
+            {"edge": 1.0},
+            {None: 1.0},
+            {body(name).Faces()[0]: 1.0},
+            {other: 1.0},
+            {unpicked: 1.0},
+            {own: 1.0, unpicked: 1.0},
+            {own: draw.choice(["2", None, True, {}, 2j, object()])},
+            {own: out_of_range(draw)},
+            {own: bad_law(draw)},
+            {own: {own: 1.0}},
+        ]
+    )
+    options: dict[str, Any] = {draw.choice(["radius", "width"]): sized}
+    if draw.random() < 0.3:
+        options["taper"] = draw.choice([1.0, 0, -1, math.nan, "1"])
+    return Call(f"mapping {sized!r:.20}", draw.choice(DOORS), shape, picked, options, (InputError,))
+
+
+def bad_hold(draw: random.Random) -> Call:
+    """What is held is no edge, no edge that lies across a face beside the blended one, or cannot be held as asked."""
+    shape, picked = sharp("box", draw)
+    own = picked()[0]
+    beside = [face for face in body("box").Faces() if any(edge.isSame(own) for edge in face.Edges())]
+    parallel = [
+        edge
+        for face in beside
+        for edge in face.Edges()
+        if not any(v.isSame(w) for v in edge.Vertices() for w in own.Vertices())
+    ]
+    away = [edge for edge in body("box").Edges() if not any(edge.isSame(e) for face in beside for e in face.Edges())]
+    hold, options = draw.choice(
+        [
+            (draw.choice([3, "x", object(), [], [None], body("box"), beside[0], cq.Workplane()]), {}),
+            (body("other box").Edges()[0], {}),
+            (own, {}),
+            (away[0], {}),
+            (parallel, {}),
+            (parallel[0], {"width": 1, "radius": None}),
+            (parallel[0], {"radius": lambda t: 1 + t}),
+            (parallel[0], {"radius": {own: 30.0}}),
+            (parallel[0], {"continuity": ("G1", "G1")}),
+            (parallel[0], {"tangents": "chord"}),
+            (parallel[0], {"ends": "flat"}),
+            (parallel[0], {"section": "pde"}),
+        ]
+    )
+    return Call(
+        f"hold {hold!r:.20}",
+        draw.choice(DOORS),
+        shape,
+        picked,
+        {"radius": 30.0, "hold": hold, **options},
+        (InputError, SelectionError),
+    )
+
+
 def both_or_neither(draw: random.Random) -> Call:
     options = draw.choice([{}, {"radius": 1, "width": 1}, {"radius": 1.5, "width": (1, 2)}, {"radius": None}])
     return Call("both or neither", draw.choice(DOORS), *sharp(draw.choice(SHARP), draw), options, (InputError,))
@@ -181,6 +282,11 @@ def bad_option(draw: random.Random) -> Call:
             ("section", "potential", InputError),
             (draw.choice(["a", "b", "lam"]), draw.choice([1, 2.0, 0]), InputError),
             ("order", draw.choice([2, 4, (4, 4, 6), 3]), InputError),
+            ("bulge", draw.choice([5e-324, 1e-200, 1e9, 1e300, (1, 1e-20)]), InputError),
+            ("taper", draw.choice([1.0, 0, -1, "1"]), InputError),
+            ("chain", draw.choice([None, 0, 1, "True", [], np.ones(2)]), InputError),
+            ("ends", draw.choice(["round", "", None, 1, (), ("flat",) * 3, ("flat", "Natural")]), InputError),
+            ("on_error", draw.choice(["ignore", "", None, True, ("skip", "raise")]), InputError),
             ("form", draw.choice(["Exact", "", None, 7, ("auto", "exact")]), InputError),
             ("first", draw.choice(["left", 1, [], True, object()]), InputError),
         ]
@@ -330,7 +436,11 @@ KINDS = (
     (with_size(out_of_range, InputError), 15),
     (with_size(too_small, SizeError), 10),
     (with_size(too_large, SizeError, InputError), 6),
-    (with_size(lambda draw: lambda t: 1 + t, UnsupportedError), 2),
+    (with_size(bad_law, InputError), 6),
+    (with_size(too_small_law, SizeError), 2),
+    (open_law, 3),
+    (bad_mapping, 6),
+    (bad_hold, 6),
     (both_or_neither, 6),
     (bad_option, 15),
     (bad_first, 3),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cadquery as cq
 import numpy as np
 import pytest
-from chain_bodies import fading_block, gently_fading_block
+from chained_solids import fading_block, gently_fading_block
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf

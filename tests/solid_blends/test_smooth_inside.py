@@ -299,7 +299,7 @@ def test_open_arcs_are_as_light_as_circles(points, radius, height, angle, poles)
         for e in body.Edges()
         if e.geomType() == "CIRCLE" and abs(e.radius() - radius) < 1e-6 and abs(e.Center().z - height) < 1e-6
     ]
-    result = cqblend.blend_edges(body, edge, 1.4)
+    result = cqblend.blend_edges(body, edge, 1.4, section="hermite")
     assert result.shape.isValid()
     assert (result.certificate.degree, result.certificate.poles) == ((2, 3), (poles, 4))
     surface = BRep_Tool.Surface_s(result.faces[0].wrapped)

@@ -135,7 +135,7 @@ def _find_torus(blend: BlendSurface, arc: _FirstArc, radius: float) -> ArcSectio
     is_sphere = abs(major) <= SECTION_TOLERANCES.arc_deviation * max(radius, abs(height))
     if major < 0 and not is_sphere:
         raise UnsupportedError(f"the ball's centre would be {-major:.3g} mm beyond the axis")
-    if not is_sphere and major < radius:
+    if not is_sphere and not turned.closed and major < radius:
         if major < radius * (1 - SECTION_TOLERANCES.arc_deviation):
             raise UnsupportedError(
                 f"the ball's centre goes around the axis at {major:.3g} mm, less than its radius: that torus crosses "

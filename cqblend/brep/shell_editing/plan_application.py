@@ -154,7 +154,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
         first, second = (
-            rebuilt[number] if number in rebuilt else _find_partner(plan, strip, rail, blend_faces)
+            rebuilt.get(number) or _find_partner(plan, strip, rail, blend_faces) or index.faces[number]
             for number, rail in zip(strip.support_faces, strip.rails, strict=True)
         )
         rails = ([parts.build_edge(edge) for edge in strip.rails[0]], [parts.build_edge(e) for e in strip.rails[1]])
@@ -186,13 +186,14 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
 
 def _find_partner(
     plan: SolidPlan, strip: StripPlan, rail: Sequence[PlannedEdge], blend_faces: Sequence[TopoDS_Face]
-) -> TopoDS_Face:
-    """Return the face of the other strip that shares a rail, whose support face is consumed."""
-    return next(
+) -> TopoDS_Face | None:
+    """Return the face of the other strip that shares a rail, whose support face is consumed; None of a pole."""
+    partners = (
         face
         for other, face in zip(plan.strips, blend_faces, strict=True)
-        if other is not strip and any(rail[0] in side for side in other.rails)
+        if rail and other is not strip and any(rail[0] in side for side in other.rails)
     )
+    return next(partners, None)
 
 
 def _list_edge_owners(

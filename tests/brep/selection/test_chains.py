@@ -8,7 +8,8 @@ from itertools import permutations
 import cadquery as cq
 import numpy as np
 import pytest
-from chain_bodies import (
+from chain_witness import ChainWitness
+from chained_solids import (
     chamfered,
     d_shape,
     fading_block,
@@ -21,7 +22,6 @@ from chain_bodies import (
     spline_outline,
     tapered,
 )
-from chain_witness import ChainWitness
 from OCP.BRep import BRep_Tool
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Splitter
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge

@@ -7,7 +7,7 @@ import math
 import cadquery as cq
 import numpy as np
 import pytest
-from chain_bodies import fading_block, gently_fading_block
+from chained_solids import fading_block, gently_fading_block
 
 from cqblend.brep.selection.dihedral_angles import DihedralAngles
 from cqblend.brep.selection.solid_index import SolidIndex
