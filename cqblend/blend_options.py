@@ -258,7 +258,7 @@ class BlendOptions:
         continuity, orders = self._check_continuity(section)
         check_tangents = partial(check_choice, built=TANGENTS, later=_TANGENTS_LATER)
         tangents = check_pair("tangents", self.tangents, check_tangents)
-        bulge = check_pair("bulge", self.bulge, _check_bulge)
+        bulge = check_pair("bulge", self.bulge, check_bulge)
         form = check_choice("form", self.form, FORMS)
         is_ball = continuity == ("G1", "G1") and tangents == ("perpendicular", "perpendicular") and bulge == (1.0, 1.0)
         if section == "arc" and form == "compact":
@@ -435,6 +435,20 @@ def _build_relation(a: object, b: object, lam: Any) -> "Conic":
     return Conic(first, second, 0.0 if lam is None else lam)
 
 
+def check_bulge(name: str, value: object) -> float:
+    """Return a factor on cross derivatives that neither vanish in rounding nor exceed all that a section can take.
+
+    Raises
+    ------
+    InputError
+        If it is not a number from `OptionLimits.min_bulge` to `OptionLimits.max_bulge`.
+    """
+    bulge, least, most = check_positive(name, value), OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge
+    if not least <= bulge <= most:
+        raise InputError(f"{name} must be from {least:g} to {most:g}, not {bulge:g}")
+    return bulge
+
+
 def check_pde_orders(order: object) -> tuple[int, int, int]:
     """Return the orders of partial differential equations for x, y and z: one for all, or three.
 
@@ -468,14 +482,6 @@ def _check_size(name: str, value: object) -> "Size":
     for size in (law,) if isinstance(law, float) else (law.smallest, law.largest):
         _check_size_range(name, size)
     return law
-
-
-def _check_bulge(name: str, value: object) -> float:
-    """Return a factor on cross derivatives that neither vanish in rounding nor exceed all that a section can take."""
-    bulge, least, most = check_positive(name, value), OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge
-    if not least <= bulge <= most:
-        raise InputError(f"{name} must be from {least:g} to {most:g}, not {bulge:g}")
-    return bulge
 
 
 def _check_size_range(name: str, size: float) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -21,10 +22,7 @@ from cqblend.argument_checks import (
     refuse_ignored_options,
     to_float_array,
 )
-from cqblend.blend_options import (
-    BLEND_DEFAULTS,
-    G0_HAS_NO_CROSS_FIELD,
-)
+from cqblend.blend_options import BLEND_DEFAULTS, G0_HAS_NO_CROSS_FIELD, check_bulge
 from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
 from cqblend.blends.rails.regularity import sample_stations
@@ -134,7 +132,7 @@ def prepare_rails(
     for kind in kinds:
         if isinstance(kind, Guide) and kind.second is not None and kinds[0] is not kinds[1]:
             raise InputError("the second curve of a Guide has no effect unless the Guide is that of both sides")
-    bulges = check_pair("bulge", options.bulge, _check_amount)
+    bulges = check_pair("bulge", options.bulge, partial(_check_amount, check_number=check_bulge))
     lengths = check_pair("length", options.length, _check_length)
     steer = check_angle("steer", options.steer)
     closed = rail1.closed and rail2.closed
@@ -301,10 +299,10 @@ def _check_tangents(name: str, value: object) -> Tangents:
     raise InputError(f"{name} must be one of {', '.join(FIELDS[:3])}, a Guide or a Combination, not {shown(value)}")
 
 
-def _check_amount(name: str, value: object) -> Amount:
+def _check_amount(name: str, value: object, check_number: Callable[[str, object], float] = check_positive) -> Amount:
     if isinstance(value, Curve) and value.dim != 1:
         raise InputError(f"{name} must be a curve of dim 1, not {value.dim}")
-    return value if callable(value) else check_positive(name, value)
+    return value if callable(value) else check_number(name, value)
 
 
 def _check_length(name: str, value: object) -> CrossLength:

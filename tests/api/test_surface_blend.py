@@ -521,6 +521,8 @@ REFUSED = [
     ({"bulge": -1}, InputError, "bulge must be above 0"),
     ({"bulge": (1, 0)}, InputError, r"bulge\[1\] must be above 0"),
     ({"bulge": True}, InputError, "bulge must be a number"),
+    ({"bulge": (1, 1e-20)}, InputError, r"bulge\[1\] must be from 1e-12 to 1e\+06, not 1e-20"),
+    ({"bulge": 1e300}, InputError, "bulge must be from 1e-12"),
     ({"bulge": lambda t: 1 - 2 * t}, InputError, "at t = 1: it must be above 0"),
     ({"bulge": lambda t: np.where(t > 0.6, math.nan, 1)}, InputError, r"nan at t = 0\.6"),
     ({"bulge": lambda t: np.ones(3)}, InputError, r"array of shape \(3,\)"),
