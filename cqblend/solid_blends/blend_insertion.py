@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.chains import Chain
-from cqblend.brep.selection.picked_edges import select_chains
+from cqblend.brep.selection.picked_edges import FoundChain, select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
 from cqblend.brep.shell_editing.strip_end import RailsTooShortError
@@ -20,7 +20,7 @@ from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, GeometryError, SelectionError, VerificationError
+from cqblend.errors import CqblendError, GeometryError, SelectionError, TopologyError, VerificationError
 from cqblend.solid_blends.blend_alignment import align_to_joint
 from cqblend.solid_blends.blend_pipeline import BlendedShape
 from cqblend.solid_blends.end_plan import EndPlan, record_ends
@@ -48,10 +48,7 @@ def insert_into_shape(
     for one in found:
         if one.error is not None:
             raise one.error
-    chains = [one.chain for one in found if one.chain is not None]
-    if len(chains) != 1 or len(chains[0].cells) != 1:
-        raise SelectionError("the edges belong to several joints: a blend takes the place of one")
-    (chain,) = chains
+    chain = _take_single_chain(found)
     (joint,) = chain.cells
     try:
         return _insert_into_chain(shape, chain, blend)
@@ -68,6 +65,25 @@ def insert_into_shape(
         raise error.cause.with_details(before=before).with_details(shape=joint.name) from error
     except CqblendError as error:
         raise error.with_details(shape=joint.name) from error
+
+
+def _take_single_chain(found: Sequence[FoundChain]) -> Chain:
+    """Return the chain of one joint that picked edges are; an error if there are more, or if it goes on in others."""
+    chains = [one.chain for one in found if one.chain is not None]
+    picked = {number for one in found for number in one.edges}
+    picked_cells = [(chain, k) for chain in chains for k, cell in enumerate(chain.cells) if cell.edge_number in picked]
+    if len(picked_cells) > 1:
+        raise SelectionError("the edges belong to several joints: a blend takes the place of one")
+    ((chain, k),) = picked_cells
+    if len(chain.cells) > 1:
+        end = int(k < len(chain.junctions))  # it goes on after the last cell, too, if the chain is closed
+        following = chain.cells[(k + 1) % len(chain.cells) if end else k - 1]
+        raise TopologyError(
+            f"the blend cannot end at {chain.cells[k].name_end(end)}: the joint goes on there in {following.name}, and "
+            "a blend of surfaces takes the place of one between two faces; blend_edges blends all of them",
+            shape=chain.cells[k].name,
+        )
+    return chain
 
 
 def _insert_into_chain(shape: TopoDS_Shape, chain: Chain, blend: BlendSurface) -> BlendedShape:

@@ -56,8 +56,9 @@ def test_faces_of_solids_and_of_shells_are_replaced_by_number():
     for body in (BOX, OPEN):
         index = ShapeIndex(body.wrapped, TopAbs_FACE)
         other = cq.Face.makePlane(1, 1).wrapped
-        changed = cq.Shape.cast(replace_body_faces(body.wrapped, {2: other}, index, [other]))
-        assert changed.ShapeType() == body.ShapeType()
-        faces = changed.Faces()
-        assert faces[1].wrapped.IsSame(other)
-        assert [face.wrapped.IsSame(index[n]) for n, face in enumerate(faces, 1) if n <= len(index)].count(False) == 1
+        added = cq.Face.makePlane(2, 2).wrapped
+        for removed in ((), (4,)):
+            changed = cq.Shape.cast(replace_body_faces(body.wrapped, {2: other}, removed, index, [added]))
+            assert changed.ShapeType() == body.ShapeType()
+            expected = [other if n == 2 else index[n] for n in range(1, len(index) + 1) if n not in removed] + [added]
+            assert [face.IsSame(one) for face, one in zip(wrapped(changed), expected, strict=True)].count(False) == 0

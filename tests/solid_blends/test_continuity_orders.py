@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from itertools import product
 
 import cadquery as cq
 import numpy as np
@@ -70,10 +71,12 @@ def blended(name, **options):
 
 
 def met(result, count=300):
-    """Return gap, angle, jump of curvature and of its change, largest along the rails, by the other face's index."""
-    (blend,) = result.faces
+    """Return gap, angle, jump of curvature and of its change, largest where each blend meets a face, for each pair.
+
+    These are its rails, and the edge across which it goes on in another blend.
+    """
     found = {}
-    for number, face in enumerate(result.shape.Faces()):
+    for (row, blend), (number, face) in product(enumerate(result.faces), enumerate(result.shape.Faces())):
         shared = [edge for edge in face.Edges() if any(edge.isSame(one) for one in blend.Edges())]
         for edge in [] if face.isSame(blend) else shared:
             t = np.linspace(*BRep_Tool.Range_s(edge.wrapped), count)[1:-1].tolist()
@@ -83,7 +86,7 @@ def met(result, count=300):
                 jets.append(kernel_jet(BRep_Tool.Surface_s(one.wrapped), [curve.Value(x).Coord() for x in t]))
             if np.sin(angle(*(normal(jet) for jet in jets))).max() > 0.5:
                 continue  # an end of the blend
-            found.setdefault(number, []).append([float(x.max()) for x in meeting(*jets)])
+            found.setdefault((row, number), []).append([float(x.max()) for x in meeting(*jets)])
     return [np.max(rows, axis=0) for rows in found.values()]
 
 

@@ -236,8 +236,12 @@ def test_blends_of_surfaces_do_not_end_where_a_joint_goes_on():
     blend = cqblend.potential_blend(
         *(cqblend.reshape(one, by="normal", amounts=-1) for one in faces), cqblend.Conic(1, 1)
     )
-    with pytest.raises(TopologyError, match=r"cannot end at vertex \d+ at .*: the joint goes on there"):
+    with pytest.raises(
+        TopologyError, match=r"^edge \d+: .* cannot end at vertex \d+ at .*: the joint goes on there in edge"
+    ):
         cqblend.insert_blend(body, edge, blend)
+    with pytest.raises(SelectionError, match="several joints"):
+        cqblend.insert_blend(body, body.edges(">Z"), blend)
 
 
 def test_blends_that_are_too_short_for_slanted_ends_say_so():
