@@ -121,12 +121,12 @@ def draft_chain(
             return blends, plan_chain(placements, context.chain, caps)
         except RailsTooShortError as short:
             short_end = 0 if short.needed_domain[0] < domain[0] else 1
-            domain = _lengthen(domain, short.needed_domain)
+            domain = lengthen_domain(domain, short.needed_domain)
     nothing = TopologyError("the blend runs on beside the faces there without ever meeting them")
     raise nothing if short_end is None else BlendEndError(short_end, nothing)
 
 
-def _lengthen(domain: tuple[float, float], needed: tuple[float, float]) -> tuple[float, float]:
+def lengthen_domain(domain: tuple[float, float], needed: tuple[float, float]) -> tuple[float, float]:
     """Return a domain that has what is needed, and a little more where it was too short, for the next fit differs."""
     slack = 0.1 * (needed[1] - needed[0])
     before, after = max(domain[0] - needed[0], 0.0), max(needed[1] - domain[1], 0.0)

@@ -7,7 +7,7 @@ from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.chain_draft import ChainDraft, check_blend
+from cqblend.solid_blends.chain_draft import ChainDraft, check_blend, lengthen_domain
 from cqblend.solid_blends.end_plan import EndAttempts, EndPlan
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -42,9 +42,7 @@ class HeldDrafts:
             try:
                 planned = plan_held_chain(placement, cell.held)
             except RailsTooShortError as short:
-                low, high = short.needed_domain
-                slack = 0.1 * (high - low)
-                domain = (min(domain[0], low - slack), max(domain[1], high + slack))
+                domain = lengthen_domain(domain, short.needed_domain)
                 continue
             ends = None if cell.joint.spine.closed else EndPlan.natural_at_both_ends(domain)
             return ChainDraft(self.context, (blend,), planned, ends)
