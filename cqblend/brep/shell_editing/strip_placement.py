@@ -73,7 +73,7 @@ class StripPlacement:
         first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
         return first, second
 
-    def is_point(self, end: int) -> bool:
+    def ends_in_point(self, end: int) -> bool:
         """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1).
 
         Where the joint fades out, they meet as nearly as its faces do at the edge.

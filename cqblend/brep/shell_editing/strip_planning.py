@@ -332,7 +332,7 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
     kept = [
         vertex
         for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
-        if cap is not None or placement.is_point(end)
+        if cap is not None or placement.ends_in_point(end)
     ]
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
@@ -342,7 +342,7 @@ def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEn
     try:
         if cap is not None:
             return end_in_cap(placement, end, cap)
-        if placement.is_point(end):
+        if placement.ends_in_point(end):
             return end_in_point(placement, end)
         border = placement.joint.border_ends[end]
         return end_on_faces(placement, end) if border is None else end_at_border(placement, end, border)
