@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 CornerMethod = Literal["ball", "cross", "setback", "mitre"]
-"""How the blends of a corner are put together: a sphere, patches where rails cross or with set-back ends, or a mitre."""
+"""How the blends of a corner are put together: a sphere, patches (rails cross, or ends set back), or a mitre."""
 
 
 @dataclass(frozen=True)
