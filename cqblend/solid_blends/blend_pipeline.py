@@ -185,9 +185,9 @@ def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]
     """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
     certificates = [strip.certificate for strip in strips]
     first = 0
-    for source, draft in zip(network.sources, network.drafts, strict=True):
+    for attempts, draft in zip(network.attempts, network.drafts, strict=True):
         if draft.ends is not None:
-            ends = record_ends(draft.context.end_joints, draft.ends, source.attempts)
+            ends = record_ends(draft.context.end_joints, draft.ends, attempts)
             certificates[first] = replace(certificates[first], ends=ends)
         first += len(draft.blends)
     return certificates
