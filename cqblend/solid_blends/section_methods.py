@@ -24,6 +24,7 @@ from cqblend.blends.contacts.contact_solver import (
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
@@ -144,9 +145,19 @@ class SectionAtJoint(ABC):
     """What a section method does at one joint."""
 
     @property
+    def may_be_arcs(self) -> bool:
+        """Whether the sections are arcs where these are exact."""
+        return False
+
+    @property
     def demands_arcs(self) -> bool:
         """Whether nothing but arcs will do."""
         return False
+
+    @property
+    def turn(self) -> float | None:
+        """The angle (rad) by which the ball of the blend turns, if it turns in place all along the joint."""
+        return None
 
     @property
     def fading_ends(self) -> tuple[bool, bool]:
@@ -184,11 +195,22 @@ def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) ->
         As :meth:`SectionAtJoint.fill`.
     """
     try:
-        return [section.fill_by_arcs(ribbons) for section, ribbons in cells]
+        return fill_cells_by_arcs(cells)
     except UnsupportedError as error:
         if any(section.demands_arcs for section, _ in cells):
             raise error.with_details(before='section="arc" is not exact here: ') from error
     return [section.fill(ribbons) for section, ribbons in cells]
+
+
+def fill_cells_by_arcs(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
+    """Return the blend surfaces of all cells of one chain, which are arcs.
+
+    Raises
+    ------
+    UnsupportedError
+        If that is not exact for each of them.
+    """
+    return [section.fill_by_arcs(ribbons) for section, ribbons in cells]
 
 
 @dataclass(frozen=True)
@@ -239,6 +261,9 @@ class _HermiteAtJoint(SectionAtJoint):
 
     def make_solver(self) -> ContactSolver:
         joint, sizes = self.joint, self.method.sizes
+        if self.turning_ball is not None:
+            ball = self.turning_ball
+            return cache_contacts(lambda t, _: ball.solve_contacts(t))
         solve = trace_contacts(
             joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
         )
@@ -251,6 +276,18 @@ class _HermiteAtJoint(SectionAtJoint):
         if not ends:
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
+
+    @cached_property
+    def turning_ball(self) -> TurningBall | None:
+        """The ball of the blend, if it turns in place all along the joint."""
+        joint, radius = self.joint, self.method.request.radius
+        if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
+            return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
+        return None
+
+    @property
+    def turn(self) -> float | None:
+        return None if self.turning_ball is None else abs(self.turning_ball.turn)
 
     @property
     def fading_ends(self) -> tuple[bool, bool]:
@@ -294,6 +331,10 @@ class BallMethod(HermiteMethod):
 @dataclass(frozen=True)
 class _BallAtJoint(_HermiteAtJoint):
     method: BallMethod
+
+    @property
+    def may_be_arcs(self) -> bool:
+        return not self.method.sizes.laws
 
     @property
     def demands_arcs(self) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from cqblend.brep.selection.blend_corners import BlendCorner
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
@@ -15,13 +16,18 @@ from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, SizeError, VerificationError
+from cqblend.errors import CqblendError, SizeError, UnsupportedError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
 from cqblend.solid_blends.chain_context import ChainContext
+<<<<<<< HEAD
 from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
+=======
+from cqblend.solid_blends.chain_draft import ChainDraft
+>>>>>>> integration
 from cqblend.solid_blends.end_plan import EndAttempts
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.held_draft import HeldDrafts
+from cqblend.solid_blends.network_draft import NetworkDrafts
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -29,7 +35,7 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 class DraftedNetwork:
     """A network of edges that touch, with the present draft of each of its chains.
 
-    ``edges`` are the numbers of the picked edges in the input shape.
+    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet.
 
     Raises
     ------
@@ -37,11 +43,18 @@ class DraftedNetwork:
         If a chain has no draft.
     """
 
-    def __init__(self, edges: Sequence[int], chains: Sequence[ChainContext]) -> None:
+    def __init__(
+        self, edges: Sequence[int], chains: Sequence[ChainContext], corners: Sequence[BlendCorner] = ()
+    ) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self.sources = tuple(map(_choose_drafts, chains))
-        self.drafts = tuple(source.make_first() for source in self.sources)
+        self._source = _choose_drafts(chains, corners)
+        self.drafts = self._source.make_first()
+
+    @property
+    def attempts(self) -> tuple[EndAttempts, ...]:
+        """Which ends of each chain were tried."""
+        return self._source.attempts
 
     @property
     def index(self) -> SolidIndex:
@@ -61,13 +74,18 @@ class DraftedNetwork:
         CqblendError
             If there are none.
         """
-        self.drafts = tuple(source.make_next(failure) for source in self.sources)
+        self.drafts = self._source.make_next(failure)
 
 
-def _choose_drafts(context: ChainContext) -> ChainDrafts | HeldDrafts:
-    """Return the drafts of a chain, of which a rail may be held on an edge."""
-    first = context.cells[0]
-    return HeldDrafts(context, first) if isinstance(first, HeldStripContext) else ChainDrafts(context)
+def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner]) -> NetworkDrafts | HeldDrafts:
+    """Return the drafts of a network; of one chain, a rail may be held on an edge."""
+    for context in chains:
+        first = context.cells[0]
+        if isinstance(first, HeldStripContext):
+            if len(chains) > 1:
+                raise UnsupportedError("a rail is held on an edge beside it, and its ends meet no other blends yet")
+            return HeldDrafts(context, first)
+    return NetworkDrafts(chains, corners)
 
 
 class FaultyNetworkError(CqblendError):
