@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from cqblend.brep.selection.blend_corners import BlendCorner
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
@@ -19,11 +19,7 @@ from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, SizeError, UnsupportedError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
 from cqblend.solid_blends.chain_context import ChainContext
-<<<<<<< HEAD
-from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
-=======
 from cqblend.solid_blends.chain_draft import ChainDraft
->>>>>>> integration
 from cqblend.solid_blends.end_plan import EndAttempts
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.held_draft import HeldDrafts
@@ -35,7 +31,8 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 class DraftedNetwork:
     """A network of edges that touch, with the present draft of each of its chains.
 
-    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet.
+    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet;
+    ``natural_ends`` are natural, whatever ends were asked for.
 
     Raises
     ------
@@ -44,11 +41,15 @@ class DraftedNetwork:
     """
 
     def __init__(
-        self, edges: Sequence[int], chains: Sequence[ChainContext], corners: Sequence[BlendCorner] = ()
+        self,
+        edges: Sequence[int],
+        chains: Sequence[ChainContext],
+        corners: Sequence[BlendCorner] = (),
+        natural_ends: Sequence[ChainEnd] = (),
     ) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self._source = _choose_drafts(chains, corners)
+        self._source = _choose_drafts(chains, corners, natural_ends)
         self.drafts = self._source.make_first()
 
     @property
@@ -77,7 +78,9 @@ class DraftedNetwork:
         self.drafts = self._source.make_next(failure)
 
 
-def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner]) -> NetworkDrafts | HeldDrafts:
+def _choose_drafts(
+    chains: Sequence[ChainContext], corners: Sequence[BlendCorner], natural_ends: Sequence[ChainEnd]
+) -> NetworkDrafts | HeldDrafts:
     """Return the drafts of a network; of one chain, a rail may be held on an edge."""
     for context in chains:
         first = context.cells[0]
@@ -85,7 +88,7 @@ def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner
             if len(chains) > 1:
                 raise UnsupportedError("a rail is held on an edge beside it, and its ends meet no other blends yet")
             return HeldDrafts(context, first)
-    return NetworkDrafts(chains, corners)
+    return NetworkDrafts(chains, corners, natural_ends)
 
 
 class FaultyNetworkError(CqblendError):
@@ -140,9 +143,9 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
 def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, EndAttempts, int]]:
     """Return every cell of networks: its network, the draft of its chain and the attempts at its ends, its index."""
     return [
-        (network, draft, source.attempts, k)
+        (network, draft, attempts, k)
         for network in networks
-        for source, draft in zip(network.sources, network.drafts, strict=True)
+        for attempts, draft in zip(network.attempts, network.drafts, strict=True)
         for k in range(len(draft.blends))
     ]
 
