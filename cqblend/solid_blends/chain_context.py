@@ -15,7 +15,7 @@ from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.errors import InputError, UnsupportedError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, fill_cells_by_arcs
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells, fill_cells_by_arcs
 from cqblend.solid_blends.strip_context import StripContext
 
 

@@ -27,7 +27,8 @@ from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
