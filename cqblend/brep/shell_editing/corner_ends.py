@@ -29,6 +29,8 @@ def plan_corner(method: CornerMethod, ends: Sequence[PlacedEnd]) -> CornerPlan:
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must reach further to meet.
     SizeError, TopologyError, GeometryError
         If the strips do not meet there as the method has it.
     """
