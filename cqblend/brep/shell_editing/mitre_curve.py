@@ -139,9 +139,11 @@ class _MitreSolution:
     def _solve_from_wall(self, share: Array) -> Array:
         """Return the solution (n, 3) at ascending shares (n,), found one after the other from the wall on."""
         found = [self._solve(share[-1:], self._near_wall[None])[0]]
+        rate = found[0] - self._at_common
         for k in range(len(share) - 2, -1, -1):
-            ahead = found[-1] if len(found) == 1 else 2 * found[-1] - found[-2]
-            found.append(self._solve(share[k : k + 1], ahead[None])[0])
+            step = share[k] - share[k + 1]
+            found.append(self._solve(share[k : k + 1], (found[-1] + step * rate)[None])[0])
+            rate = (found[-1] - found[-2]) / step
         return np.array(found[::-1])
 
     def fit(self) -> MitreCurve:
