@@ -78,8 +78,8 @@ def speed() -> None:
         make = partial(cqblend.pde_blend, sheet(0.0), sheet(1.0), tolerance=tolerance)
         found, own = make().solution, measure_cpu(make)
         print(
-            f"open sides, tolerance {tolerance:g}: {own:.0f} ms, {own / closed:.1f} times the closed ones; {found.terms} "
-            f"terms x {found.basis.count} functions, change {found.change:.1e} mm"
+            f"open sides, tolerance {tolerance:g}: {own:.0f} ms, {own / closed:.1f} times the closed ones; "
+            f"{found.terms} terms x {found.basis.count} functions, change {found.change:.1e} mm"
         )
     body = cq.Workplane().sphere(10).union(cq.Workplane().cylinder(40, 4.5))
     edge = body.edges(cq.NearestToPointSelector((0, 9, 9)))
