@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from cqblend.brep.selection.blend_corners import find_mitres
+from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import FoundChain, PickedEdges, Selection
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -77,8 +77,7 @@ class StagedNetwork:
     @cached_property
     def first_draft(self) -> DraftedNetwork:
         """The draft of its first stage, which does not depend on other networks."""
-        chains = [self.chains[k] for k in self.plan.stages[0]]
-        return self._draft_chains(chains)
+        return self._draft_chains([self.chains[k] for k in self.plan.stages[0]])
 
     def draft(self, stage: int, picks: PickedEdges) -> DraftedNetwork:
         """Return the draft of one of its stages, in the solid as the stages before have left it.
@@ -97,8 +96,10 @@ class StagedNetwork:
         return self._draft_chains([self._get_context(one.chain, one.edges) for one in found if one.chain is not None])
 
     def _draft_chains(self, chains: Sequence[ChainContext]) -> DraftedNetwork:
-        """Return the draft of chains, with mitres where two of them meet."""
-        return DraftedNetwork(self.edges, chains, find_mitres([context.chain for context in chains]))
+        """Return the draft of some of its chains, with mitres where two of them meet."""
+        own = [context.chain for context in chains]
+        first_ends = [ChainEnd(k, end) for k, chain in enumerate(own) for end in self.find_first_ends(chain)]
+        return DraftedNetwork(self.edges, chains, find_mitres(own), first_ends)
 
     def _check_corner(self, corner: RoundedCorner, found: Sequence[FoundChain]) -> None:
         """Raise UnsupportedError if two chains do not go on in one another round a corner."""

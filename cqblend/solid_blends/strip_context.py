@@ -152,6 +152,6 @@ class StripContext:
         )
 
     def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge; not of arcs without ``arcs``."""
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``."""
         (blend,) = fill_cells([(self.section, self.fit_rails(domain))], arcs=arcs)
         return blend
