@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.angles import locate_on_rational_arcs
+from cqblend.surfaces.angles import locate_on_rational_arcs, measure_rational_arcs
 from cqblend.surfaces.quadrics import Cylinder, Sphere
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 
@@ -84,6 +84,16 @@ class ArcSection:
             return locate_on_rational_arcs(s, self.stops, self.breaks)
         low, high = self.breaks
         return np.asarray(low + s / self.length * (high - low))
+
+    def map_from_spline(self, t: Array, v: Array) -> tuple[Array, Array]:
+        """Return s and v, (n,) each, at parameters (n,) of the rational spline that is the same surface."""
+        if self.is_straight:
+            low, high = self.breaks
+            s = (t - low) / (high - low) * self.length
+        else:
+            s = measure_rational_arcs(t, self.stops, self.breaks)
+        ends = np.array([0.0, self.opening]), np.array([0.0, 1.0])
+        return np.asarray(s), measure_rational_arcs(v, *ends) / self.opening
 
     def map_to_arc_parameter(self, v: Array) -> Array:
         """Return the parameters (n,) across of the rational spline that is the same surface, at v (n,)."""

@@ -37,6 +37,7 @@ from cqblend.blends.network.blend_plan import (
     FacePlan,
     KeptEdge,
     NewEdge,
+    PatchPlan,
     PlannedEdge,
     PlannedPcurve,
     PlannedSurface,
@@ -118,11 +119,21 @@ class BuiltStrip:
 
 
 @dataclass(frozen=True)
+class BuiltPatch:
+    """A face of a corner in a rewritten solid, and those of its edges that bound no strip, each of one patch only."""
+
+    face: TopoDS_Face
+    plan: PatchPlan
+    edges: tuple[BuiltEdge, ...]
+
+
+@dataclass(frozen=True)
 class ProposedSolid:
-    """A rewritten solid or shell, not yet verified, and its strips in the order of the plan."""
+    """A rewritten solid or shell, not yet verified, and its strips and patches in the order of the plan."""
 
     solid: TopoDS_Shape
     strips: tuple[BuiltStrip, ...]
+    patches: tuple[BuiltPatch, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
     gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
@@ -148,9 +159,13 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         forward = parts.bound_face(strip.surface, boundary)
         blend_faces.append(forward if strip.is_mirrored else TopoDS.Face_s(forward.Reversed()))
         caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
-    new_faces = [*blend_faces, *chain.from_iterable(caps)]
+    patch_faces = [parts.bound_patch(patch) for patch in plan.patches]
+    new_faces = [*blend_faces, *patch_faces, *chain.from_iterable(caps)]
     deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
     owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
+    for patch, face in zip(plan.patches, patch_faces, strict=True):
+        for use in patch.boundary:
+            owners.setdefault(use.edge, []).append(face)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
         first, second = (
@@ -161,7 +176,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
+        others = _list_other_edges(strip, blend_face, [*blend_faces, *patch_faces], owners, deviations, parts)
         geometry = strip.surface.geometry
         poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
         held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
@@ -177,11 +192,15 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
                 (held1, held2),
             )
         )
+    patches = [
+        BuiltPatch(face, patch, _list_patch_edges(patch, face, owners, deviations, parts))
+        for patch, face in zip(plan.patches, patch_faces, strict=True)
+    ]
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
     gone = (*plan.consumed_faces, *plan.swallowed_faces)
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges, gone)
+    return ProposedSolid(solid, tuple(strips), tuple(patches), deviations.largest_tolerance, free_edges, gone)
 
 
 def _find_partner(
@@ -245,6 +264,28 @@ def _list_other_edges(
     return tuple(found)
 
 
+def _list_patch_edges(
+    patch: PatchPlan,
+    face: TopoDS_Face,
+    owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
+    deviations: EdgeDeviations,
+    parts: _PartBuilder,
+) -> tuple[BuiltEdge, ...]:
+    """Return the edges of a patch beside other patches, of the first of both only, and beside support faces."""
+    found = []
+    for use in patch.boundary:
+        planned, (first, second) = use.edge, owners[use.edge]
+        edge = parts.build_edge(planned)
+        BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
+        if not isinstance(planned, NewEdge) or planned.role not in ("spoke", "corner curve"):
+            continue
+        if planned.role == "spoke" and not first.IsSame(face):
+            continue
+        other = second if first.IsSame(face) else first
+        found.append(BuiltEdge(planned.role, ((face, edge), (other, edge)), deviations.get(edge)))
+    return tuple(found)
+
+
 class _PartBuilder:
     """Builds the vertices, edges and surfaces of a plan, each of them once."""
 
@@ -288,6 +329,12 @@ class _PartBuilder:
         face = TopoDS.Face_s(self.get_face(surface).EmptyCopied())
         BUILDER.Add(face, make_closed_wire(map(self.orient_edge, boundary)))
         return face
+
+    def bound_patch(self, patch: PatchPlan) -> TopoDS_Face:
+        """Return the face of a corner, as it is oriented in the solid."""
+        if patch.is_inverted:
+            return TopoDS.Face_s(self.bound_face(patch.surface, tuple(reverse_path(patch.boundary))).Reversed())
+        return self.bound_face(patch.surface, patch.boundary)
 
     def _make_new_edge(self, planned: NewEdge) -> TopoDS_Edge:
         first, last = map(self.build_vertex, planned.vertices)
