@@ -20,6 +20,7 @@ from cqblend.brep.selection.held_edges import is_beside
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_chains
 from cqblend.brep.verification.brep_check import is_valid
+from cqblend.brep.verification.patch_certification import CertifiedPatch
 from cqblend.certificate import Certificate, SkippedEdges
 from cqblend.errors import CqblendError, SelectionError, SizeError, UnsupportedError
 from cqblend.solid_blends.blend_sizes import take_largest_sizes
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BlendedShape:
-    """A blended shape, its blend faces in the order of the edges, and their certificate."""
+    """A blended shape, its blend faces, by network those along edges and those at corners, and their certificate."""
 
     shape: TopoDS_Shape
     faces: tuple[TopoDS_Face, ...]
@@ -138,6 +139,7 @@ def blend_shape(
         except CqblendError as error:
             leave_out(picked, error, chain)
     result, strips = selection.shape, dict[DraftedNetwork, Sequence[CertifiedStrip]]()
+    patches: dict[DraftedNetwork, Sequence[CertifiedPatch]] = {}
     for index in dict.fromkeys(network.index for network in networks):
         own = [network for network in networks if network.index is index]
         while own:
@@ -148,14 +150,17 @@ def blend_shape(
                 leave_out(fault.network.edges, fault.cause, fault.network.chains[0])
                 continue
             strips |= rewritten.strips
+            patches |= rewritten.patches
             result = replace_body(result, index.solid, rewritten.solid)
             break
     blended = [network for network in networks if network in strips]
-    certificates = [_record_strip_ends(network, strips[network]) for network in blended]
+    certificates = [
+        _record_patches(_record_strip_ends(network, strips[network]), patches.get(network, ())) for network in blended
+    ]
     certificate = Certificate.merge([one for some in certificates for one in some])
     return BlendedShape(
         result,
-        tuple(strip.face for network in blended for strip in strips[network]),
+        tuple(face for network in blended for face in _list_faces(strips[network], patches.get(network, ()))),
         replace(
             certificate,
             method=certificate.method + selection.method,
@@ -185,12 +190,27 @@ def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]
     """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
     certificates = [strip.certificate for strip in strips]
     first = 0
-    for source, draft in zip(network.sources, network.drafts, strict=True):
+    for attempts, draft in zip(network.attempts, network.drafts, strict=True):
         if draft.ends is not None:
-            ends = record_ends(draft.context.end_joints, draft.ends, source.attempts)
+            ends = record_ends(draft.context.end_joints, draft.ends, attempts)
             certificates[first] = replace(certificates[first], ends=ends)
         first += len(draft.blends)
     return certificates
+
+
+def _list_faces(strips: Sequence[CertifiedStrip], patches: Sequence[CertifiedPatch]) -> list[TopoDS_Face]:
+    """Return the blend faces of a network: along edges, then at corners."""
+    return [*(strip.face for strip in strips), *(patch.face for patch in patches)]
+
+
+def _record_patches(certificates: list[Certificate], patches: Sequence[CertifiedPatch]) -> list[Certificate]:
+    """Return the certificates of a network's strips, the first of them with the records of its corners."""
+    if not patches:
+        return certificates
+    first, *others = certificates
+    crease = max(first.inner_crease, *(patch.inner_crease for patch in patches))
+    edges = (*first.edges, *(edge for patch in patches for edge in patch.edges))
+    return [replace(first, inner_crease=crease, edges=edges), *others]
 
 
 def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> ChainContext:

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from cqblend.blends.network.blend_plan import PatchPlan, StripPlan
+from cqblend.brep.selection.blend_corners import BlendCorner
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
@@ -13,14 +15,17 @@ from cqblend.brep.shell_editing.planned_solid import FaceConflictError, PlannedS
 from cqblend.brep.shell_editing.remaining_faces import settle_faces
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
 from cqblend.brep.verification.blend_certification import certify_blend
+from cqblend.brep.verification.patch_certification import CertifiedPatch, certify_patch
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.certificate import Certificate
-from cqblend.errors import CqblendError, SizeError, VerificationError
-from cqblend.solid_blends.blend_acceptance import check_promises
+from cqblend.errors import CqblendError, SizeError, UnsupportedError, VerificationError
+from cqblend.solid_blends.blend_acceptance import check_patch_promises, check_promises
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
+from cqblend.solid_blends.chain_draft import ChainDraft
+from cqblend.solid_blends.end_plan import EndAttempts
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.held_draft import HeldDrafts
+from cqblend.solid_blends.network_draft import NetworkDrafts
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -31,7 +36,7 @@ if TYPE_CHECKING:
 class DraftedNetwork:
     """A network of edges that touch, with the present draft of each of its chains.
 
-    ``edges`` are the numbers of the picked edges in the input shape.
+    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet.
 
     Raises
     ------
@@ -39,11 +44,18 @@ class DraftedNetwork:
         If a chain has no draft.
     """
 
-    def __init__(self, edges: Sequence[int], chains: Sequence[ChainContext]) -> None:
+    def __init__(
+        self, edges: Sequence[int], chains: Sequence[ChainContext], corners: Sequence[BlendCorner] = ()
+    ) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self.sources = tuple(map(_choose_drafts, chains))
-        self.drafts = tuple(source.make_first() for source in self.sources)
+        self._source = _choose_drafts(chains, corners)
+        self.drafts = self._source.make_first()
+
+    @property
+    def attempts(self) -> tuple[EndAttempts, ...]:
+        """Which ends of each chain were tried."""
+        return self._source.attempts
 
     @property
     def index(self) -> SolidIndex:
@@ -63,13 +75,18 @@ class DraftedNetwork:
         CqblendError
             If there are none.
         """
-        self.drafts = tuple(source.make_next(failure) for source in self.sources)
+        self.drafts = self._source.make_next(failure)
 
 
-def _choose_drafts(context: ChainContext) -> ChainDrafts | HeldDrafts:
-    """Return the drafts of a chain, of which a rail may be held on an edge."""
-    first = context.cells[0]
-    return HeldDrafts(context, first) if isinstance(first, HeldStripContext) else ChainDrafts(context)
+def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner]) -> NetworkDrafts | HeldDrafts:
+    """Return the drafts of a network; of one chain, a rail may be held on an edge."""
+    for context in chains:
+        first = context.cells[0]
+        if isinstance(first, HeldStripContext):
+            if len(chains) > 1:
+                raise UnsupportedError("a rail is held on an edge beside it, and its ends meet no other blends yet")
+            return HeldDrafts(context, first)
+    return NetworkDrafts(chains, corners)
 
 
 class FaultyNetworkError(CqblendError):
@@ -94,6 +111,7 @@ class RewrittenSolid:
 
     solid: TopoDS_Shape
     strips: Mapping[DraftedNetwork, Sequence[CertifiedStrip]]
+    patches: Mapping[DraftedNetwork, Sequence[CertifiedPatch]]
 
 
 def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> RewrittenSolid:
@@ -121,7 +139,25 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
         except CqblendError as error:
             raise FaultyNetworkError(network, error) from error
         strips.setdefault(network, []).append(CertifiedStrip(built.blend_face, certificate))
-    return RewrittenSolid(proposal.solid, strips)
+    patches: dict[DraftedNetwork, list[CertifiedPatch]] = {}
+    for patch in proposal.patches:
+        network, context = _find_patch_owner(networks, patch.plan)
+        try:
+            certified = certify_patch(context.joint, patch)
+            check_patch_promises(certified, context)
+        except CqblendError as error:
+            raise FaultyNetworkError(network, error) from error
+        patches.setdefault(network, []).append(certified)
+    return RewrittenSolid(proposal.solid, strips, patches)
+
+
+def _find_patch_owner(networks: Sequence[DraftedNetwork], patch: PatchPlan) -> tuple[DraftedNetwork, StripContext]:
+    """Return the network that a patch belongs to, and the context of the first strip that ends there."""
+    for network, draft, k in _list_cells(networks):
+        context = draft.context.cells[k]
+        if patch.spine[0] in map(context.joint.index.edges.find_number, context.joint.spine.edges):
+            return network, context
+    raise KeyError(patch.spine[0])
 
 
 def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, int]]:
@@ -154,12 +190,14 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     convex, name_part = [cell.joint.is_convex for cell in cells], cells[0].joint.name_part
     planned = settle_faces(PlannedSolid(index, plan, convex, name_part))
     proposal = apply_plan(index, planned.plan)
-    check_swallowed_faces(planned, proposal.solid, [strip.blend_face for strip in proposal.strips])
+    blend_faces = [strip.blend_face for strip in proposal.strips]
+    check_swallowed_faces(planned, proposal.solid, blend_faces)
+    grows = [not cell.joint.is_convex for cell in cells]
     check = check_solid(
         index.solid,
         proposal.solid,
-        [strip.blend_face for strip in proposal.strips],
-        grows=[not cell.joint.is_convex for cell in cells],
+        [*blend_faces, *(patch.face for patch in proposal.patches)],
+        grows=[*grows, *(_grows_patch(patch.plan, planned.plan.strips, grows) for patch in proposal.patches)],
         tolerance=max(map(_get_edge_tolerance, cells)),
         index_before=index.faces,
         free_edges=proposal.free_edges,
@@ -169,6 +207,12 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     if check.problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
     return proposal
+
+
+def _grows_patch(patch: PatchPlan, strips: Sequence[StripPlan], grows: Sequence[bool]) -> bool | None:
+    """Whether a patch adds material, as all strips beside it do; None if some do, and others remove it."""
+    found = {grow for strip, grow in zip(strips, grows, strict=True) if set(strip.spine) & set(patch.spine)}
+    return found.pop() if len(found) == 1 else None
 
 
 def _get_edge_tolerance(context: StripContext) -> float:

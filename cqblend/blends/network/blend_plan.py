@@ -22,11 +22,13 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.ellipse import Ellipse
 from cqblend.surfaces.quadrics import Plane
 
-EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole", "spoke", "corner curve"]
-"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
-the face or cap that it ends on, or ends in a border; where a cap, or a border, crosses a support face; where two faces
-of the input go on meeting; a point that bounds a sphere or a blend; where two patches of a corner meet; where a patch
-meets a support face."""
+EdgeRole = Literal[
+    "rail", "seam", "section", "mitre", "end curve", "cap border", "extension", "pole", "spoke", "corner curve"
+]
+"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blend faces meet smoothly, or two
+at an angle; where a blend meets the face or cap that it ends on, or ends in a border; where a cap, or a border, crosses
+a support face; where two faces of the input go on meeting; a point that bounds a sphere or a blend; where two patches
+of a corner meet; where a patch meets a support face."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedSurface,
     PlannedVertex,
 )
-from cqblend.brep.shell_editing.corner_patches import PatchedCorner
+from cqblend.brep.shell_editing.corner_patches import CornerPlan
 from cqblend.brep.shell_editing.corner_sides import CornerStrip, cross_all_rails, require_faces_between
 from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
@@ -32,7 +32,7 @@ from cqblend.surfaces.quadrics import Sphere
 from cqblend.surfaces.vectors import LocalFrame, cross_product, normalise_vectors
 
 
-def rest_ball(ends: Sequence[PlacedEnd]) -> PatchedCorner:
+def rest_ball(ends: Sequence[PlacedEnd]) -> CornerPlan:
     """Plan the sphere between strips of one ball that touches all faces of the vertex.
 
     Raises
@@ -72,7 +72,7 @@ def rest_ball(ends: Sequence[PlacedEnd]) -> PatchedCorner:
 
 def _plan_sphere(
     strips: Sequence[CornerStrip], stations: Sequence[Array], vertices: Sequence[PlannedVertex], centre: Array
-) -> PatchedCorner:
+) -> CornerPlan:
     """Plan the sphere about a centre; ``vertices`` are where strips and those after them meet."""
     radius = float(np.linalg.norm(vertices[0].point - centre))
     sphere = _place_sphere(centre, radius, np.array([vertex.point for vertex in vertices]))
@@ -94,7 +94,7 @@ def _plan_sphere(
     first = strips[0].placement
     number = first.index.vertices.find_number(first.joint.spine.vertices[strips[0].end])
     spines = tuple(strip.placement.spine_numbers[-strip.end] for strip in strips)
-    return PatchedCorner(tuple(ends), (PatchPlan(number, spines, surface, tuple(boundary), is_inverted),))
+    return CornerPlan(tuple(ends), (PatchPlan(number, spines, surface, tuple(boundary), is_inverted),))
 
 
 def _place_sphere(centre: Array, radius: float, points: Array) -> Sphere:

@@ -48,14 +48,14 @@ MIDDLE = 0.5
 
 
 @dataclass(frozen=True)
-class PatchedCorner:
-    """What the strips at a corner end in, in their order, and the patches between them."""
+class CornerPlan:
+    """What the ends of chains that meet in a corner end in, in their order, and the faces between them."""
 
     ends: tuple[StripEnd, ...]
     patches: tuple[PatchPlan, ...] = ()
 
 
-def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> PatchedCorner:
+def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> CornerPlan:
     """Plan patches between strips that end where their rails cross.
 
     Raises
@@ -68,14 +68,14 @@ def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> PatchedCorner:
     crossings = cross_all_rails(strips)
     pcurves = list_crossing_sections(strips, crossings)
     if not _reach_sections(strips, pcurves):
-        return PatchedCorner(_list_bare_ends(strips, pcurves))
+        return CornerPlan(_list_bare_ends(strips, pcurves))
     dim = choose_dimension(strips, on_faces=False)
     sides = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     vertices = [PlannedVertex(crossings[k - 1].point) for k in range(len(strips))]
     return _Hole(sides, vertices).plan_corner()
 
 
-def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | None]) -> PatchedCorner:
+def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | None]) -> CornerPlan:
     """Plan patches between strips that end before the vertex; ``setbacks`` (mm) are as asked for, None by rule.
 
     Raises
@@ -87,7 +87,7 @@ def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | No
     require_faces_between(strips)
     pcurves = list_setback_sections(strips, cross_all_rails(strips), setbacks)
     if not _reach_sections(strips, pcurves):
-        return PatchedCorner(_list_bare_ends(strips, pcurves))
+        return CornerPlan(_list_bare_ends(strips, pcurves))
     dim = choose_dimension(strips, on_faces=True)
     sections = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     sides: list[HoleSide] = []
@@ -126,7 +126,7 @@ class _Hole:
         self.vertices = tuple(vertices)
         self.strips = [side.strip for side in sides if isinstance(side, SectionSide)]
 
-    def plan_corner(self) -> PatchedCorner:
+    def plan_corner(self) -> CornerPlan:
         """Fill the hole, and plan its patches and edges.
 
         Raises
@@ -141,12 +141,12 @@ class _Hole:
         for k, side in enumerate(self.sides):
             if isinstance(side, SectionSide):
                 following = self.sides[(k + 1) % len(self.sides)]
-                plans = ()
+                plans: tuple[FacePlan, ...] = ()
                 if isinstance(following, FaceCurveSide):
                     plans = (_plan_face(following, paths[(k + 1) % len(self.sides)]),)
                 corners = self.vertices[k], self.vertices[(k + 1) % len(self.sides)]
                 ends.append(_make_end(side, paths[k], corners, plans))
-        return PatchedCorner(tuple(ends), patches)
+        return CornerPlan(tuple(ends), patches)
 
     @property
     def radius(self) -> float:

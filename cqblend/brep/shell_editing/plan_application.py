@@ -241,13 +241,13 @@ def _list_other_edges(
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
+    """Return the edges of a blend face that are no rails, with their sides; those between blends only of the first."""
     found = []
     for planned in strip.other_edges:
         if planned.role == "pole":
             continue
         edge, faces = parts.build_edge(planned), owners[planned]
-        if planned.role == "section" and not faces[0].IsSame(blend_face):
+        if planned.role in ("section", "mitre") and not faces[0].IsSame(blend_face):
             continue
         deviation = deviations.get(edge)
         end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
@@ -258,7 +258,8 @@ def _list_other_edges(
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
-        kind: NewEdgeKind = "between" if is_among(second, blend_faces) else "end"
+        between: NewEdgeKind = "mitre" if planned.role == "mitre" else "between"
+        kind = between if is_among(second, blend_faces) else "end"
         BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
