@@ -54,7 +54,7 @@ def cross_rails(first: Curve, second: Curve) -> RailCrossing:
 
 def _guess_crossing(curves: tuple[Curve, Curve]) -> Array:
     """Return the parameters (2,) at which samples of two curves are nearest to each other."""
-    t = [np.linspace(*one.domain, CORNER_TOLERANCES.crossing_samples) for one in curves]
+    t = [np.linspace(*one.domain, CORNER_TOLERANCES.rail_crossing_samples) for one in curves]
     first, second = (one(at) for one, at in zip(curves, t, strict=True))
     distances = ((first[:, None] - second) ** 2).sum(axis=2)
     i, k = np.unravel_index(distances.argmin(), distances.shape)

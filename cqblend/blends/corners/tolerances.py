@@ -56,7 +56,7 @@ class CornerTolerances:
     most_setback_share: float = 0.47
     """Share of an edge that the setback at one of its ends may take."""
 
-    crossing_samples: int = 129
+    rail_crossing_samples: int = 129
     """Points of each rail with which the search for the crossing of two of them starts."""
 
     crossing_step: float = 0.25
