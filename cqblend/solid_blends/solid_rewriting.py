@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from cqblend.blends.network.blend_plan import PatchPlan, StripPlan
 from cqblend.brep.selection.blend_corners import BlendCorner
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
-from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
+from cqblend.brep.shell_editing.plan_application import BuiltPatch, BuiltStrip, ProposedSolid, apply_plan
 from cqblend.brep.shell_editing.planned_solid import FaceConflictError, PlannedSolid
 from cqblend.brep.shell_editing.remaining_faces import settle_faces
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
@@ -28,9 +28,6 @@ from cqblend.solid_blends.held_draft import HeldDrafts
 from cqblend.solid_blends.network_draft import NetworkDrafts
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 
 class DraftedNetwork:
@@ -98,24 +95,36 @@ class FaultyNetworkError(CqblendError):
         self.cause = cause
 
 
-class CertifiedStrip(NamedTuple):
-    """A blend face of a verified solid, and its certificate."""
+class PlacedStrip(NamedTuple):
+    """A blend face in a verified solid, and the draft of its chain, of which it is cell ``cell``."""
 
-    face: TopoDS_Face
-    certificate: Certificate
+    network: DraftedNetwork
+    draft: ChainDraft
+    attempts: EndAttempts
+    cell: int
+    strip: BuiltStrip
+
+
+class PlacedPatch(NamedTuple):
+    """A face of a corner in a verified solid, and the draft of a chain that ends there, at its cell ``cell``."""
+
+    network: DraftedNetwork
+    draft: ChainDraft
+    cell: int
+    patch: BuiltPatch
 
 
 @dataclass(frozen=True)
 class RewrittenSolid:
-    """A solid with blends, verified, and the strips of each network in it."""
+    """A solid with blends as it is proposed, verified, and its blend faces."""
 
-    solid: TopoDS_Shape
-    strips: Mapping[DraftedNetwork, Sequence[CertifiedStrip]]
-    patches: Mapping[DraftedNetwork, Sequence[CertifiedPatch]]
+    proposal: ProposedSolid
+    strips: Sequence[PlacedStrip]
+    patches: Sequence[PlacedPatch]
 
 
 def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> RewrittenSolid:
-    """Rewrite a solid with all blends of some networks, verify it, and certify the blends.
+    """Rewrite a solid with all blends of some networks, and verify it.
 
     Raises
     ------
@@ -132,48 +141,53 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
             fault.network.make_next(fault.cause)
         except CqblendError as last:
             raise FaultyNetworkError(fault.network, last) from last
-    strips: dict[DraftedNetwork, list[CertifiedStrip]] = {}
-    for (network, draft, k), built in zip(_list_cells(networks), proposal.strips, strict=True):
-        try:
-            certificate = _certify_strip(draft, k, built, proposal)
-        except CqblendError as error:
-            raise FaultyNetworkError(network, error) from error
-        strips.setdefault(network, []).append(CertifiedStrip(built.blend_face, certificate))
-    patches: dict[DraftedNetwork, list[CertifiedPatch]] = {}
-    for patch in proposal.patches:
-        network, context = _find_patch_owner(networks, patch.plan)
-        try:
-            certified = certify_patch(context.joint, patch)
-            check_patch_promises(certified, context)
-        except CqblendError as error:
-            raise FaultyNetworkError(network, error) from error
-        patches.setdefault(network, []).append(certified)
-    return RewrittenSolid(proposal.solid, strips, patches)
+    cells = zip(_list_cells(networks), proposal.strips, strict=True)
+    return RewrittenSolid(
+        proposal,
+        [PlacedStrip(*cell, built) for cell, built in cells],
+        [PlacedPatch(*_find_patch_owner(networks, patch.plan), patch) for patch in proposal.patches],
+    )
 
 
-def _find_patch_owner(networks: Sequence[DraftedNetwork], patch: PatchPlan) -> tuple[DraftedNetwork, StripContext]:
-    """Return the network that a patch belongs to, and the context of the first strip that ends there."""
-    for network, draft, k in _list_cells(networks):
-        context = draft.context.cells[k]
-        if patch.spine[0] in map(context.joint.index.edges.find_number, context.joint.spine.edges):
-            return network, context
+def _find_patch_owner(networks: Sequence[DraftedNetwork], patch: PatchPlan) -> tuple[DraftedNetwork, ChainDraft, int]:
+    """Return the network that a patch belongs to, and a chain that ends there, with its cell at that end."""
+    for network, draft, _, k in _list_cells(networks):
+        joint = draft.context.cells[k].joint
+        if patch.spine[0] in map(joint.index.edges.find_number, joint.spine.edges):
+            return network, draft, k
     raise KeyError(patch.spine[0])
 
 
-def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, int]]:
-    """Return every cell of networks, as its network, the draft of its chain, and its index there."""
-    return [(network, draft, k) for network in networks for draft in network.drafts for k in range(len(draft.blends))]
+def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, EndAttempts, int]]:
+    """Return every cell of networks: its network, the draft of its chain and the attempts at its ends, its index."""
+    return [
+        (network, draft, attempts, k)
+        for network in networks
+        for attempts, draft in zip(network.attempts, network.drafts, strict=True)
+        for k in range(len(draft.blends))
+    ]
 
 
-def _certify_strip(draft: ChainDraft, k: int, strip: BuiltStrip, proposal: ProposedSolid) -> Certificate:
-    """Measure the blend of cell ``k`` of a chain, and check that it measures up to what it promises."""
-    context, blend = draft.context.cells[k], draft.blends[k]
-    certificate = certify_blend(context.joint, strip, blend, proposal.tolerance)
-    gone = [context.joint.name_part(context.joint.index.faces[number]) for number in proposal.gone_faces]
-    if gone:
-        certificate = replace(certificate, method=f"{certificate.method}, {', '.join(gone)} gone")
+def certify_strip(placed: PlacedStrip, edge_tolerance: float, gone_faces: Sequence[str]) -> Certificate:
+    """Measure a blend, and check that it measures up to what it promises.
+
+    ``edge_tolerance`` is the largest of an edge that was made or cut (mm), ``gone_faces`` are names of faces that the
+    blends of the solid have taken the place of.
+    """
+    context, blend = placed.draft.context.cells[placed.cell], placed.draft.blends[placed.cell]
+    certificate = certify_blend(context.joint, placed.strip, blend, edge_tolerance)
+    if gone_faces:
+        certificate = replace(certificate, method=f"{certificate.method}, {', '.join(gone_faces)} gone")
     check_promises(certificate, context, blend)
     return certificate
+
+
+def certify_corner_patch(placed: PlacedPatch) -> CertifiedPatch:
+    """Measure a face of a corner, and check that it measures up to what the blends there promise."""
+    context = placed.draft.context.cells[placed.cell]
+    certified = certify_patch(context.joint, placed.patch)
+    check_patch_promises(certified, context)
+    return certified
 
 
 def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> ProposedSolid:
@@ -223,7 +237,7 @@ def _get_edge_tolerance(context: StripContext) -> float:
 def _find_fault(index: SolidIndex, networks: Sequence[DraftedNetwork], error: CqblendError) -> FaultyNetworkError:
     """Return which of some networks is to blame for an error: one that fails alone, or with those before it."""
     if isinstance(error, FaceConflictError):
-        owners = [network for network, _, _ in _list_cells(networks)]
+        owners = [network for network, *_ in _list_cells(networks)]
         first, last = owners[error.strips[0]], owners[error.strips[-1]]
         return FaultyNetworkError(last, _name_partner(error.cause, first) if last is not first else error.cause)
     if isinstance(error, ChainConflictError):

@@ -15,8 +15,14 @@ import cqblend
 from cqblend.blend_options import BlendOptions
 from cqblend.brep.selection.blend_corners import find_blended_corners
 from cqblend.brep.selection.picked_edges import select_chains
-from cqblend.solid_blends.blend_pipeline import _Contexts
-from cqblend.solid_blends.solid_rewriting import DraftedNetwork, FaultyNetworkError, rewrite_solid
+from cqblend.solid_blends.blend_contexts import BlendContexts
+from cqblend.solid_blends.solid_rewriting import (
+    DraftedNetwork,
+    FaultyNetworkError,
+    certify_corner_patch,
+    certify_strip,
+    rewrite_solid,
+)
 
 SAMPLES = np.linspace(0.0, 1.0, 41)
 
@@ -52,7 +58,7 @@ def blend_corners(body: cq.Shape, edges, method: str, setbacks=None, **options) 
     ``setbacks`` are those asked for, by the index of the edge.
     """
     request = BlendOptions(**options).to_request()
-    contexts = _Contexts(request)
+    contexts = BlendContexts(request)
     picked = [edge.wrapped for edge in edges]
     selection = select_chains(body.wrapped, picked, request.first, contexts.estimate_reach, follow=request.chain)
     (found,) = selection.networks
@@ -63,13 +69,12 @@ def blend_corners(body: cq.Shape, edges, method: str, setbacks=None, **options) 
         done = rewrite_solid(network.index, [network])
     except FaultyNetworkError as fault:
         raise fault.cause from fault
-    strips, patches = done.strips[network], done.patches.get(network, ())
     return CorneredSolid(
-        cq.Shape.cast(done.solid),
-        [cq.Face(one.face) for one in strips],
-        [cq.Face(one.face) for one in patches],
-        [one.certificate for one in strips],
-        [edge for one in patches for edge in one.edges],
+        cq.Shape.cast(done.proposal.solid),
+        [cq.Face(one.strip.blend_face) for one in done.strips],
+        [cq.Face(one.patch.face) for one in done.patches],
+        [certify_strip(one, done.proposal.tolerance, ()) for one in done.strips],
+        [edge for one in done.patches for edge in certify_corner_patch(one).edges],
     )
 
 

@@ -84,7 +84,7 @@ class ArcStrip:
         return self.section.map_to_parameters(s)
 
     def map_from_blend(self, tv: Array) -> Array:
-        return np.stack(self.section.map_from_spline(tv[:, 0], tv[:, 1]), axis=1)
+        return self.section.map_from_spline(tv[:, 0], tv[:, 1])
 
     def map_curve_from_blend(self, curve: Curve) -> Curve:
         return fit_mapped_curve(self.map_from_blend, curve, self.section.length)

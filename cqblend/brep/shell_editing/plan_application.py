@@ -12,22 +12,8 @@ from itertools import chain
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.Geom import (
-    Geom_Circle,
-    Geom_Curve,
-    Geom_CylindricalSurface,
-    Geom_Ellipse,
-    Geom_Line,
-    Geom_Plane,
-    Geom_SphericalSurface,
-    Geom_Surface,
-    Geom_SurfaceOfRevolution,
-    Geom_ToroidalSurface,
-)
-from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Ellipse, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
-from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
@@ -39,7 +25,6 @@ from cqblend.blends.network.blend_plan import (
     NewEdge,
     PatchPlan,
     PlannedEdge,
-    PlannedPcurve,
     PlannedSurface,
     PlannedVertex,
     SolidPlan,
@@ -47,13 +32,11 @@ from cqblend.blends.network.blend_plan import (
     SurfaceGeometry,
     reverse_path,
 )
-from cqblend.blends.network.strip_surface import PlaneCurve, RailCurve
-from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.bodies import replace_body_faces
-from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
+from cqblend.brep.shell_editing.planned_geometry import make_curve, make_pcurve, make_pcurves, make_surface
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
@@ -76,13 +59,6 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import NewEdgeKind
 from cqblend.errors import TopologyError
-from cqblend.splines import Surface
-from cqblend.surfaces.circle import Circle, PlanarCircle
-from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
-from cqblend.surfaces.line import Line
-from cqblend.surfaces.quadrics import Cylinder, Plane
-from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
-from cqblend.surfaces.vectors import LocalFrame
 
 CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 """OCCT's flags of an edge, by the order of the continuity across it."""
@@ -137,6 +113,9 @@ class ProposedSolid:
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
     gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
+    removed_faces: tuple[int, ...]  # all faces of the input of which nothing remains
+    rebuilt_faces: Mapping[int, TopoDS_Face]  # by the numbers of those of the input that they replace
+    edge_pieces: Mapping[int, tuple[TopoDS_Edge, ...]]  # what remains of edges of the input that were cut, by number
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -200,7 +179,18 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
     gone = (*plan.consumed_faces, *plan.swallowed_faces)
-    return ProposedSolid(solid, tuple(strips), tuple(patches), deviations.largest_tolerance, free_edges, gone)
+    changes = {number: planned for face_plan in plan.faces for number, planned in face_plan.pieces.items()}
+    return ProposedSolid(
+        solid,
+        tuple(strips),
+        tuple(patches),
+        deviations.largest_tolerance,
+        free_edges,
+        gone,
+        removed_faces=plan.removed_faces,
+        rebuilt_faces=rebuilt,
+        edge_pieces={number: parts.list_pieces(number, planned) for number, planned in changes.items()},
+    )
 
 
 def _find_partner(
@@ -309,7 +299,7 @@ class _PartBuilder:
         if isinstance(face, int):
             return TopoDS.Face_s(orient_forward(self.index.faces[face]))
         if face not in self._faces:
-            self._faces[face] = make_bare_face(_make_surface(face))
+            self._faces[face] = make_bare_face(make_surface(face))
         return self._faces[face]
 
     def build_edge(self, planned: PlannedEdge) -> TopoDS_Edge:
@@ -319,6 +309,14 @@ class _PartBuilder:
                 self._make_new_edge(planned) if isinstance(planned, NewEdge) else self._cut_edge(planned)
             )
         return self._edges[planned]
+
+    def list_pieces(self, number: int, planned: Sequence[PlannedEdge | KeptEdge]) -> tuple[TopoDS_Edge, ...]:
+        """Return what remains of an edge of the input, of all that takes its place."""
+        kept = (one for one in planned if isinstance(one, EdgePiece | KeptEdge) and one.number == number)
+        return tuple(
+            TopoDS.Edge_s(self.index.edges[number]) if isinstance(one, KeptEdge) else self.build_edge(one)
+            for one in kept
+        )
 
     def orient_edge(self, use: EdgeUse) -> TopoDS_Edge:
         """Return an edge as it is used."""
@@ -341,10 +339,10 @@ class _PartBuilder:
         first, last = map(self.build_vertex, planned.vertices)
         if planned.curve is None:
             (pcurve,) = planned.pcurves
-            return make_degenerate_edge(self.get_face(pcurve.face), first, _make_pcurve(pcurve.curve), planned.span)
-        edge = make_edge(_make_curve(planned.curve), (first, last), planned.span)
+            return make_degenerate_edge(self.get_face(pcurve.face), first, make_pcurve(pcurve.curve), planned.span)
+        edge = make_edge(make_curve(planned.curve), (first, last), planned.span)
         for pcurve in planned.pcurves:
-            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
+            attach_pcurves(edge, self.get_face(pcurve.face), *make_pcurves(pcurve))
         return edge
 
     def _cut_edge(self, planned: EdgePiece) -> TopoDS_Edge:
@@ -357,69 +355,8 @@ class _PartBuilder:
             plane = BRep_Tool.Surface_s(face)
             attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
         for pcurve in planned.pcurves:
-            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
+            attach_pcurves(edge, self.get_face(pcurve.face), *make_pcurves(pcurve))
         return edge
-
-
-def _make_curve(curve: RailCurve | Ellipse) -> Geom_Curve:
-    """Return a curve as one of OCCT's."""
-    if isinstance(curve, Line):
-        return Geom_Line(gp_Pnt(*curve.origin.tolist()), gp_Dir(*curve.direction.tolist()))
-    if isinstance(curve, Circle | Ellipse):
-        origin, x, _, z = _to_points(curve.frame)
-        position = gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
-        return (
-            Geom_Circle(position, curve.radius) if isinstance(curve, Circle) else Geom_Ellipse(position, *curve.radii)
-        )
-    return spline_arrays.curve_from_arrays(*curve.to_bspline())
-
-
-def _make_surface(surface: PlannedSurface) -> Geom_Surface:
-    """Return a planned surface as one of OCCT's."""
-    geometry = surface.geometry
-    if isinstance(geometry, Surface):
-        return spline_arrays.surface_from_arrays(*geometry.to_bspline())
-    origin, x, y, z = _to_points(geometry.frame)
-    if isinstance(geometry, RevolvedSection):
-        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile(0.0)), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
-    position = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
-    if np.cross(x, y) @ z < 0:
-        position.YReverse()
-    if isinstance(geometry, RevolvedEllipse):
-        return Geom_ToroidalSurface(position, geometry.ellipse[0, 0], geometry.ellipse[1, 0])
-    if isinstance(geometry, Cylinder):
-        return Geom_CylindricalSurface(position, geometry.radius)
-    return Geom_Plane(position) if isinstance(geometry, Plane) else Geom_SphericalSurface(position, geometry.radius)
-
-
-def _to_points(frame: LocalFrame) -> tuple[list[float], ...]:
-    """Return origin and axes of a frame as lists."""
-    return frame.origin.tolist(), *frame.axes.tolist()
-
-
-def _make_pcurves(pcurve: PlannedPcurve) -> list[Geom2d_Curve]:
-    """Return the pcurves of the FORWARD and, at a seam, of the REVERSED use of an edge."""
-    return [_make_pcurve(curve) for curve in (pcurve.curve, pcurve.reversed_curve) if curve is not None]
-
-
-def _make_pcurve(curve: PlaneCurve) -> Geom2d_Curve:
-    """Return a curve in a parameter plane as one of OCCT's: a line where it is one that runs at unit speed."""
-    if isinstance(curve, PlanarCircle | PlanarEllipse):
-        centre, (x, y) = curve.centre.tolist(), curve.axes.tolist()
-        axes = gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y))
-        if isinstance(curve, PlanarCircle):
-            return Geom2d_Circle(axes, curve.radius)
-        return Geom2d_Ellipse(axes, *curve.radii)
-    degree, knots, poles, weights = curve.to_bspline()
-    if degree == 1 and len(poles) == 2 and weights is None:
-        (low, high), step = curve.domain, poles[1] - poles[0]
-        slack = SHELL_EDIT_TOLERANCES.unit_speed * (np.abs(poles).max(axis=0) + high - low)
-        direction = np.where(np.abs(step) <= slack, 0.0, step)
-        length = float(np.linalg.norm(direction))
-        if abs(length - (high - low)) <= slack.max():
-            direction /= length
-            return Geom2d_Line(gp_Pnt2d(*(poles[0] - low * direction).tolist()), gp_Dir2d(*direction.tolist()))
-    return spline_arrays.curve2d_from_arrays(degree, knots, poles, weights)
 
 
 def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> TopoDS_Face:
