@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from cqblend.blends.network.blend_plan import PatchPlan, StripPlan
-from cqblend.brep.selection.blend_corners import BlendCorner
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
 from cqblend.brep.shell_editing.plan_application import BuiltPatch, BuiltStrip, ProposedSolid, apply_plan
@@ -33,7 +33,8 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 class DraftedNetwork:
     """A network of edges that touch, with the present draft of each of its chains.
 
-    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet.
+    ``edges`` are the numbers of the picked edges in the input shape, ``corners`` where ends of chains meet;
+    ``natural_ends`` are natural, whatever ends were asked for.
 
     Raises
     ------
@@ -42,11 +43,15 @@ class DraftedNetwork:
     """
 
     def __init__(
-        self, edges: Sequence[int], chains: Sequence[ChainContext], corners: Sequence[BlendCorner] = ()
+        self,
+        edges: Sequence[int],
+        chains: Sequence[ChainContext],
+        corners: Sequence[BlendCorner] = (),
+        natural_ends: Sequence[ChainEnd] = (),
     ) -> None:
         self.edges = tuple(edges)
         self.chains = tuple(chains)
-        self._source = _choose_drafts(chains, corners)
+        self._source = _choose_drafts(chains, corners, natural_ends)
         self.drafts = self._source.make_first()
 
     @property
@@ -75,7 +80,9 @@ class DraftedNetwork:
         self.drafts = self._source.make_next(failure)
 
 
-def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner]) -> NetworkDrafts | HeldDrafts:
+def _choose_drafts(
+    chains: Sequence[ChainContext], corners: Sequence[BlendCorner], natural_ends: Sequence[ChainEnd]
+) -> NetworkDrafts | HeldDrafts:
     """Return the drafts of a network; of one chain, a rail may be held on an edge."""
     for context in chains:
         first = context.cells[0]
@@ -83,7 +90,7 @@ def _choose_drafts(chains: Sequence[ChainContext], corners: Sequence[BlendCorner
             if len(chains) > 1:
                 raise UnsupportedError("a rail is held on an edge beside it, and its ends meet no other blends yet")
             return HeldDrafts(context, first)
-    return NetworkDrafts(chains, corners)
+    return NetworkDrafts(chains, corners, natural_ends)
 
 
 class FaultyNetworkError(CqblendError):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import FoundChain, PickedEdges, Selection
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -79,8 +80,7 @@ class StagedNetwork:
     @cached_property
     def first_draft(self) -> DraftedNetwork:
         """The draft of its first stage, which does not depend on other networks."""
-        chains = [self.chains[k] for k in self.plan.stages[0]]
-        return DraftedNetwork(self.edges, chains)
+        return self._draft_chains([self.chains[k] for k in self.plan.stages[0]])
 
     def draft(self, stage: int, picks: PickedEdges) -> DraftedNetwork:
         """Return the draft of one of its stages, in the solid as the stages before have left it.
@@ -96,9 +96,13 @@ class StagedNetwork:
         found = picks.find_chains_round_corners(numbers)
         for corner in self.plan.list_corners(stage):
             self._check_corner(corner, found)
-        return DraftedNetwork(
-            self.edges, [self._get_context(one.chain, one.edges) for one in found if one.chain is not None]
-        )
+        return self._draft_chains([self._get_context(one.chain, one.edges) for one in found if one.chain is not None])
+
+    def _draft_chains(self, chains: Sequence[ChainContext]) -> DraftedNetwork:
+        """Return the draft of some of its chains, with mitres where two of them meet."""
+        own = [context.chain for context in chains]
+        first_ends = [ChainEnd(k, end) for k, chain in enumerate(own) for end in self.find_first_ends(chain)]
+        return DraftedNetwork(self.edges, chains, find_mitres(own), first_ends)
 
     def _check_corner(self, corner: RoundedCorner, found: Sequence[FoundChain]) -> None:
         """Raise UnsupportedError if two chains do not go on in one another round a corner."""
