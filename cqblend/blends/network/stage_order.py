@@ -6,7 +6,7 @@ Items are numbers from 0. Where three of them meet, one *leads*: it is done befo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 
@@ -38,10 +38,14 @@ def find_stages(count: int, together: Pairs, before: Pairs) -> list[int] | None:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Three items that meet, and which of them may lead, in the order in which they are tried."""
+    """Three items that meet, and which of them may lead, in the order in which they are tried.
+
+    ``can_go_together`` tells whether all three may go in one stage, without a leader.
+    """
 
     items: tuple[int, int, int]
     leaders: tuple[int, ...]
+    can_go_together: bool = False
 
     def list_constraints(self, leader: int | None) -> tuple[Pairs, Pairs]:
         """Return the pairs that go together, and those of one before the other, if one leads; or all go together."""
@@ -57,12 +61,13 @@ class _Search:
 
     count: int
     meetings: Sequence[Meeting]
+    together: Pairs
     before: Pairs
     trials: int = NETWORK_TOLERANCES.order_trials
     chosen: list[int | None] = field(default_factory=list)
 
     def find_stages(self) -> list[int] | None:
-        together, before = list[tuple[int, int]](), list(self.before)
+        together, before = list(self.together), list(self.before)
         for meeting, leader in zip(self.meetings, self.chosen, strict=False):
             own = meeting.list_constraints(leader)
             together += own[0]
@@ -89,7 +94,7 @@ class _Search:
         """Return who may lead at the next meeting, those first that need the fewest stages, or lead already."""
         leading, meeting = set(self.chosen), self.meetings[len(self.chosen)]
         ranks: dict[int | None, tuple[bool, int, bool]] = {}
-        for leader in (*meeting.leaders, None):
+        for leader in (*meeting.leaders, *([None] if meeting.can_go_together else [])):
             self.trials -= 1
             self.chosen.append(leader)
             stages = self.find_stages()
@@ -99,8 +104,12 @@ class _Search:
         return sorted(ranks, key=lambda leader: ranks[leader])
 
 
-def choose_leaders(count: int, meetings: Sequence[Meeting], before: Pairs) -> list[int | None] | None:
+def choose_leaders(
+    count: int, meetings: Sequence[Meeting], together: Pairs = (), before: Pairs = ()
+) -> list[int | None] | None:
     """Return which item leads at each meeting, so that all can be done in some stages, and in few of them.
+
+    Some pairs go ``together`` anyhow, and in some the first comes ``before`` the second.
 
     None in the place of a leader stands for all three together, which is the last resort; None for all of them says
     that no choice was found.
@@ -111,16 +120,16 @@ def choose_leaders(count: int, meetings: Sequence[Meeting], before: Pairs) -> li
 
     >>> rim = [Meeting((k, (k + 1) % 4, 4 + k), (k, (k + 1) % 4, 4 + k)) for k in range(4)]
     >>> base = [Meeting((8 + k, 8 + (k + 1) % 4, 4 + k), (4 + k,)) for k in range(4)]
-    >>> choose_leaders(12, rim + base, before=[])
+    >>> choose_leaders(12, rim + base)
     [4, 5, 6, 7, 4, 5, 6, 7]
     """
     order = sorted(range(len(meetings)), key=lambda k: len(meetings[k].leaders))
     preferred = _match_meetings(meetings)
     sorted_meetings = [
-        Meeting(one.items, tuple(sorted(one.leaders, key=lambda item: item not in preferred)))
+        replace(one, leaders=tuple(sorted(one.leaders, key=lambda item: item not in preferred)))
         for one in (meetings[k] for k in order)
     ]
-    search = _Search(count, sorted_meetings, before)
+    search = _Search(count, sorted_meetings, together, before)
     if not search.run():
         return None
     leaders = dict(zip(order, search.chosen, strict=True))
