@@ -17,12 +17,8 @@ from cqblend.api.cross_derivatives import Amount, CrossDerivativeOptions, CrossL
 from cqblend.api.surface_blend import Blend
 from cqblend.api.tolerances import BLEND_TOLERANCES
 from cqblend.argument_checks import check_angle, check_choice, check_count, check_count_or_auto, check_positive
-from cqblend.blend_options import (
-    BLEND_DEFAULTS,
-    FORMS,
-    OPTION_LIMITS,
-    check_pde_orders,
-)
+from cqblend.blend_numbers import OPTION_LIMITS, check_pde_orders
+from cqblend.blend_options import BLEND_DEFAULTS, FORMS
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
 from cqblend.blends.pde.pde_settings import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
