@@ -59,9 +59,10 @@ def list_small_files(folder: Path) -> list[Path]:
 
 
 def read_part(path: Path) -> CornerPart:
-    """Read a part and pick all of its edges."""
+    """Read a part and pick all edges of it at which faces meet at an angle."""
     body = cq.importers.importStep(str(path)).val()
-    return CornerPart(body, body.Edges(), SHARE * min(edge.Length() for edge in list_sharp_edges(body)))
+    edges = list_sharp_edges(body)
+    return CornerPart(body, edges, SHARE * min(edge.Length() for edge in edges))
 
 
 def try_part(name: str, part: CornerPart, timeout: float) -> list[str | float]:
