@@ -103,66 +103,6 @@ def blend_shape(
     )
 
 
-<<<<<<< HEAD
-=======
-def _measure_coverage(selection: Selection, blended: Sequence[DraftedNetwork]) -> float:
-    """Return the blended length over that of all edges that were meant: picked, or on a chain with those."""
-    done = {network.edges for network in blended}
-    left_out = [found for found in selection.networks if tuple(n for one in found for n in one.edges) not in done]
-    uncovered = sum(one.length for found in left_out for one in found)
-    uncovered += sum(draft.uncovered for network in blended for draft in network.drafts)
-    return 1.0 - uncovered / sum(one.length for found in selection.networks for one in found)
-
-
-def _is_beside_chain(edge: TopoDS_Edge, chain: Chain) -> bool:
-    """Whether an edge bounds a face beside a cell of a chain."""
-    return any(is_beside(edge, cell) for cell in chain.cells)
-
-
-def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
-    """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
-    certificates = [strip.certificate for strip in strips]
-    first = 0
-    for attempts, draft in zip(network.attempts, network.drafts, strict=True):
-        if draft.ends is not None:
-            ends = record_ends(draft.context.end_joints, draft.ends, attempts)
-            certificates[first] = replace(certificates[first], ends=ends)
-        first += len(draft.blends)
-    return certificates
-
-
-def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> ChainContext:
-    """Return the chain of a network, of which there must be one.
-
-    Raises
-    ------
-    SelectionError
-        One of the edges is no joint.
-    UnsupportedError
-        There are several.
-    SizeError
-        There are several, but one of them is too small or too large for the size anyway.
-    """
-    chains = []
-    for one in found:
-        if one.error is not None:
-            raise one.error
-        if one.chain is not None:
-            chains.append(contexts.get_chain(one.chain, one.edges))
-    if len(chains) > 1:
-        for chain in chains:
-            try:
-                check_chain_size(chain)
-            except SizeError as error:
-                raise _annotate_error(error, chain, hints=hints) from error
-        raise UnsupportedError(
-            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
-            "without common vertices"
-        )
-    return chains[0]
-
-
->>>>>>> integration
 def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) -> CqblendError:
     """Return an error with the edge's number and, if it is one of size, what may fit."""
     is_held = isinstance(context.cells[0], HeldStripContext)

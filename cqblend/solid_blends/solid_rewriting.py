@@ -19,11 +19,7 @@ from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, SizeError, UnsupportedError, VerificationError
 from cqblend.solid_blends.blend_acceptance import check_promises
 from cqblend.solid_blends.chain_context import ChainContext
-<<<<<<< HEAD
-from cqblend.solid_blends.chain_draft import ChainDraft, ChainDrafts
-=======
 from cqblend.solid_blends.chain_draft import ChainDraft
->>>>>>> integration
 from cqblend.solid_blends.end_plan import EndAttempts
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.held_draft import HeldDrafts
@@ -140,9 +136,9 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
 def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, EndAttempts, int]]:
     """Return every cell of networks: its network, the draft of its chain and the attempts at its ends, its index."""
     return [
-        (network, draft, source.attempts, k)
+        (network, draft, attempts, k)
         for network in networks
-        for source, draft in zip(network.sources, network.drafts, strict=True)
+        for attempts, draft in zip(network.attempts, network.drafts, strict=True)
         for k in range(len(draft.blends))
     ]
 
