@@ -77,7 +77,7 @@ def try_part(name: str, part: CornerPart, timeout: float) -> list[str | float]:
     def blend() -> Made:
         sizes = part.radius if isinstance(part.radius, (int, float)) else dict(zip(part.edges, part.radii, strict=True))
         result = cqblend.blend_edges(part.body, part.edges, sizes)
-        if not result.certificate.coverage == 1:
+        if abs(result.certificate.coverage - 1) > 1e-12:
             raise AssertionError(f"the certificate has a coverage of {result.certificate.coverage}")
         promise = EXACT if result.certificate.form == "exact" else 1e-5
         return Made(result.shape.wrapped, [face.wrapped for face in result.faces], promise)
