@@ -299,8 +299,8 @@ def check_crossings(shape: TopoDS_Shape) -> Iterator[str]:
     """Yield whether faces of a body cross each other, by OCCT's Boolean operations; slow."""
     analyzer = BOPAlgo_ArgumentAnalyzer()
     analyzer.SetShape1(shape)
-    analyzer.ArgumentTypeMode(True)
-    analyzer.SelfInterMode(True)
+    analyzer.ArgumentTypeMode = True
+    analyzer.SelfInterMode = True
     analyzer.Perform()
     if analyzer.HasFaulty():
         yield "OCCT's Boolean operations find that the body crosses itself"
