@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from cqblend.blends.quality.creases import check_creases
 from cqblend.blends.sections.blend_surface import BlendSurface
-from cqblend.brep.selection.blend_corners import CornerMethod
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.strip_planning import PlannedChain
 from cqblend.errors import CqblendError, SizeError, TopologyError, VerificationError
@@ -35,10 +34,10 @@ class ChainDraft:
 class EndTrials:
     """The plans of the ends of one chain, one after the other; ``plan`` is the present one, and None if it is closed.
 
-    ``corners`` are the methods of the corners that it starts and stops at, if it does.
+    ``corners`` are the methods that the corners demand which it starts and stops at, if it does.
     """
 
-    def __init__(self, context: ChainContext, corners: tuple[CornerMethod | None, CornerMethod | None]) -> None:
+    def __init__(self, context: ChainContext, corners: tuple[EndMethod | None, EndMethod | None]) -> None:
         self.context = context
         request, first = context.method.request, context.cells[0].joint
         ends = request.ends[::-1] if first.is_backward else request.ends

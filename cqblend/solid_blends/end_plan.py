@@ -73,7 +73,7 @@ class EndAttempts:
         self,
         wanted: tuple[EndWanted, EndWanted],
         vanishes: tuple[bool, bool] = (False, False),
-        corners: tuple[CornerMethod | None, CornerMethod | None] = (None, None),
+        corners: tuple[EndMethod | None, EndMethod | None] = (None, None),
     ) -> None:
         methods: list[tuple[EndMethod, ...]] = []
         for one, is_point, corner in zip(wanted, vanishes, corners, strict=True):

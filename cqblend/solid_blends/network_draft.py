@@ -17,7 +17,7 @@ from cqblend.brep.shell_editing.strip_planning import FaultyChainError, PlacedCh
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend, lengthen_domain
-from cqblend.solid_blends.end_plan import EndAttempts
+from cqblend.solid_blends.end_plan import EndAttempts, EndMethod
 from cqblend.solid_blends.size_feasibility import check_chain_size
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -33,13 +33,19 @@ class _MadeStrips:
 class NetworkDrafts:
     """The drafts of a network's chains, one set after the other: the next one is made if the one before fails.
 
-    ``corners`` are where ends of the chains meet.
+    ``corners`` are where ends of the chains meet; ``natural_ends`` are natural, whatever was asked for.
     """
 
-    def __init__(self, chains: Sequence[ChainContext], corners: Sequence[BlendCorner] = ()) -> None:
+    def __init__(
+        self,
+        chains: Sequence[ChainContext],
+        corners: Sequence[BlendCorner] = (),
+        natural_ends: Sequence[ChainEnd] = (),
+    ) -> None:
         self.chains = tuple(chains)
         self.corners = tuple(corners)
-        methods = {end: corner.method for corner in corners for end in corner.ends}
+        methods: dict[ChainEnd, EndMethod] = {end: corner.method for corner in corners for end in corner.ends}
+        methods |= dict.fromkeys(natural_ends, "natural")
         self._trials = [
             EndTrials(context, (methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))))
             for k, context in enumerate(chains)

@@ -8,21 +8,15 @@ from the ends that meet to a :class:`CornerPlan`: what each of them ends in. Edg
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
-from cqblend.brep.selection.blend_corners import CornerMethod
+from cqblend.brep.selection.blend_corners import BlendCorner, CornerMethod
+from cqblend.brep.shell_editing.ball_corner import rest_ball
+from cqblend.brep.shell_editing.corner_patches import CornerPlan, patch_crossing_rails, patch_set_back_ends
 from cqblend.brep.shell_editing.mitred_ends import mitre_ends
-from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd
 
 
-@dataclass(frozen=True)
-class CornerPlan:
-    """What the ends of chains that meet in a corner end in, in the order of the corner's ends."""
-
-    ends: tuple[StripEnd, ...]
-
-
-def plan_corner(method: CornerMethod, ends: Sequence[PlacedEnd]) -> CornerPlan:
+def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
     """Plan a corner by its method, from the ends that meet there, counter-clockwise seen from outside of the solid.
 
     The ends may lie past those of the strips as they are: the rails must then be made longer.
@@ -32,7 +26,9 @@ def plan_corner(method: CornerMethod, ends: Sequence[PlacedEnd]) -> CornerPlan:
     SizeError, TopologyError, GeometryError
         If the strips do not meet there as the method has it.
     """
-    return _PLANNERS[method](ends)
+    if corner.method == "setback":
+        return patch_set_back_ends(ends, corner.setbacks or (None,) * len(ends))
+    return _PLANNERS[corner.method](ends)
 
 
 def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:
@@ -41,4 +37,8 @@ def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:
     return CornerPlan(mitre_ends(first, second))
 
 
-_PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {"mitre": _plan_mitre}
+_PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {
+    "ball": rest_ball,
+    "cross": patch_crossing_rails,
+    "mitre": _plan_mitre,
+}

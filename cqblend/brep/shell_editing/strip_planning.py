@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from OCP.TopoDS import TopoDS_Vertex
@@ -25,6 +25,7 @@ from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
     NewEdge,
+    PatchPlan,
     PlannedVertex,
     SolidPlan,
     StripPlan,
@@ -56,7 +57,8 @@ class PlannedChain:
     """The strips of one chain as planned for themselves: what they do to faces, and what they share with other chains.
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
-    ``cut_faces`` has as they are if there is no other chain.
+    ``cut_faces`` has as they are if there is no other chain. ``patches`` are faces of corners that it ends at: a
+    corner's are those of one of its chains.
     """
 
     strips: tuple[StripPlan, ...]
@@ -64,6 +66,7 @@ class PlannedChain:
     edge_trims: tuple[EdgeTrim, ...]
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
+    patches: tuple[PatchPlan, ...] = ()
 
     @property
     def cut_edges(self) -> frozenset[int]:
@@ -126,7 +129,7 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
         If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
         its rails do not fit on the support faces.
     """
-    ends = _plan_corners(chains, corners)
+    ends, patches = _plan_corners(chains, corners)
     short: dict[int, tuple[float, float]] = {}
     for k, placed in enumerate(chains):
         if placed.chain.closed:
@@ -146,23 +149,27 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
     for k, placed in enumerate(chains):
         try:
             outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
-            planned.append(_plan_chain(placed, outer))
+            planned.append(replace(_plan_chain(placed, outer), patches=tuple(patches.get(k, ()))))
         except CqblendError as error:
             raise FaultyChainError(k, error) from error
     return planned
 
 
-def _plan_corners(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]) -> dict[ChainEnd, StripEnd]:
-    """Return what the ends of chains that meet in corners end in."""
+def _plan_corners(
+    chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]
+) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]]]:
+    """Return what the ends of chains that meet in corners end in, and the faces of corners, by their first chain."""
     ends: dict[ChainEnd, StripEnd] = {}
+    patches: dict[int, list[PatchPlan]] = {}
     for corner in corners:
         try:
-            plan = plan_corner(corner.method, [chains[one.chain].get_end(one.end) for one in corner.ends])
+            plan = plan_corner(corner, [chains[one.chain].get_end(one.end) for one in corner.ends])
         except CqblendError as error:
             first = corner.ends[0]
             raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
         ends.update(zip(corner.ends, plan.ends, strict=True))
-    return ends
+        patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+    return ends, patches
 
 
 def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
@@ -358,7 +365,10 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
     return SolidPlan(
-        tuple(strip for chain in chains for strip in chain.strips), faces, consumed_faces=tuple(sorted(shared.consumed))
+        tuple(strip for chain in chains for strip in chain.strips),
+        faces,
+        consumed_faces=tuple(sorted(shared.consumed)),
+        patches=tuple(patch for chain in chains for patch in chain.patches),
     )
 
 
@@ -371,6 +381,7 @@ def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidInde
         tuple(map(shared.replace_trim, chain.edge_trims)),
         tuple(map(shared.replace_crossings, crossings)),
         tuple(map(shared.replace_face, chain.cut_faces)),
+        chain.patches,
     )
 
 
