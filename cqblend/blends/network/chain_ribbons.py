@@ -27,9 +27,9 @@ from cqblend.blends.network.pole_cells import (
     take_section_at_pole,
 )
 from cqblend.blends.network.shared_section import (
-    bound_rounding,
     SectionEnd,
     SectionMismatch,
+    bound_rounding,
     measure_arc_mismatch,
     measure_mismatch,
 )
@@ -159,10 +159,16 @@ def _place_poles(
     poles: dict[tuple[int, int], _NeighbourPole] = {}
     for k, cell in enumerate(chain):
         pole = cell.rails.pole
-        if light[k] is not None or pole is None:
+        if pole is None:
             continue
         beside = [(before, 1) for before, after in links if after == k]
         beside += [(after, 0) for before, after in links if before == k]
+        own = light[k]
+        if own is not None and all(
+            light[j] is not None or _share_direction(chain[j], end, own.sections[1 - end]) for j, end in beside
+        ):
+            continue
+        light[k] = None
         point: Array | None = None
         for j, end in sorted(beside, key=lambda place: chain[place[0]].rails.rank):
             one = light[j]
@@ -315,25 +321,19 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
 
 def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
-    natural, roughness = cell.estimate_natural_end(end), cell.ends[end].roughness
-    pole = cell.rails.pole
-    for side, (one, own) in enumerate(zip(given.jets, natural, strict=True)):
-        if not one.rates[0] @ own.rates[0] > 0 and (pole is None or side != pole.side):
+    natural = cell.estimate_natural_end(end)
+    products = [float(one.rates[0] @ own.rates[0]) for one, own in zip(given.jets, natural, strict=True)]
+    for product in products:
+        if product <= -NETWORK_TOLERANCES.pole_rate * max(products):  # it is 0 at a pole
             raise SizeError(
                 "where the chain passes a smooth edge, a rail turns back: the size is larger than the radius of "
                 "curvature there",
                 kind="too large",
             )
-    direction = given.find_common_direction(roughness)
-    if direction is not None:
-        first, second = (
-            EndJets(one.values, own.rates)
-            for one, own in zip(given.jets, _project_rates(natural, direction), strict=True)
-        )
-        wanted = cell.lift_end(end, (first, second))
-        if wanted.section.find_common_direction(roughness) is not None:
-            return wanted
-    if pole is not None:
+    shared = _share_direction(cell, end, given)
+    if shared is not None:
+        return shared
+    if cell.rails.pole is not None:
         return take_section_at_pole(cell, end, given, natural)
     speeds = [
         float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
@@ -342,3 +342,20 @@ def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
     return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))
+
+
+def _share_direction(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd | None:
+    """Return what a cubic cell is to have at one end if its rates there can have the direction that those given have.
+
+    None if they cannot, or if these have none in common.
+    """
+    roughness = cell.ends[end].roughness
+    direction = given.find_common_direction(roughness)
+    if direction is None:
+        return None
+    first, second = (
+        EndJets(one.values, own.rates)
+        for one, own in zip(given.jets, _project_rates(cell.estimate_natural_end(end), direction), strict=True)
+    )
+    wanted = cell.lift_end(end, (first, second))
+    return wanted if wanted.section.find_common_direction(roughness) is not None else None

@@ -48,8 +48,8 @@ The weight of rational blends drops out: what its derivatives add to H_ij is a c
 to 4 p^2 |D|/h^2. G_ij needs no quotients of differences: II(G_t, G_t) and II(G_t + x G_v, G_t + x G_v) come from second
 derivatives along c' and c' + x d, whatever c', d and x are.
 
-*Poles.* Where a rail is one point, a vanishes, and the blend has no tangent plane but that of its sections: phi is then the
-largest angle between b and the primary's plane, B. Jumps of curvature are not bounded there.
+*Poles.* Where a rail is one point, a vanishes, and the blend has no tangent plane but that of its sections: phi is then
+the largest angle between b and the primary's plane, B. Jumps of curvature are not bounded there.
 
 *Evaluation.* Where derivatives are evaluated with errors of up to E_a, E_b, E_ij
 (:mod:`cqblend.blends.quality.evaluation_rounding`), the plane of a and b turns by at most
