@@ -159,7 +159,7 @@ class StripContext:
             joint.rank,
         )
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge."""
-        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
+    def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``."""
+        (blend,) = fill_cells([(self.section, self.fit_rails(domain))], arcs=arcs)
         return blend

@@ -23,6 +23,8 @@ def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must reach further to meet.
     SizeError, TopologyError, GeometryError
         If the strips do not meet there as the method has it.
     """

@@ -46,7 +46,7 @@ from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd, StripsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -93,6 +93,16 @@ class PlacedChain:
     chain: Chain
     placements: Sequence[StripPlacement]
     caps: CapStations = (None, None)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The range that its strips reach over, from a t of the first cell to one of the last."""
+        low, high = (self.to_rail_parameter(end, self.placements[-end].domain[end]) for end in (0, 1))
+        return low, high
+
+    def to_rail_parameter(self, end: int, s: float) -> float:
+        """Return the t of the first cell (``end`` 0) or of the last (1) at the parameter s of its strip."""
+        return float(self.placements[-end].strip.to_rail_parameters(np.array([s]))[0])
 
     def get_end(self, end: int) -> PlacedEnd:
         """Return its start (0) or its stop (1)."""
@@ -161,14 +171,24 @@ def _plan_corners(
     """Return what the ends of chains that meet in corners end in, and the faces of corners, by their first chain."""
     ends: dict[ChainEnd, StripEnd] = {}
     patches: dict[int, list[PatchPlan]] = {}
+    short: dict[int, tuple[float, float]] = {}
     for corner in corners:
         try:
             plan = plan_corner(corner, [chains[one.chain].get_end(one.end) for one in corner.ends])
+        except StripsTooShortError as error:
+            for one, s in zip(corner.ends, error.needed, strict=True):
+                placed = chains[one.chain]
+                low, high = short.get(one.chain, placed.domain)
+                t = placed.to_rail_parameter(one.end, s)
+                short[one.chain] = (low, max(high, t)) if one.end else (min(low, t), high)
+            continue
         except CqblendError as error:
             first = corner.ends[0]
             raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
         ends.update(zip(corner.ends, plan.ends, strict=True))
         patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+    if short:
+        raise ShortChainsError(short)
     return ends, patches
 
 
