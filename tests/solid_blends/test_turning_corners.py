@@ -174,8 +174,8 @@ def make_curved_prism() -> cq.Shape:
 
 def make_block_with_a_curved_top() -> cq.Shape:
     points = [
-        [cq.Vector(x, y, 5 + np.sin(x / 7) + np.cos(y / 6) + np.sin(x * y / 90)) for y in np.linspace(-13, 13, 6)]
-        for x in np.linspace(-16, 16, 7)
+        [cq.Vector(x, y, 5 + np.sin(x / 12) + np.cos(y / 9)) for y in np.linspace(-13, 13, 5)]
+        for x in np.linspace(-16, 16, 5)
     ]
     top = cq.Face.makeSplineApprox(points, tol=1e-3, minDeg=3, maxDeg=3)
     parts = cq.Workplane().box(24, 18, 30).translate((0, 0, 10)).val().split(top).Solids()
