@@ -15,6 +15,7 @@ import numpy as np
 
 from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import ContactSolver
+from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
@@ -129,6 +130,11 @@ class SectionAtJoint(ABC):
         return None
 
     @property
+    def pole(self) -> CellPole | None:
+        """The point about which the ball then turns."""
+        return None
+
+    @property
     def fading_ends(self) -> tuple[bool, bool]:
         """Whether both rails run into the edge at t = 0 and at t = 1, as the faces become tangent to each other."""
         return False, False
@@ -153,8 +159,10 @@ class SectionAtJoint(ABC):
         raise UnsupportedError("its sections are not to be arcs")
 
 
-def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
-    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them.
+def fill_cells(
+    cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]], *, arcs: bool = True
+) -> list[BlendSurface]:
+    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them, and wanted.
 
     Raises
     ------
@@ -163,11 +171,12 @@ def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) ->
     CqblendError
         As :meth:`SectionAtJoint.fill`.
     """
-    try:
-        return fill_cells_by_arcs(cells)
-    except UnsupportedError as error:
-        if any(section.demands_arcs for section, _ in cells):
-            raise error.with_details(before='section="arc" is not exact here: ') from error
+    if arcs:
+        try:
+            return fill_cells_by_arcs(cells)
+        except UnsupportedError as error:
+            if any(section.demands_arcs for section, _ in cells):
+                raise error.with_details(before='section="arc" is not exact here: ') from error
     return [section.fill(ribbons) for section, ribbons in cells]
 
 

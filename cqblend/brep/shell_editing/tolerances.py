@@ -92,6 +92,9 @@ class ShellEditTolerances:
     at_mitre: float = 1e-7
     """mm: rails on one face cross where they are this near to each other."""
 
+    longest_overrun: float = 50.0
+    """Relative to the width of a strip: how far past its end, at most, its rail is looked for that crosses another."""
+
     mitre_start_samples: int = 33
     """Number of points across a strip among which the first guess is looked for of where a mitre arrives at a wall."""
 
