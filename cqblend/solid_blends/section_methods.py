@@ -19,6 +19,7 @@ from cqblend.blends.contacts.contact_solver import (
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
 from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
+from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.pde.varying_equation import replace_argument
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
@@ -121,6 +122,11 @@ class _HermiteAtJoint(SectionAtJoint):
         if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
             return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
         return None
+
+    @property
+    def pole(self) -> CellPole | None:
+        ball = self.turning_ball
+        return None if ball is None else CellPole(1 - ball.round_side, ball.deviation)
 
     @property
     def turn(self) -> float | None:
