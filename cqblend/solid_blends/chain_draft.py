@@ -39,6 +39,10 @@ class ChainDrafts:
     """The drafts of one chain, one after the other: the next one is made if the one before does not verify."""
 
     def __init__(self, context: ChainContext) -> None:
+        self._start(context)
+
+    def _start(self, context: ChainContext) -> None:
+        """Begin with drafts of a context."""
         self.context = context
         request, first = context.method.request, context.cells[0].joint
         ends = request.ends[::-1] if first.is_backward else request.ends
@@ -49,12 +53,25 @@ class ChainDrafts:
     def make_first(self) -> ChainDraft:
         """Return the first draft.
 
+        If rails leave faces over smooth edges, that is one of the divided chain; next to the ends of an open chain they
+        may also go on beside the face, if that fails.
+
         Raises
         ------
         CqblendError
             Why there is none.
         """
-        check_chain_size(self.context)
+        whole = self.context
+        check_chain_size(whole)
+        try:
+            divided = whole.divide()
+            if divided is not whole:
+                self._start(divided)
+                return self.make_next(None)
+        except CqblendError:
+            if whole.must_be_divided:
+                raise
+            self._start(whole)
         return self.make_next(None)
 
     def make_next(self, failure: CqblendError | None) -> ChainDraft:

@@ -19,11 +19,11 @@ from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
     Stations,
-    project_to_intersection,
     solve_ball_contacts,
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.contacts_beyond import solve_balls_near, solve_setbacks_near
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
@@ -157,6 +157,19 @@ class SectionAtJoint(ABC):
     def make_solver(self) -> ContactSolver:
         """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
 
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        """Return the contacts of stations next to expected ones, also on faces beyond those at the edge.
+
+        Raises
+        ------
+        UnsupportedError
+            If such sections are not built there.
+        GeometryError
+            If there are no such contacts.
+        """
+        del stations, expected
+        raise UnsupportedError("sections of this kind do not go on over a smooth edge of a face")
+
     @abstractmethod
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         """Return the blend surface between two ribbons."""
@@ -252,6 +265,12 @@ class _HermiteAtJoint(SectionAtJoint):
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
+        if self.method.request.radius is not None:
+            return solve_balls_near(sides, stations, sizes[0], expected, is_convex=self.joint.is_convex)
+        return solve_setbacks_near(sides, stations, (sizes[0], sizes[1]), expected)
+
     @property
     def fading_ends(self) -> tuple[bool, bool]:
         return (False, False) if self.method.request.radius is None else self.joint.fading_ends
@@ -266,9 +285,7 @@ class _HermiteAtJoint(SectionAtJoint):
     def _locate_on_surfaces(self, t: Array) -> Stations:
         """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
-        if any(self.fading_ends):
-            return joint.locate_stations(t)
-        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+        return joint.locate_stations(t) if any(self.fading_ends) else joint.locate_on_surfaces(t)
 
     def _measure_both_sizes(self, t: Array) -> Array:
         """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""

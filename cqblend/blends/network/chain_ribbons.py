@@ -25,7 +25,7 @@ from cqblend.blends.rails.ribbon_end import EndJets
 from cqblend.blends.rails.ribbon_fit import Domain
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.vectors import cross_product
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 RibbonPair = tuple[Ribbon, Ribbon]
 
@@ -235,4 +235,32 @@ def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     ]
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
-    return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))
+    return _kink_rails(cell, end, SectionEnd((first, second), given.orders), (pace / speeds[0], pace / speeds[1]))
+
+
+def _kink_rails(cell: ChainCell, end: int, given: SectionEnd, paces: tuple[float, float]) -> WantedEnd:
+    """Return what a cubic cell is to have at one end so that it shares a section, with rails that may have kinks there.
+
+    Where a rail crosses a smooth edge so obliquely that sections cannot follow it, the ball's path has a kink, since
+    the curvature of its face jumps, and with that kink the tangent planes of both cells agree. The rates of cross
+    derivatives are normal to the face by as much as its curvature tells; the kink is the one with which that is right.
+    """
+    wanted = cell.lift_end(end, given.jets, paces)
+    if given.orders != (1, 1):
+        return wanted
+    kinked = cell.lift_end(end, given.shear((1.0, 1.0)), paces)
+    missing, changed = (
+        [_measure_normal_rate(own, one) for own, one in zip(lifted.section.jets, jets, strict=True)]
+        for lifted, jets in ((wanted, given.jets), (kinked, given.shear((1.0, 1.0))))
+    )
+    first, second = (
+        0.0 if abs(off) <= NETWORK_TOLERANCES.parallel_rates * np.abs(one.rates).max() else off / (off - more)
+        for off, more, one in zip(missing, changed, given.jets, strict=True)
+    )
+    return cell.lift_end(end, given.shear((first, second)), paces) if first or second else wanted
+
+
+def _measure_normal_rate(own: EndJets, wanted: EndJets) -> float:
+    """Return by how much the rate of a cross derivative differs from a wanted one, along the normal."""
+    (normal,) = normalise_vectors(cross_product(own.rates[:1], own.values[1:2]))
+    return float((own.rates[1] - wanted.rates[1]) @ normal)
