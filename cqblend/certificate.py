@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 SectionKind = Literal["arc", "hermite", "pde", "potential"]
-EndKind = Literal["natural", "flat", "point"]
-NewEdgeKind = Literal["end", "border", "seam", "between"]
+EndKind = Literal["natural", "flat", "point", "ball", "cross", "setback", "mitre"]
+NewEdgeKind = Literal["end", "border", "seam", "between", "mitre"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
@@ -84,9 +84,10 @@ class EndRecord:
     edge, vertex : int
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
-    kind : {"natural", "flat", "point"}
+    kind : {"natural", "flat", "point", "ball", "cross", "setback", "mitre"}
         ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
-        cap across the edge; ``"point"``: at the vertex itself, where the size is 0.
+        cap across the edge; ``"point"``: at the vertex itself, where the size is 0; ``"mitre"``: in the blend of
+        another edge; the others: at a corner, by the method that it is made with.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
@@ -112,16 +113,18 @@ class EdgeRecord:
 
     Attributes
     ----------
-    kind : {"end", "border", "seam", "between"}
+    kind : {"end", "border", "seam", "between", "mitre"}
         ``"end"``: between the blend and the face or cap that it ends on; ``"border"``: an end in the border of an open
-        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces.
+        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces that go on
+        smoothly; ``"mitre"``: between two that meet at an angle.
     edge, vertex : int
         The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
         the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
     gap : float
         Largest distance of a face from the edge's own curve, mm.
     angle : float or None
-        Largest angle between the normals, rad; None of an end, where the faces may meet at any, or there is but one.
+        Largest angle between the normals, rad; None of an end or a mitre, where the faces may meet at any, or there is
+        but one.
     tolerance : float
         The edge's tolerance, mm, which covers the gap.
     """
@@ -144,6 +147,7 @@ class EdgeRecord:
             "border": f"the free end at vertex {self.vertex}",
             "seam": "the seam",
             "between": "an edge between two blends",
+            "mitre": f"the mitre at vertex {self.vertex}",
         }
         angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
         return (

@@ -22,7 +22,7 @@ from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.shell_editing.face_boundary import FaceBoundary
 from cqblend.brep.topology import is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError
-from cqblend.solid_blends.section_methods import SectionMethod
+from cqblend.solid_blends.section_strategy import SectionMethod
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.vectors import to_tangent_coordinates

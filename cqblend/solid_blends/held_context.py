@@ -27,7 +27,8 @@ from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.held_edges import HeldCircle, HeldEdge, find_held_edge
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import SizeError
-from cqblend.solid_blends.section_methods import SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines import Surface

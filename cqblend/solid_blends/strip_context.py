@@ -16,7 +16,12 @@ from cqblend.blends.contacts.contacts_beyond import trace_contacts_beyond
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
-from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
+from cqblend.blends.rails.line_and_arc_ribbons import (
+    ArcLayout,
+    fit_circular_ribbons,
+    fit_straight_ribbons,
+    fit_turning_ribbons,
+)
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
@@ -25,7 +30,8 @@ from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.rail_obstacles import find_leaving_contact
 from cqblend.errors import CqblendError
 from cqblend.solid_blends.contact_landing import Stretch, find_stretches
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -159,11 +165,19 @@ class StripContext:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
                 return rails
-        turn = None if self.method.sizes.laws else joint.spine.measure_arc_angle()
+        turn = None if self.method.sizes.laws else self.section.turn or joint.spine.measure_arc_angle()
         if turn is None:
             return None
         layout = ArcLayout(domain, turn, get_largest_arc(joint))
         return fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
+
+    def fit_turning_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
+        """Return light rails about a ball that turns in place, over a range of t, if these are exact."""
+        joint, turn = self.joint, self.section.turn
+        if turn is None:
+            return None
+        layout = ArcLayout(domain, turn, RAIL_TOLERANCES.largest_turning_arc)
+        return fit_turning_ribbons(joint.primaries, self.solve, layout, self.targets, joint.extent)
 
     def describe_rails(self) -> CellRails:
         """Return what the ribbons of a chain take of this cell."""
@@ -174,6 +188,7 @@ class StripContext:
             self.targets,
             joint.spine.length,
             self.fit_light_rails,
+            self.fit_turning_rails,
             method.sizes.locate_corners,
             joint.rank,
             self.window,

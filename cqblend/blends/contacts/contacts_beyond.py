@@ -18,7 +18,6 @@ from cqblend.blends.contacts.contact_solver import (
     evaluate_both_jets,
     measure_ball_openings,
     roll_balls,
-    settle_turning_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import interpolate_known
 from cqblend.blends.contacts.newton import solve_damped_newton
@@ -60,7 +59,6 @@ def solve_balls_near(
     solved &= (measure_lengths(steps) <= CONTACT_TOLERANCES.largest_prediction_error * radii).all(axis=0)
     solved &= openings > CONTACT_TOLERANCES.least_ball_opening
     _require_all(solved, stations, "no ball touches both faces")
-    x = settle_turning_contacts(sides, stations, x, radii * signs[..., 0])
     lengths = np.tile(4 * radii * np.tan(openings / 4), (2, 1))
     return Contacts(stations.t, stations.points, (x[:, :2], x[:, 2:]), lengths)
 

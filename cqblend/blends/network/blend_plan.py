@@ -22,8 +22,9 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.ellipse import Ellipse
 from cqblend.surfaces.quadrics import Plane
 
-EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
-"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
+EdgeRole = Literal["rail", "seam", "section", "mitre", "end curve", "cap border", "extension", "pole"]
+"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blends of a
+chain meet, smoothly, or two of a corner, at an angle; where a blend meets
 the face or cap that it ends on, or ends in a border; where a cap, or a border, crosses a support face; where two faces
 of the input go on meeting; a point that bounds a sphere or a blend."""
 

@@ -65,6 +65,11 @@ class ArcSection:
         return float(np.abs(self.across).max())
 
     @property
+    def least_opening(self) -> float:
+        """The least angle of an arc (rad): that of all."""
+        return self.opening
+
+    @property
     def is_mirrored(self) -> bool:
         """Whether (s, v) run around each other in the opposite sense to the surface's own parameters."""
         return bool(self.along[0] * self.across[1] < self.along[1] * self.across[0])
@@ -85,6 +90,7 @@ class ArcSection:
         low, high = self.breaks
         return np.asarray(low + s / self.length * (high - low))
 
-    def map_to_arc_parameter(self, v: Array) -> Array:
-        """Return the parameters (n,) across of the rational spline that is the same surface, at v (n,)."""
-        return locate_on_rational_arcs(v * self.opening, np.array([0.0, self.opening]), np.array([0.0, 1.0]))
+    def map_to_spline(self, s: Array, v: Array) -> Array:
+        """Return the parameters (n, 2) of the rational spline that is the same surface, at s and v, (n,) each."""
+        across = locate_on_rational_arcs(v * self.opening, np.array([0.0, self.opening]), np.array([0.0, 1.0]))
+        return np.stack([self.map_to_parameters(s), across], axis=-1)

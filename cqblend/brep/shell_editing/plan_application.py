@@ -126,6 +126,9 @@ class ProposedSolid:
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
     gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
+    removed_faces: tuple[int, ...]  # all faces of the input of which nothing remains
+    rebuilt_faces: Mapping[int, TopoDS_Face]  # by the numbers of those of the input that they replace
+    edge_pieces: Mapping[int, tuple[TopoDS_Edge, ...]]  # what remains of edges of the input that were cut, by number
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -181,7 +184,17 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
     gone = (*plan.consumed_faces, *plan.swallowed_faces)
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges, gone)
+    changes = {number: planned for face_plan in plan.faces for number, planned in face_plan.pieces.items()}
+    return ProposedSolid(
+        solid,
+        tuple(strips),
+        deviations.largest_tolerance,
+        free_edges,
+        gone,
+        removed_faces=plan.removed_faces,
+        rebuilt_faces=rebuilt,
+        edge_pieces={number: parts.list_pieces(number, planned) for number, planned in changes.items()},
+    )
 
 
 def _find_partner(
@@ -222,13 +235,13 @@ def _list_other_edges(
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
+    """Return the edges of a blend face that are no rails, with their sides; those between blends only of the first."""
     found = []
     for planned in strip.other_edges:
         if planned.role == "pole":
             continue
         edge, faces = parts.build_edge(planned), owners[planned]
-        if planned.role == "section" and not faces[0].IsSame(blend_face):
+        if planned.role in ("section", "mitre") and not faces[0].IsSame(blend_face):
             continue
         deviation = deviations.get(edge)
         end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
@@ -239,7 +252,8 @@ def _list_other_edges(
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
-        kind: NewEdgeKind = "between" if is_among(second, blend_faces) else "end"
+        between: NewEdgeKind = "mitre" if planned.role == "mitre" else "between"
+        kind = between if is_among(second, blend_faces) else "end"
         BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
     return tuple(found)
@@ -277,6 +291,14 @@ class _PartBuilder:
                 self._make_new_edge(planned) if isinstance(planned, NewEdge) else self._cut_edge(planned)
             )
         return self._edges[planned]
+
+    def list_pieces(self, number: int, planned: Sequence[PlannedEdge | KeptEdge]) -> tuple[TopoDS_Edge, ...]:
+        """Return what remains of an edge of the input, of all that takes its place."""
+        kept = (one for one in planned if isinstance(one, EdgePiece | KeptEdge) and one.number == number)
+        return tuple(
+            TopoDS.Edge_s(self.index.edges[number]) if isinstance(one, KeptEdge) else self.build_edge(one)
+            for one in kept
+        )
 
     def orient_edge(self, use: EdgeUse) -> TopoDS_Edge:
         """Return an edge as it is used."""

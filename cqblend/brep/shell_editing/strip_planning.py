@@ -5,14 +5,16 @@ the place of the blended edge in their wires. The blend face goes in on the same
 seams: rail and seam are split there. An open blend ends, at each end, on the face across the edge or in a flat cap: the
 end curve is solved point by point.
 
-The cells of a chain are planned together (:func:`plan_chain`): consecutive ones share an edge. All chains are then
-put together (:func:`merge_chains`): seams and neighbour edges that several of them cut are cut once, for all of them.
+The chains of a network are planned together (:func:`plan_network`), from their placed strips: first its *nodes*, at
+which the strips end, each for all the chains that meet there (:mod:`cqblend.brep.shell_editing.corner_ends`), then the
+cells between two nodes, of which consecutive ones share an edge. All chains are then put together
+(:func:`merge_chains`): seams and neighbour edges that several of them cut are cut once, for all of them.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,9 +32,11 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_chain
+from cqblend.brep.shell_editing.corner_ends import plan_corner
 from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -43,7 +47,7 @@ from cqblend.brep.shell_editing.lost_parts import LostParts, find_edge_crossings
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -78,35 +82,113 @@ class ChainConflictError(CqblendError):
         self.cause = cause
 
 
-def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStations) -> PlannedChain:
-    """Plan to put the strips of a chain, one for each of its cells, in the place of its edges.
+@dataclass(frozen=True)
+class PlacedChain:
+    """A chain with its strips placed, one for each of its cells.
 
-    An open chain ends in flat caps at the given t of its first and its last cell, or naturally (None).
+    If open, it ends in flat caps at the given t of its first and its last cell, at a corner, or naturally (None).
+    """
+
+    chain: Chain
+    placements: Sequence[StripPlacement]
+    caps: CapStations = (None, None)
+
+    def get_end(self, end: int) -> PlacedEnd:
+        """Return its start (0) or its stop (1)."""
+        return PlacedEnd(self.placements[-end], end)
+
+
+class FaultyChainError(CqblendError):
+    """One chain of a network, by its index, cannot be planned: ``cause`` is why."""
+
+    def __init__(self, chain: int, cause: CqblendError) -> None:
+        super().__init__(str(cause), kind=cause.kind)
+        self.chain = chain
+        self.cause = cause
+
+
+class ShortChainsError(CqblendError):
+    """Chains of a network, by their indices, must be made over longer ranges: see :class:`RailsTooShortError`."""
+
+    def __init__(self, needed: Mapping[int, tuple[float, float]]) -> None:
+        super().__init__(f"{len(needed)} chains are too short for what they end on")
+        self.needed_domains = needed
+
+
+def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] = ()) -> list[PlannedChain]:
+    """Plan to put the strips of all chains of a network in the place of their edges.
+
+    Where ends of chains meet in ``corners``, they are planned together; each other end for itself.
 
     Raises
     ------
-    RailsTooShortError
-        If the blend must reach further than its rails.
-    BlendEndError
-        If it cannot end so at one end.
+    ShortChainsError
+        If chains must reach further than their rails.
+    FaultyChainError
+        If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
+        its rails do not fit on the support faces.
+    """
+    ends = _plan_corners(chains, corners)
+    short: dict[int, tuple[float, float]] = {}
+    for k, placed in enumerate(chains):
+        if placed.chain.closed:
+            continue
+        try:
+            low, high = (ends.get(ChainEnd(k, end)) or _plan_end(placed, end) for end in (0, 1))
+            check_reach(placed.placements, (low, high))
+        except RailsTooShortError as error:
+            short[k] = error.needed_domain
+        except CqblendError as error:
+            raise FaultyChainError(k, error) from error
+        else:
+            ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)] = low, high
+    if short:
+        raise ShortChainsError(short)
+    planned = []
+    for k, placed in enumerate(chains):
+        try:
+            outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
+            planned.append(_plan_chain(placed, outer))
+        except CqblendError as error:
+            raise FaultyChainError(k, error) from error
+    return planned
+
+
+def _plan_corners(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]) -> dict[ChainEnd, StripEnd]:
+    """Return what the ends of chains that meet in corners end in."""
+    ends: dict[ChainEnd, StripEnd] = {}
+    for corner in corners:
+        try:
+            plan = plan_corner(corner.method, [chains[one.chain].get_end(one.end) for one in corner.ends])
+        except CqblendError as error:
+            first = corner.ends[0]
+            raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
+        ends.update(zip(corner.ends, plan.ends, strict=True))
+    return ends
+
+
+def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
+    """Plan the strips of a chain between its two ends, which a closed one has not.
+
+    Raises
+    ------
     SizeError, TopologyError, GeometryError
         If the rails do not fit on the support faces.
     """
+    placements, chain = placed.placements, placed.chain
     if chain.closed and not chain.junctions:
         (placement,) = placements
         return _finish_chain(placement.index, [_plan_ring(placement)])
     joined = join_chain(placements, chain)
     starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
-    if chain.closed:
+    if outer is None:
         starts = [starts[-1], *starts[:-1]]
     else:
-        low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
-        check_reach(placements, (low, high))
+        low, high = outer
         _require_apart(low, high)
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
-    if not chain.closed:
-        cell_caps[0][0], cell_caps[-1][1] = caps
+    cell_caps[0][0], cell_caps[-1][1] = placed.caps
     lost = None if chain.divides is None else _find_lost_parts(placements, chain, joined, (starts, stops), cell_caps)
     cells = [
         _plan_cell(placement, ends, (cap[0], cap[1]), lost)
@@ -211,9 +293,9 @@ def _plan_cell(
     first, second = rails
     boundary = (
         *map(EdgeUse, first.edges),
-        *map(EdgeUse, high.edges),
+        *high.path,
         *reverse_path([EdgeUse(edge) for edge in second.edges]),
-        *reverse_path([EdgeUse(edge) for edge in low.edges]),
+        *reverse_path(low.path),
     )
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ends), (first, second), ends)
 
@@ -379,8 +461,9 @@ def _list_kept_vertices(placement: StripPlacement, caps: CapStations) -> list[To
     ]
 
 
-def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
-    """End the blend: in a flat cap at t = ``cap``, in a point, on the face across the edge, or in the border."""
+def _plan_end(placed: PlacedChain, end: int) -> StripEnd:
+    """End a chain: in a flat cap, in a point, on the faces across the edge, or in the border."""
+    placement, cap = placed.placements[-end], placed.caps[end]
     try:
         if cap is not None:
             return end_in_cap(placement, end, cap)

@@ -86,6 +86,15 @@ class ShellEditTolerances:
     refit_deviation: float = 1e-6
     """mm: a pcurve whose image is further than this from the edge's curve is fitted again."""
 
+    equal_depth: float = 1e-6
+    """mm: the strips of a mitre whose rails arrive at the sharp edge this near to each other are equally deep."""
+
+    at_mitre: float = 1e-7
+    """mm: rails on one face cross where they are this near to each other."""
+
+    mitre_start_samples: int = 33
+    """Number of points across a strip among which the first guess is looked for of where a mitre arrives at a wall."""
+
     shared_rail_samples: int = 17
     """Points at which two rails are compared that may be one."""
 
