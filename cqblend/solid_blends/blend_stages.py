@@ -3,8 +3,8 @@
 Where three blended edges meet, one of them is blended *first*: its blend ends on the face opposite, in a curve that
 continues the other two tangentially, so that they and the curve become one chain, blended in a later stage. The first
 one is that of the other convexity, if the three are not alike, else the largest, for a ball rolls around the inside of
-a blend that is no smaller than itself. Where two meet beside a sharp edge, they are blended in one stage if their sizes
-agree there, and else the larger one before the other, which ends on it.
+a blend that is no smaller than itself. Where two meet beside a sharp edge, they are mitred in one stage; where that
+cannot be, the larger one is blended before the other, which ends on it.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from cqblend.brep.selection.blend_corners import ChainEnd
+from cqblend.blend_options import CornerWanted
+from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres, order_all_ends
 from cqblend.errors import UnsupportedError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -31,29 +33,36 @@ class RoundedCorner:
 
 @dataclass(frozen=True)
 class NetworkStages:
-    """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners."""
+    """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners.
+
+    ``has_patches`` tells whether there are corners with faces of their own.
+    """
 
     stages: tuple[tuple[int, ...], ...]
     corners: tuple[RoundedCorner, ...]
+    has_patches: bool = False
 
     def list_corners(self, stage: int) -> list[RoundedCorner]:
         """Return the corners around which chains of a stage go on."""
         return [corner for corner in self.corners if corner.others[0].chain in self.stages[stage]]
 
 
-def plan_stages(chains: Sequence[ChainContext]) -> NetworkStages:
-    """Return the stages of the chains of a network.
+def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -> NetworkStages:
+    """Return the stages of the chains of a network, by the ``corner`` that is wanted where all edges are blended.
 
     Raises
     ------
     UnsupportedError
-        If four or more of them meet at a vertex, or corners demand orders that exclude each other.
+        If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
     meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
+    patched = [meeting for meeting in meetings if meeting.takes_patches(corner)]
+    meetings = [meeting for meeting in meetings if meeting not in patched]
     for meeting in meetings:
         if len(meeting.ends) > 3:
             raise UnsupportedError(
-                f"{len(meeting.ends)} of the edges meet at {meeting.name}, and corners of more than three are not built"
+                f"{len(meeting.ends)} of the edges meet at {meeting.name}, and others, too: corners of more than three "
+                "are built where all edges are blended"
             )
     triples = [meeting for meeting in meetings if len(meeting.ends) == 3]
     corners = tuple(
@@ -61,19 +70,22 @@ def plan_stages(chains: Sequence[ChainContext]) -> NetworkStages:
         for meeting, k in zip(triples, _choose_first_ends(triples), strict=True)
     )
     joined = [(corner.others[0].chain, corner.others[1].chain) for corner in corners]
+    joined += [(one.chain, other.chain) for meeting in patched for one, other in pairwise(meeting.ends)]
     before = [(corner.first.chain, other.chain) for corner in corners for other in corner.others]
     pairs = [meeting for meeting in meetings if len(meeting.ends) == 2]
-    before += [order for meeting in pairs if (order := meeting.find_order()) is not None]
+    mitres = find_mitres([context.chain for context in chains])
+    mitred = {frozenset(corner.ends) for corner in mitres}
+    before += [meeting.order for meeting in pairs if frozenset(meeting.ends) not in mitred]
     levels = _find_levels(len(chains), joined, before)
     if levels is None:
         raise UnsupportedError(
             f"the corners of {chains[0].name} and the edges that it is picked with cannot be blended in any order; "
             "blend some of the edges in a call of their own"
         )
-    together = [(meeting.ends[0].chain, meeting.ends[1].chain) for meeting in pairs if meeting.find_order() is None]
+    together = [(corner.ends[0].chain, corner.ends[1].chain) for corner in mitres]
     levels = _find_levels(len(chains), [*joined, *together], before) or levels
     stages = (tuple(k for k, level in enumerate(levels) if level == stage) for stage in range(max(levels) + 1))
-    return NetworkStages(tuple(stages), corners)
+    return NetworkStages(tuple(stages), corners, bool(patched))
 
 
 def _find_meetings(chains: Sequence[ChainContext]) -> Mapping[int, list[ChainEnd]]:
@@ -121,13 +133,17 @@ class _Meeting:
         largest = max(self.sizes[k] for k in free)
         return [k for k in free if self.sizes[k] >= largest * (1 - SOLID_BLEND_TOLERANCES.equal_sizes)]
 
-    def find_order(self) -> tuple[int, int] | None:
-        """Return which of two chains is blended before the other; None if they are of one size there."""
-        first, second = self.sizes
-        if abs(first - second) <= SOLID_BLEND_TOLERANCES.equal_sizes * max(first, second):
-            return None
-        one, other = (end.chain for end in self.ends)
-        return (one, other) if first > second else (other, one)
+    def takes_patches(self, corner: CornerWanted) -> bool:
+        """Whether the blends are put together by patches: all edges are blended, and more than three, or so wanted."""
+        if len(self.ends) <= (3 if corner == "auto" else 2):
+            return False
+        return order_all_ends([context.chain for context in self.chains], self.ends) is not None
+
+    @property
+    def order(self) -> tuple[int, int]:
+        """Two chains, the one first that is to be blended before the other: the larger one."""
+        (first, second), (one, other) = self.sizes, (end.chain for end in self.ends)
+        return (one, other) if first >= second else (other, one)
 
 
 def _choose_first_ends(meetings: Sequence[_Meeting]) -> list[int]:

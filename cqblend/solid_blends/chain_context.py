@@ -113,24 +113,24 @@ class ChainContext:
         """Return the context of the same chain with a blend of another size: all its lengths times a factor."""
         return ChainContext(self.chain, tuple(cell.scale(factor) for cell in self.cells))
 
-    def make_blends(self, domain: tuple[float, float]) -> list[BlendSurface]:
-        """Return the blend surfaces of all cells.
+    def make_blends(self, domain: tuple[float, float], *, arcs: bool = True) -> list[BlendSurface]:
+        """Return the blend surfaces of all cells; without ``arcs``, not of those, even where they are exact.
 
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
         last cell.
         """
         if not self.chain.junctions:
             (cell,) = self.cells
-            return [cell.make_blend(domain)]
+            return [cell.make_blend(domain, arcs=arcs)]
         rails, open_domain = [cell.describe_rails() for cell in self.cells], None if self.chain.closed else domain
-        wants_arcs = all(cell.section.may_be_arcs for cell in self.cells)
+        wants_arcs = arcs and all(cell.section.may_be_arcs for cell in self.cells)
         fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs)
         if fitted.for_arcs:
             try:
                 return fill_cells_by_arcs(self._pair_sections(fitted))
             except UnsupportedError:  # these rails are no good for other sections
                 fitted = fit_chain_ribbons(rails, self._crossings, open_domain)
-        return fill_cells(self._pair_sections(fitted))
+        return fill_cells(self._pair_sections(fitted), arcs=arcs)
 
     def _pair_sections(self, fitted: ChainRibbons) -> list[tuple[SectionAtJoint, RibbonPair]]:
         """Return what the section method does at each cell, and the ribbons there."""

@@ -136,14 +136,14 @@ class HeldStripContext(StripContext):
         message = f"size {size:g} is too {how}{what_for}: at t = {t:.3g} {where}"
         return SizeError(message, kind=f"too {how}", place=t, value=size)
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge.
+    def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``.
 
         Its ribbon on the held side has order 0: what it is smooth with is no face.
         """
         ruled = self._make_ruled_side(domain)
         ribbons = self._fit_ribbons(ruled, domain)
-        (blend,) = fill_cells([(self.section, ribbons)])
+        (blend,) = fill_cells([(self.section, ribbons)], arcs=arcs)
         first, second = (
             replace(ribbon, order=0) if i == self.held.side else ribbon for i, ribbon in enumerate(blend.ribbons)
         )

@@ -6,14 +6,17 @@ short is made longer. Corners, where ends of chains meet, are planned from the s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
+from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.strip_placement import StripPlacement, place_strip
 from cqblend.brep.shell_editing.strip_planning import FaultyChainError, PlacedChain, ShortChainsError, plan_network
+from cqblend.brep.topology import is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend, lengthen_domain
@@ -54,7 +57,8 @@ class NetworkDrafts:
             EndTrials(context, (self._methods.get(ChainEnd(k, 0)), self._methods.get(ChainEnd(k, 1))))
             for k, context in enumerate(chains)
         ]
-        self._made: dict[tuple[int, tuple[float, float]], _MadeStrips] = {}
+        self._made: dict[tuple[int, tuple[float, float], bool], _MadeStrips] = {}
+        self._without_arcs: set[int] = set()
 
     @property
     def attempts(self) -> tuple[EndAttempts, ...]:
@@ -144,7 +148,7 @@ class NetworkDrafts:
         domains = [(0.0, 1.0) if plan is None else plan.rail_range for plan in plans]
         short_ends: dict[int, int] = {}
         for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
-            made = [self._make_strips(k, domain, short_ends.get(k)) for k, domain in enumerate(domains)]
+            made = self._make_all_strips(domains, short_ends)
             placed = [
                 PlacedChain(context.chain, strips.placements, (None, None) if plan is None else plan.cap_stations)
                 for context, strips, plan in zip(self.chains, made, plans, strict=True)
@@ -157,12 +161,51 @@ class NetworkDrafts:
                     domains[k] = lengthen_domain(domains[k], needed)
                 continue
             return tuple(
-                ChainDraft(context, strips.blends, one, plan)
+                ChainDraft(
+                    context, strips.blends, one, None if plan is None else plan.settle_corners(one.corner_methods)
+                )
                 for context, strips, one, plan in zip(self.chains, made, planned, plans, strict=True)
             )
         k, end = next(iter(short_ends.items()))
         nothing = TopologyError("the blend runs on beside the faces there without ever meeting them")
         raise FaultyChainError(k, BlendEndError(end, nothing))
+
+    def _make_all_strips(
+        self, domains: Sequence[tuple[float, float]], short_ends: Mapping[int, int]
+    ) -> list[_MadeStrips]:
+        """Return the strips of all chains, with sections of one kind where two of them nearly go on in each other.
+
+        There, arcs of a ball and other sections that differ from them by little would not meet in one curve.
+        """
+        while True:
+            made = [self._make_strips(k, domain, short_ends.get(k)) for k, domain in enumerate(domains)]
+            are_arcs = [all(blend.arc is not None for blend in strips.blends) for strips in made]
+            unlike = {
+                chain
+                for pair in self._continued_pairs
+                if len({are_arcs[k] for k in pair}) > 1
+                for chain in pair
+                if are_arcs[chain]
+            }
+            if not unlike:
+                return made
+            self._without_arcs |= unlike
+
+    @cached_property
+    def _continued_pairs(self) -> list[tuple[int, int]]:
+        """The chains that meet in each mitre at which their edges nearly go on in each other."""
+        pairs = []
+        for corner in self.corners:
+            if corner.method == "mitre":
+                first, second = corner.ends
+                following = self._get_joint(first).find_continuing_edge(first.end)
+                if following is not None and is_among(following, self._get_joint(second).spine.edges):
+                    pairs.append((first.chain, second.chain))
+        return pairs
+
+    def _get_joint(self, end: ChainEnd) -> Joint:
+        """Return the joint of the cell at an end of a chain."""
+        return self.chains[end.chain].end_joints[end.end]
 
     def _make_strips(self, k: int, domain: tuple[float, float], short_end: int | None) -> _MadeStrips:
         """Return the strips of chain ``k`` over at least a range, from a t of the first cell to one of the last.
@@ -174,10 +217,11 @@ class NetworkDrafts:
         FaultyChainError
             If that is not possible.
         """
-        if (k, domain) not in self._made:
+        arcs = k not in self._without_arcs
+        if (k, domain, arcs) not in self._made:
             context = self.chains[k]
             try:
-                blends = tuple(context.make_blends(domain))
+                blends = tuple(context.make_blends(domain, arcs=arcs))
                 for cell, blend in zip(context.cells, blends, strict=True):
                     check_blend(cell, blend)
             except CqblendError as error:
@@ -186,5 +230,7 @@ class NetworkDrafts:
                     raise FaultyChainError(k, BlendEndError(short_end, named)) from error
                 raise FaultyChainError(k, error) from error
             cells = zip(context.cells, blends, strict=True)
-            self._made[k, domain] = _MadeStrips(blends, tuple(place_strip(cell.joint, blend) for cell, blend in cells))
-        return self._made[k, domain]
+            self._made[k, domain, arcs] = _MadeStrips(
+                blends, tuple(place_strip(cell.joint, blend) for cell, blend in cells)
+            )
+        return self._made[k, domain, arcs]

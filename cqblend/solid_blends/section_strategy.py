@@ -166,8 +166,10 @@ class SectionAtJoint(ABC):
         raise UnsupportedError("its sections are not to be arcs")
 
 
-def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
-    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them.
+def fill_cells(
+    cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]], *, arcs: bool = True
+) -> list[BlendSurface]:
+    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them, and wanted.
 
     Raises
     ------
@@ -176,11 +178,12 @@ def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) ->
     CqblendError
         As :meth:`SectionAtJoint.fill`.
     """
-    try:
-        return fill_cells_by_arcs(cells)
-    except UnsupportedError as error:
-        if any(section.demands_arcs for section, _ in cells):
-            raise error.with_details(before='section="arc" is not exact here: ') from error
+    if arcs:
+        try:
+            return fill_cells_by_arcs(cells)
+        except UnsupportedError as error:
+            if any(section.demands_arcs for section, _ in cells):
+                raise error.with_details(before='section="arc" is not exact here: ') from error
     return [section.fill(ribbons) for section, ribbons in cells]
 
 

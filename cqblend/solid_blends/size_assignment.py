@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cqblend.blend_options import BlendRequest, Size
+from cqblend.blend_numbers import Size
+from cqblend.blend_options import BlendRequest
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.topology import find_end_vertices
@@ -112,25 +113,27 @@ class _SizedChain:
 
 
 def check_edge_sizes(request: BlendRequest, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge]) -> None:
-    """Check that sizes of single edges are those of picked edges of a shape.
+    """Check that sizes and setbacks of single edges are those of picked edges of a shape.
 
     Raises
     ------
     InputError
         One belongs to another edge, or two to the same edge.
     """
-    if not request.edge_sizes:
+    given = [("size", one.edge) for one in request.edge_sizes]
+    given += [("setback", one.edge) for one in request.setbacks if one.edge is not None]
+    if not given:
         return
     find_number = SolidIndex(shape).edges.find_number
-    picked, sized = {find_number(edge) for edge in edges}, set[int]()
-    for one in request.edge_sizes:
-        number = find_number(one.edge)
+    picked, seen = {find_number(edge) for edge in edges}, set[tuple[str, int]]()
+    for kind, edge in given:
+        number = find_number(edge)
         if number not in picked:
             what = f"edge {number}, which is not picked" if number else "an edge that does not belong to the shape"
-            raise InputError(f"a size is given for {what}: a mapping has sizes of the edges that are blended")
-        if number in sized:
-            raise InputError(f"two sizes are given for edge {number}")
-        sized.add(number)
+            raise InputError(f"a {kind} is given for {what}: a mapping has {kind}s of the edges that are blended")
+        if (kind, number) in seen:
+            raise InputError(f"two {kind}s are given for edge {number}")
+        seen.add((kind, number))
 
 
 def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> list[BlendRequest]:

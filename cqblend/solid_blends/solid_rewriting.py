@@ -6,18 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from cqblend.blends.network.blend_plan import PatchPlan, StripPlan
 from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.consumed_faces import check_swallowed_faces
-from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSolid, apply_plan
+from cqblend.brep.shell_editing.plan_application import BuiltPatch, BuiltStrip, ProposedSolid, apply_plan
 from cqblend.brep.shell_editing.planned_solid import FaceConflictError, PlannedSolid
 from cqblend.brep.shell_editing.remaining_faces import settle_faces
 from cqblend.brep.shell_editing.strip_planning import ChainConflictError, merge_chains
 from cqblend.brep.verification.blend_certification import certify_blend
+from cqblend.brep.verification.patch_certification import CertifiedPatch, certify_patch
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, SizeError, UnsupportedError, VerificationError
-from cqblend.solid_blends.blend_acceptance import check_promises
+from cqblend.solid_blends.blend_acceptance import check_patch_promises, check_promises
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.chain_draft import ChainDraft
 from cqblend.solid_blends.end_plan import EndAttempts
@@ -110,12 +112,22 @@ class PlacedStrip(NamedTuple):
     strip: BuiltStrip
 
 
+class PlacedPatch(NamedTuple):
+    """A face of a corner in a verified solid, and the draft of a chain that ends there, at its cell ``cell``."""
+
+    network: DraftedNetwork
+    draft: ChainDraft
+    cell: int
+    patch: BuiltPatch
+
+
 @dataclass(frozen=True)
 class RewrittenSolid:
     """A solid with blends as it is proposed, verified, and its blend faces."""
 
     proposal: ProposedSolid
     strips: Sequence[PlacedStrip]
+    patches: Sequence[PlacedPatch]
 
 
 def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> RewrittenSolid:
@@ -137,7 +149,20 @@ def rewrite_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Rewr
         except CqblendError as last:
             raise FaultyNetworkError(fault.network, last) from last
     cells = zip(_list_cells(networks), proposal.strips, strict=True)
-    return RewrittenSolid(proposal, [PlacedStrip(*cell, built) for cell, built in cells])
+    return RewrittenSolid(
+        proposal,
+        [PlacedStrip(*cell, built) for cell, built in cells],
+        [PlacedPatch(*_find_patch_owner(networks, patch.plan), patch) for patch in proposal.patches],
+    )
+
+
+def _find_patch_owner(networks: Sequence[DraftedNetwork], patch: PatchPlan) -> tuple[DraftedNetwork, ChainDraft, int]:
+    """Return the network that a patch belongs to, and a chain that ends there, with its cell at that end."""
+    for network, draft, _, k in _list_cells(networks):
+        joint = draft.context.cells[k].joint
+        if patch.spine[0] in map(joint.index.edges.find_number, joint.spine.edges):
+            return network, draft, k
+    raise KeyError(patch.spine[0])
 
 
 def _list_cells(networks: Sequence[DraftedNetwork]) -> list[tuple[DraftedNetwork, ChainDraft, EndAttempts, int]]:
@@ -164,6 +189,14 @@ def certify_strip(placed: PlacedStrip, edge_tolerance: float, gone_faces: Sequen
     return certificate
 
 
+def certify_corner_patch(placed: PlacedPatch) -> CertifiedPatch:
+    """Measure a face of a corner, and check that it measures up to what the blends there promise."""
+    context = placed.draft.context.cells[placed.cell]
+    certified = certify_patch(context.joint, placed.patch)
+    check_patch_promises(certified, context)
+    return certified
+
+
 def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> ProposedSolid:
     """Rewrite a solid by the present drafts of networks, and verify it.
 
@@ -178,12 +211,14 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     convex, name_part = [cell.joint.is_convex for cell in cells], cells[0].joint.name_part
     planned = settle_faces(PlannedSolid(index, plan, convex, name_part))
     proposal = apply_plan(index, planned.plan)
-    check_swallowed_faces(planned, proposal.solid, [strip.blend_face for strip in proposal.strips])
+    blend_faces = [strip.blend_face for strip in proposal.strips]
+    check_swallowed_faces(planned, proposal.solid, blend_faces)
+    grows = [not cell.joint.is_convex for cell in cells]
     check = check_solid(
         index.solid,
         proposal.solid,
-        [strip.blend_face for strip in proposal.strips],
-        grows=[not cell.joint.is_convex for cell in cells],
+        [*blend_faces, *(patch.face for patch in proposal.patches)],
+        grows=[*grows, *(_grows_patch(patch.plan, planned.plan.strips, grows) for patch in proposal.patches)],
         tolerance=max(map(_get_edge_tolerance, cells)),
         index_before=index.faces,
         free_edges=proposal.free_edges,
@@ -193,6 +228,12 @@ def _propose_solid(index: SolidIndex, networks: Sequence[DraftedNetwork]) -> Pro
     if check.problems:
         raise VerificationError("the blended solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
     return proposal
+
+
+def _grows_patch(patch: PatchPlan, strips: Sequence[StripPlan], grows: Sequence[bool]) -> bool | None:
+    """Whether a patch adds material, as all strips beside it do; None if some do, and others remove it."""
+    found = {grow for strip, grow in zip(strips, grows, strict=True) if set(strip.spine) & set(patch.spine)}
+    return found.pop() if len(found) == 1 else None
 
 
 def _get_edge_tolerance(context: StripContext) -> float:

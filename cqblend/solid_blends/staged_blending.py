@@ -7,15 +7,16 @@ into the last solid, and certified there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres
+from cqblend.brep.selection.blend_corners import ChainEnd, CornerMethod, find_blended_corners, find_mitres
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import FoundChain, PickedEdges, Selection
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.strip_tracking import list_end_edges, track_strip
+from cqblend.brep.shell_editing.plan_application import ProposedSolid
+from cqblend.brep.shell_editing.strip_tracking import list_end_edges, track_patch, track_strip
 from cqblend.brep.topology import is_among
 from cqblend.certificate import Certificate
 from cqblend.errors import CqblendError, UnsupportedError
@@ -27,7 +28,9 @@ from cqblend.solid_blends.end_plan import record_ends
 from cqblend.solid_blends.solid_rewriting import (
     DraftedNetwork,
     FaultyNetworkError,
+    PlacedPatch,
     PlacedStrip,
+    certify_corner_patch,
     certify_strip,
     rewrite_solid,
 )
@@ -55,7 +58,7 @@ class StagedNetwork:
             if one.chain is not None:
                 chains.append(contexts.get_chain(one.chain, one.edges))
         self.chains = tuple(chains)
-        self.plan: NetworkStages = plan_stages(self.chains)
+        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner)
         if len(self.plan.stages) > 1 and any(contexts.list_held_edges(one.chain) for one in chains):
             raise UnsupportedError(f"{self.name} meets other picked edges at a corner, and a rail is held on an edge")
 
@@ -96,10 +99,23 @@ class StagedNetwork:
         return self._draft_chains([self._get_context(one.chain, one.edges) for one in found if one.chain is not None])
 
     def _draft_chains(self, chains: Sequence[ChainContext]) -> DraftedNetwork:
-        """Return the draft of some of its chains, with mitres where two of them meet."""
+        """Return the draft of some of its chains, with mitres where two of them meet, and patches where all do."""
         own = [context.chain for context in chains]
         first_ends = [ChainEnd(k, end) for k, chain in enumerate(own) for end in self.find_first_ends(chain)]
-        return DraftedNetwork(self.edges, chains, find_mitres(own), first_ends)
+        wanted = self.contexts.request.corner
+        methods: tuple[CornerMethod, ...] = ("ball", "cross", "setback") if wanted == "auto" else (wanted,)
+        corners = [*find_mitres(own), *find_blended_corners(own, methods, self._list_setbacks(own))]
+        return DraftedNetwork(self.edges, chains, corners, first_ends)
+
+    def _list_setbacks(self, chains: Sequence[Chain]) -> dict[int, float]:
+        """Return the setbacks that are asked for, by the index of the chain."""
+        found: dict[int, float] = {}
+        for k, chain in enumerate(chains):
+            lookup = chain.cells[0].lookup_number
+            for one in self.contexts.request.setbacks:
+                if one.edge is None or (lookup is not None and lookup(one.edge) in chain.edge_numbers):
+                    found[k] = one.distance
+        return found
 
     def _check_corner(self, corner: RoundedCorner, found: Sequence[FoundChain]) -> None:
         """Raise UnsupportedError if two chains do not go on in one another round a corner."""
@@ -163,13 +179,22 @@ class StagedStrip:
     placed: PlacedStrip
 
 
+@dataclass(frozen=True)
+class StagedPatch:
+    """A face of a corner in the last solid of all stages, and the network that it is part of."""
+
+    network: StagedNetwork
+    placed: PlacedPatch
+
+
 @dataclass
 class _Body:
     """A body of the input as it was, and as it is after some stages, with its blend faces."""
 
     before: SolidIndex
     now: SolidIndex
-    strips: list[StagedStrip]
+    strips: list[StagedStrip] = field(default_factory=list)
+    patches: list[StagedPatch] = field(default_factory=list)
     edge_tolerance: float = 0.0
     gone_faces: tuple[str, ...] = ()
 
@@ -193,7 +218,7 @@ def blend_in_stages(networks: Sequence[StagedNetwork], selection: Selection) -> 
         One of the networks cannot be blended.
     """
     picks = selection.picks.copy()
-    bodies = [_Body(index, index, []) for index in dict.fromkeys(network.chains[0].index for network in networks)]
+    bodies = [_Body(index, index) for index in dict.fromkeys(network.chains[0].index for network in networks)]
     for stage in range(max(len(network.plan.stages) for network in networks)):
         drafted = {_draft(network, stage, picks): network for network in networks if stage < len(network.plan.stages)}
         for body in bodies:
@@ -206,6 +231,9 @@ def blend_in_stages(networks: Sequence[StagedNetwork], selection: Selection) -> 
         for strip in body.strips:
             faces[strip.network].append(strip.placed.strip.blend_face)
             certificates[strip.network].append(_certify(strip, body))
+        for patch in body.patches:
+            faces[patch.network].append(patch.placed.patch.face)
+            certificates[patch.network][0] = _record_patch(certificates[patch.network][0], patch)
     return StagedBlend(
         [(body.before.solid, body.now.solid) for body in bodies],
         faces,
@@ -229,15 +257,10 @@ def _blend_stage(body: _Body, drafted: dict[DraftedNetwork, StagedNetwork], pick
         network = drafted[fault.network]
         raise StagedNetworkError(network, fault.cause, fault.network.chains[0]) from fault
     index, proposal = body.now, rewritten.proposal
-    tracked = []
-    for one in body.strips:
-        try:
-            strip = track_strip(one.placed.strip, index, proposal)
-        except CqblendError as error:
-            context = one.placed.draft.context
-            raise StagedNetworkError(one.network, error.with_details(shape=context.name), context) from error
-        tracked.append(replace(one, placed=one.placed._replace(strip=strip)))
-    body.strips = [*tracked, *(StagedStrip(drafted[placed.network], placed) for placed in rewritten.strips)]
+    new_strips = [StagedStrip(drafted[placed.network], placed) for placed in rewritten.strips]
+    new_patches = [StagedPatch(drafted[placed.network], placed) for placed in rewritten.patches]
+    body.strips = [*(_track(one, index, proposal) for one in body.strips), *new_strips]
+    body.patches = [*(_track(one, index, proposal) for one in body.patches), *new_patches]
     body.now = picks.record_rewriting(index, proposal.solid, proposal.rebuilt_faces, proposal.edge_pieces)
     body.edge_tolerance = max(body.edge_tolerance, proposal.tolerance)
     joint = rewritten.strips[0].draft.context.cells[0].joint
@@ -247,6 +270,33 @@ def _blend_stage(body: _Body, drafted: dict[DraftedNetwork, StagedNetwork], pick
         for end in network.find_first_ends(context.chain):
             if placed.cell == (len(context.cells) - 1 if end else 0):
                 picks.record_corner(list_end_edges(placed.strip, end), context.cells[placed.cell].joint.edge_number)
+
+
+_Blend = TypeVar("_Blend", StagedStrip, StagedPatch)
+
+
+def _track(one: _Blend, index: SolidIndex, proposal: ProposedSolid) -> _Blend:
+    """Return a blend face as it is after the solid was rewritten once more."""
+    try:
+        if isinstance(one, StagedStrip):
+            strip = track_strip(one.placed.strip, index, proposal)
+            return replace(one, placed=one.placed._replace(strip=strip))
+        patch = track_patch(one.placed.patch, index, proposal)
+        return replace(one, placed=one.placed._replace(patch=patch))
+    except CqblendError as error:
+        context = one.placed.draft.context
+        raise StagedNetworkError(one.network, error.with_details(shape=context.name), context) from error
+
+
+def _record_patch(certificate: Certificate, patch: StagedPatch) -> Certificate:
+    """Return a certificate with the records of a face of a corner."""
+    placed = patch.placed
+    try:
+        found = certify_corner_patch(placed)
+    except CqblendError as error:
+        raise StagedNetworkError(patch.network, error, placed.draft.context) from error
+    crease = max(certificate.inner_crease, found.inner_crease)
+    return replace(certificate, inner_crease=crease, edges=(*certificate.edges, *found.edges))
 
 
 def _certify(strip: StagedStrip, body: _Body) -> Certificate:

@@ -194,7 +194,7 @@ class StripContext:
             self.window,
         )
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge."""
-        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
+    def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``."""
+        (blend,) = fill_cells([(self.section, self.fit_rails(domain))], arcs=arcs)
         return blend

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cadquery as cq
 import pytest
-from mitred_solids import blend_with_mitres, integrate_insets
+from mitred_solids import integrate_insets
 
 import cqblend
 
@@ -36,7 +36,7 @@ def list_top_edges(body: cq.Shape, outline) -> list[cq.Edge]:
 def check(result, mitres: int) -> float:
     """Check that a result is sound, and return its volume."""
     assert result.shape.isValid()
-    assert cqblend.verify(result.shape.wrapped, [face.wrapped for face in result.faces]).ok
+    assert cqblend.verify(result.shape, result.faces).ok
     certificate = result.certificate
     assert certificate.angle <= 1e-12
     found = [edge for edge in certificate.edges if edge.kind == "mitre"]
@@ -48,7 +48,7 @@ def check(result, mitres: int) -> float:
 @pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
 def test_all_top_edges_of_a_prism_are_mitred_in_one_pass(outline):
     body = extrude(outline)
-    result = blend_with_mitres(body, list_top_edges(body, outline), 1.5)
+    result = cqblend.blend_edges(body, list_top_edges(body, outline), 1.5)
     volume = check(result, len(outline))
     assert len(result.faces) == len(outline)
     assert len(result.shape.Faces()) == len(body.Faces()) + len(outline)
@@ -60,7 +60,7 @@ def test_where_depths_differ_the_deeper_strip_ends_on_the_other_and_on_its_wall(
     body = extrude(outline)
     edges = list_top_edges(body, outline)
     radii = [1.0 + 0.5 * (k % 2) + 0.25 * (k % 3) for k in range(len(edges))]
-    result = blend_with_mitres(body, edges, dict(zip(edges, radii, strict=True)))
+    result = cqblend.blend_edges(body, edges, dict(zip(edges, radii, strict=True)))
     volume = check(result, len(outline))
     assert volume == pytest.approx(body.Volume() - integrate_insets(outline, radii), rel=1e-9)
 
@@ -69,7 +69,7 @@ def test_where_depths_differ_the_deeper_strip_ends_on_the_other_and_on_its_wall(
 def test_two_edges_at_a_reflex_corner_are_mitred_and_end_naturally_elsewhere(radii):
     body = extrude(L_OUTLINE)
     edges = [find_edge(body, L_OUTLINE[k], L_OUTLINE[k + 1], 10) for k in (2, 3)]
-    result = blend_with_mitres(body, edges, dict(zip(edges, radii, strict=True)))
+    result = cqblend.blend_edges(body, edges, dict(zip(edges, radii, strict=True)))
     volume = check(result, 1)
     # The other edges keep their place, so that the insets are those of an outline of which two edges are rounded.
     expected = integrate_insets(L_OUTLINE, [1e-9, 1e-9, *radii, 1e-9, 1e-9])
@@ -81,7 +81,7 @@ def test_the_foot_of_a_boss_is_mitred_outside_its_upright_edges(radii):
     body = cq.Workplane().box(40, 30, 8).faces(">Z").workplane().rect(16, 12).extrude(10).val()
     foot = [edge for edge in body.Edges() if abs(edge.Center().z - 4) < 1e-6 and edge.Length() < 17]
     sizes = {edge: radii[int(edge.Length() > 14)] for edge in foot}
-    result = blend_with_mitres(body, foot, sizes)
+    result = cqblend.blend_edges(body, foot, sizes)
     outline = ((-8, -6), (-8, 6), (8, 6), (8, -6))  # clockwise, so that inside is outside
     added = integrate_insets(outline, [radii[0], radii[1], radii[0], radii[1]])
     assert check(result, 4) == pytest.approx(body.Volume() + added, rel=1e-9)

@@ -1,57 +1,10 @@
-"""Blends of networks with mitres, made below the pipeline, and the volumes of prisms with mitred edges."""
+"""Volumes of prisms with mitred edges, by integrals over their depth."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
-import cadquery as cq
 import numpy as np
-
-from cqblend.blend_options import BlendOptions
-from cqblend.brep.selection.blend_corners import find_mitres
-from cqblend.brep.selection.picked_edges import select_chains
-from cqblend.certificate import Certificate
-from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.section_methods import choose_section_method
-from cqblend.solid_blends.size_assignment import assign_sizes
-from cqblend.solid_blends.solid_rewriting import DraftedNetwork, rewrite_solid
-from cqblend.solid_blends.strip_context import StripContext
-
-
-@dataclass(frozen=True)
-class MitredSolid:
-    """A blended solid, its blend faces, and their certificate."""
-
-    shape: cq.Shape
-    faces: tuple[cq.Face, ...]
-    certificate: Certificate
-
-
-def blend_with_mitres(body: cq.Shape, edges: Sequence[cq.Edge], radius, **options) -> MitredSolid:
-    """Blend edges of a body with mitres wherever two of them and another edge meet, in one pass."""
-    sizes = {edge.wrapped: size for edge, size in radius.items()} if isinstance(radius, dict) else radius
-    request = BlendOptions(sizes, **options).to_request()
-    picked = [edge.wrapped for edge in edges]
-    networks = []
-    for found in select_chains(body.wrapped, picked, None, lambda _: 0.0, follow=request.chain).networks:
-        contexts = []
-        for one in found:
-            assert one.chain is not None
-            requests = assign_sizes(request, one.chain, one.edges)
-            cells = zip(one.chain.cells, requests, strict=True)
-            contexts.append(
-                ChainContext(one.chain, tuple(StripContext(cell, choose_section_method(own)) for cell, own in cells))
-            )
-        corners = find_mitres([context.chain for context in contexts])
-        networks.append(DraftedNetwork([n for one in found for n in one.edges], contexts, corners))
-    rewritten = rewrite_solid(networks[0].index, networks)
-    strips = [strip for network in networks for strip in rewritten.strips[network]]
-    return MitredSolid(
-        cq.Shape.cast(rewritten.solid),
-        tuple(cq.Face(strip.face) for strip in strips),
-        Certificate.merge([strip.certificate for strip in strips]),
-    )
 
 
 def integrate_insets(outline: Sequence[tuple[float, float]], radii: Sequence[float]) -> float:

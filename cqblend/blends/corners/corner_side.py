@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cqblend.blends.corners.tolerances import CORNER_TOLERANCES
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
@@ -39,10 +40,27 @@ class CornerSide:
         """Return the same side, run through the other way."""
         return CornerSide(self.curve.reverse(), tuple(field.reverse() for field in self.fields))
 
+    def level_weights(self) -> CornerSide:
+        """Return the same side with the weight 1 where it starts and stops, in space as it is."""
+        if self.dim == 3:
+            return self
+        weights = self.curve(np.array([0.0, 1.0]))[:, 3]
+        if np.abs(weights - 1.0).max() <= CORNER_TOLERANCES.level_weight:
+            return self
+        return CornerSide(Curve.bezier(1.0 / weights[:, None]) * self.curve, self.fields)
+
+    def to_space_curve(self) -> Curve:
+        """Return its curve in space, rational if it is in homogeneous space."""
+        curve = self.curve
+        return curve if self.dim == 3 else Curve(curve.breaks, curve.coefs, rational=True, continuity=curve.continuity)
+
+    def evaluate_point(self, t: float) -> Array:
+        """Return a point (3,) in space."""
+        return np.asarray(self.to_space_curve()(np.array([t]))[0])
+
     def evaluate_ends(self) -> Array:
         """Return the points (2, 3) in space where it starts and stops."""
-        points = self.curve(np.array([0.0, 1.0]))
-        return np.asarray(points[:, :3] / points[:, 3:] if self.dim == 4 else points)
+        return np.asarray(self.to_space_curve()(np.array([0.0, 1.0])))
 
 
 def make_strip_side(surface: Surface, pcurve: Curve, dim: int) -> CornerSide:

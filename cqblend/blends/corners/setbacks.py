@@ -50,25 +50,20 @@ def choose_setback(width: float, crossings: Sequence[float]) -> Setback:
     )
 
 
-def fit_setbacks(length: float, start: Setback | None, stop: Setback | None) -> tuple[float, float]:
-    """Return the setbacks at both ends of an edge of a given length (mm), shrunk if it is too short; 0 where none is.
+def fit_setback(setback: Setback, length: float) -> float:
+    """Return a setback, shrunk if the edge, of a given length (mm), is too short for two of its kind.
 
     Raises
     ------
     SizeError
-        If it is too short even for the least ones.
+        If it is too short even for the least one.
     """
-    ends = [Setback(0.0, 0.0) if one is None else one for one in (start, stop)]
     room = CORNER_TOLERANCES.most_setback_share * length
-    wanted, least = sum(end.wanted for end in ends), sum(end.least for end in ends)
-    if wanted <= room:
-        return ends[0].wanted, ends[1].wanted
-    if least > room:
+    if setback.least > room:
         raise SizeError(
-            f"the patches at the ends of the edge take {least:.4g} mm of its {length:.4g} mm: the size is too large",
+            f"the patches of the corner take {setback.least:.4g} mm of the edge, there are {room:.4g}: the size is too "
+            "large",
             kind="too large",
-            value=least,
+            room=room / setback.least,
         )
-    share = (room - least) / (wanted - least)
-    low, high = (end.least + share * (end.wanted - end.least) for end in ends)
-    return low, high
+    return min(setback.wanted, room)

@@ -22,6 +22,9 @@ class CornerTolerances:
     span_rank: float = 1e-10
     """Relative to the largest: singular values of fields that span a tangent plane below which they are zero."""
 
+    level_weight: float = 1e-15
+    """By how much the weight at the end of a side may differ from 1, and is left as it is."""
+
     bending_weight: float = 1e-2
     """Weight of squared second derivatives in the energy that patches minimise, beside that of the third ones."""
 
@@ -50,8 +53,26 @@ class CornerTolerances:
     least_setback_factor: float = 1.1
     """The same factor at least, where an edge is short."""
 
-    most_setback_share: float = 0.94
-    """Share of an edge that the setbacks at both of its ends may take."""
+    most_setback_share: float = 0.47
+    """Share of an edge that the setback at one of its ends may take."""
+
+    rail_crossing_samples: int = 129
+    """Points of each rail with which the search for the crossing of two of them starts."""
+
+    crossing_step: float = 0.25
+    """Longest step of that search, as a share of the rail."""
+
+    crossing_steps: int = 50
+    """Most steps."""
+
+    crossing_exact: float = 1e-14
+    """Steps, relative to the longest, that are due to rounding."""
+
+    crossing_gap: float = 1e-6
+    """Distance of two rails, relative to their length, from which on they do not cross."""
+
+    square_section: float = 1e-13
+    """Share of a strip by which its end section may be off one parameter, and is taken to be square."""
 
     quality_samples: int = 17
     """Points in each direction of a patch, at which normals and curvatures are looked at."""

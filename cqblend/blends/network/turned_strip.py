@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.network.strip_surface import StripCut, StripSection
+from cqblend.blends.network.strip_surface import StripCut, StripSection, fit_mapped_curve
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.splines import Curve
@@ -58,6 +58,12 @@ class TurnedStrip:
             return Curve.bezier(section.map_to_surface(*ends.T), domain=(low, high))
         breaks = np.linspace(low, high, NETWORK_TOLERANCES.cut_spans + 1)
         return approximate_curve(lambda t: section.map_to_surface(*curve(t).T), breaks, NETWORK_TOLERANCES.turned_fit)
+
+    def map_from_blend(self, tv: Array) -> Array:
+        return self.section.map_from_spline(tv[:, 0], tv[:, 1])
+
+    def map_curve_from_blend(self, curve: Curve) -> Curve:
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.length)
 
     def __call__(self, s: Array, v: Array) -> Array:
         return np.asarray(self.jet(s, v, 0)[0, 0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.angles import locate_on_rational_arcs
+from cqblend.surfaces.angles import locate_on_rational_arcs, measure_rational_arcs
 from cqblend.surfaces.quadrics import Cylinder, Sphere
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 
@@ -89,6 +89,16 @@ class ArcSection:
             return locate_on_rational_arcs(s, self.stops, self.breaks)
         low, high = self.breaks
         return np.asarray(low + s / self.length * (high - low))
+
+    def map_from_spline(self, t: Array, v: Array) -> Array:
+        """Return s and v, (n, 2), at parameters (n,) of the rational spline that is the same surface."""
+        if self.is_straight:
+            low, high = self.breaks
+            s = (t - low) / (high - low) * self.length
+        else:
+            s = measure_rational_arcs(t, self.stops, self.breaks)
+        across = measure_rational_arcs(v, np.array([0.0, self.opening]), np.array([0.0, 1.0])) / self.opening
+        return np.stack([s, across], axis=-1)
 
     def map_to_spline(self, s: Array, v: Array) -> Array:
         """Return the parameters (n, 2) of the rational spline that is the same surface, at s and v, (n,) each."""

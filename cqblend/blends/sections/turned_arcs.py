@@ -22,7 +22,7 @@ from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import UnsupportedError
 from cqblend.splines import Surface, bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.angles import locate_on_rational_arcs
+from cqblend.surfaces.angles import locate_on_rational_arcs, measure_rational_arcs
 from cqblend.surfaces.circle import Circle
 from cqblend.surfaces.quadrics import Sphere
 from cqblend.surfaces.vectors import LocalFrame, cross_product, measure_lengths, normalise_vectors
@@ -127,6 +127,13 @@ class TurnedArcs:
     def map_to_parameters(self, s: Array) -> Array:
         """Return the parameters t (n,) of the rails at s (n,)."""
         return locate_on_rational_arcs(s, self.stops, self.breaks)
+
+    def map_from_spline(self, t: Array, v: Array) -> Array:
+        """Return s and v, (n, 2), at parameters (n,) of the rational spline that is the same surface."""
+        s = measure_rational_arcs(t, self.stops, self.breaks)
+        half, (share, _) = self.measure_openings(s) / 2, self._share_from_pole(v)
+        across, _ = self._share_from_pole(np.arctan(share * np.tan(half)) / half)
+        return np.stack([s, across], axis=-1)
 
     def map_to_spline(self, s: Array, v: Array) -> Array:
         """Return the parameters (n, 2) of the rational spline that is the same surface, at s and v, (n,) each."""

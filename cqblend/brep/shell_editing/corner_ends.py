@@ -8,37 +8,53 @@ from the ends that meet to a :class:`CornerPlan`: what each of them ends in. Edg
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
-from cqblend.brep.selection.blend_corners import CornerMethod
+from cqblend.brep.selection.blend_corners import BlendCorner, CornerMethod
+from cqblend.brep.shell_editing.ball_corner import rest_ball
+from cqblend.brep.shell_editing.corner_patches import CornerPlan, patch_crossing_rails, patch_set_back_ends
 from cqblend.brep.shell_editing.mitred_ends import mitre_ends
-from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd
+from cqblend.errors import GeometryError, SizeError
 
 
-@dataclass(frozen=True)
-class CornerPlan:
-    """What the ends of chains that meet in a corner end in, in the order of the corner's ends."""
+def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan a corner by the first of its methods that fits, from the ends that meet there.
 
-    ends: tuple[StripEnd, ...]
-
-
-def plan_corner(method: CornerMethod, ends: Sequence[PlacedEnd]) -> CornerPlan:
-    """Plan a corner by its method, from the ends that meet there, counter-clockwise seen from outside of the solid.
+    They go around the vertex counter-clockwise, seen from outside of the solid.
 
     The ends may lie past those of the strips as they are: the rails must then be made longer.
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must reach further to meet.
     SizeError, TopologyError, GeometryError
-        If the strips do not meet there as the method has it.
+        If the strips do not meet there as the methods have it: why the last one fails.
     """
+    methods = (corner.method, *corner.alternatives)
+    for method in methods[:-1]:
+        try:
+            return _plan_by_method(method, corner, ends)
+        except (GeometryError, SizeError):
+            continue
+    return _plan_by_method(methods[-1], corner, ends)
+
+
+def _plan_by_method(method: CornerMethod, corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan a corner by one method."""
+    if method == "setback":
+        return patch_set_back_ends(ends, corner.setbacks or (None,) * len(ends))
     return _PLANNERS[method](ends)
 
 
 def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:
     """Plan two strips that end in each other."""
     first, second = ends
-    return CornerPlan(mitre_ends(first, second))
+    return CornerPlan("mitre", mitre_ends(first, second))
 
 
-_PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {"mitre": _plan_mitre}
+_PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {
+    "ball": rest_ball,
+    "cross": patch_crossing_rails,
+    "mitre": _plan_mitre,
+}

@@ -14,6 +14,7 @@ import numpy as np
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.network.strip_surface import StripSurface
 from cqblend.brep.shell_editing.end_curve import fit_solved_curve
+from cqblend.brep.shell_editing.strip_end import StripsTooShortError
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.errors import TopologyError
 from cqblend.splines import Curve
@@ -28,10 +29,12 @@ from cqblend.surfaces.vectors import LocalFrame, measure_lengths, normalise_vect
 class MitredSurface:
     """The surface of a strip that ends in a mitre.
 
-    ``common`` is the side (0 or 1) on the common face, ``start`` the s about where the edge ends.
+    ``end`` is the end (0 or 1) that does, ``common`` the side (0 or 1) on the common face, and ``start`` the s about
+    where the edge ends.
     """
 
     strip: StripSurface
+    end: int
     common: int
     start: float
 
@@ -40,6 +43,23 @@ class MitredSurface:
         """The straight distance (mm) from rail to rail there."""
         first, last = self.strip(np.full(2, self.start), np.array([0.0, 1.0]))
         return float(np.linalg.norm(last - first))
+
+    def evaluate_rail(self, s: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the rail on the common face, and their derivatives by s."""
+        jet = self.strip.jet(s, np.full(len(s), float(self.common)), 1)
+        return jet[0, 0], jet[1, 0]
+
+    def trace_rail(self, share: float) -> tuple[Array, Array]:
+        """Return s (n,) and points (n, 3) of the rail on the common face on a last share of the strip, and beyond.
+
+        The last point is far beyond the end, in the direction of the rail there.
+        """
+        inner, outer = self.strip.domain[:: 1 if self.end else -1]
+        s = np.linspace(outer + share * (inner - outer), outer, SHELL_EDIT_TOLERANCES.rail_chords + 1)
+        points, rates = self.evaluate_rail(s)
+        step = SHELL_EDIT_TOLERANCES.longest_overrun * self.width / float(np.linalg.norm(rates[-1]))
+        step *= 1.0 if self.end else -1.0
+        return np.append(s, s[-1] + step), np.append(points, [points[-1] + step * rates[-1]], axis=0)
 
     def locate_across(self, share: Array) -> Array:
         """Return v at shares (n,) of the way from the rail on the common face to that on the wall."""
@@ -65,25 +85,31 @@ class MitreCurve:
         return self.curve(at)[0], first(at)[0], second(at)[0]
 
 
-def solve_mitre_curve(shallower: MitredSurface, deeper: MitredSurface, near: tuple[float, float]) -> MitreCurve:
-    """Return the mitre of two strips, of which the rails on their walls arrive at the other wall at s ``near``.
+def solve_mitre_curve(
+    shallower: MitredSurface, deeper: MitredSurface, crossing: Array, near: tuple[float, float]
+) -> MitreCurve:
+    """Return the mitre of two strips, whose rails on the common face cross at ``crossing`` (2,).
+
+    Those on their walls arrive at the other wall at s ``near``.
 
     Raises
     ------
     TopologyError
         If they do not meet all across the shallower one.
     """
-    solution = _MitreSolution(shallower, deeper, near)
+    solution = _MitreSolution(shallower, deeper, crossing, near)
     return solution.cut_by_plane() or solution.fit()
 
 
 class _MitreSolution:
     """The solution of H1(s, v) = H2(s', v') by the share of the way across H1 from common face to wall: (s, s', v')."""
 
-    def __init__(self, shallower: MitredSurface, deeper: MitredSurface, near: tuple[float, float]) -> None:
+    def __init__(
+        self, shallower: MitredSurface, deeper: MitredSurface, crossing: Array, near: tuple[float, float]
+    ) -> None:
         self.surfaces = shallower, deeper
         self._size = min(shallower.width, deeper.width)
-        self._at_common = np.append(_cross_rails(shallower, deeper), float(deeper.common))
+        self._at_common = np.append(crossing, float(deeper.common))
         v = deeper.locate_across(np.linspace(0.0, 1.0, SHELL_EDIT_TOLERANCES.mitre_start_samples))
         target = shallower.strip(np.array([near[0]]), shallower.locate_across(np.ones(1)))
         apart = measure_lengths(deeper.strip(np.full(len(v), near[1]), v) - target)
@@ -113,9 +139,11 @@ class _MitreSolution:
     def _solve_from_wall(self, share: Array) -> Array:
         """Return the solution (n, 3) at ascending shares (n,), found one after the other from the wall on."""
         found = [self._solve(share[-1:], self._near_wall[None])[0]]
+        rate = found[0] - self._at_common
         for k in range(len(share) - 2, -1, -1):
-            ahead = found[-1] if len(found) == 1 else 2 * found[-1] - found[-2]
-            found.append(self._solve(share[k : k + 1], ahead[None])[0])
+            step = share[k] - share[k + 1]
+            found.append(self._solve(share[k : k + 1], (found[-1] + step * rate)[None])[0])
+            rate = (found[-1] - found[-2]) / step
         return np.array(found[::-1])
 
     def fit(self) -> MitreCurve:
@@ -170,28 +198,65 @@ class _MitreSolution:
         return MitreCurve(first.curve, first.span, (first.on_strip, on_second), self.surfaces[0].common == 0)
 
 
-def _cross_rails(one: MitredSurface, other: MitredSurface) -> Array:
+def cross_rails(one: MitredSurface, other: MitredSurface) -> Array:
     """Return the parameters (2,) at which the rails of two strips cross on their common face.
 
     Raises
     ------
+    StripsTooShortError
+        If they do so, as far as can be told, beyond the strips.
     TopologyError
         If they do not.
     """
-    first_v, second_v = np.array([float(one.common)]), np.array([float(other.common)])
-    at_end = one.strip.jet(np.array([one.start]), first_v, 1)
+    at_end = one.strip.jet(np.array([one.start]), np.array([float(one.common)]), 1)
     x = normalise_vectors(at_end[1, 0, 0])
     y = normalise_vectors(at_end[0, 1, 0] - (at_end[0, 1, 0] @ x) * x)
     plane, size = np.array([x, y]).T, max(one.width, other.width)
 
     def evaluate_system(s: Array) -> tuple[Array, Array, Array]:
-        first, second = one.strip.jet(s[:, 0], first_v, 1), other.strip.jet(s[:, 1], second_v, 1)
-        rates = np.stack([first[1, 0], -second[1, 0]], axis=2)
-        jacobian = np.einsum("nij,ik->nkj", rates, plane)
-        return (first[0, 0] - second[0, 0]) @ plane, jacobian, np.linalg.norm(rates, axis=1)
+        (first, rate), (second, other_rate) = one.evaluate_rail(s[:, 0]), other.evaluate_rail(s[:, 1])
+        rates = np.stack([rate, -other_rate], axis=2)
+        return (first - second) @ plane, np.einsum("nij,ik->nkj", rates, plane), np.linalg.norm(rates, axis=1)
 
-    s, good = solve_damped_newton(evaluate_system, np.array([[one.start, other.start]]), size, size)
-    apart = one.strip(s[:, 0], first_v) - other.strip(s[:, 1], second_v)
+    s, good = solve_damped_newton(evaluate_system, _guess_crossing(one, other, plane)[None], size, size)
+    apart = one.evaluate_rail(s[:, 0])[0] - other.evaluate_rail(s[:, 1])[0]
     if not good[0] or np.linalg.norm(apart) > SHELL_EDIT_TOLERANCES.at_mitre:
-        raise TopologyError("the rails of the two blends do not cross on the face between them")
+        raise _make_crossing_error()
     return s[0]
+
+
+def _guess_crossing(one: MitredSurface, other: MitredSurface, plane: Array) -> Array:
+    """Return about where the rails of two strips cross on their common face (2,): where their polygons first do.
+
+    They are looked at in a plane, by two axes (3, 2), from the middle of the strips on, and if they do not cross then,
+    from their other ends. They go on straight beyond their ends.
+
+    Raises
+    ------
+    StripsTooShortError, TopologyError
+        As :func:`cross_rails`.
+    """
+    for share in (0.5, 1.0):
+        chords = [surface.trace_rail(share) for surface in (one, other)]
+        (first, first_step), (second, second_step) = (
+            (points[:-1] @ plane, np.diff(points, axis=0) @ plane) for _, points in chords
+        )
+        turn = first_step[:, None, 0] * second_step[:, 1] - first_step[:, None, 1] * second_step[:, 0]
+        gap = second - first[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = (gap[..., 0] * second_step[:, 1] - gap[..., 1] * second_step[:, 0]) / turn
+            along_other = (gap[..., 0] * first_step[:, None, 1] - gap[..., 1] * first_step[:, None, 0]) / turn
+        is_crossed = (along >= 0) & (along <= 1) & (along_other >= 0) & (along_other <= 1)
+        if is_crossed.any():
+            i, j = np.argwhere(is_crossed)[0].tolist()
+            found = []
+            for (s, _), k, fraction in ((chords[0], i, along[i, j]), (chords[1], j, along_other[i, j])):
+                found.append(s[k] + fraction * (s[k + 1] - s[k]))
+            if max(i, j) == len(first) - 1:  # on what goes on straight
+                raise StripsTooShortError((found[0], found[1]))
+            return np.array(found)
+    raise _make_crossing_error()
+
+
+def _make_crossing_error() -> TopologyError:
+    return TopologyError("the rails of the two blends do not cross on the face between them")

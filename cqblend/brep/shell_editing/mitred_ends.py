@@ -20,7 +20,7 @@ from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, Planne
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.shell_editing.end_curve import plan_cut_edge
 from cqblend.brep.shell_editing.end_tracing import Meeting, MeetingPoint
-from cqblend.brep.shell_editing.mitre_curve import MitredSurface, solve_mitre_curve
+from cqblend.brep.shell_editing.mitre_curve import MitredSurface, cross_rails, solve_mitre_curve
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
@@ -39,20 +39,22 @@ def mitre_ends(first: PlacedEnd, second: PlacedEnd) -> tuple[StripEnd, StripEnd]
 
     Raises
     ------
+    StripsTooShortError
+        If the strips must reach further to meet.
     TopologyError
-        If the strips do not meet so.
+        If they do not meet so.
     """
     one = _MitredStrip(first.placement, first.end, first.end)
     other = _MitredStrip(second.placement, second.end, 1 - second.end)
-    strips = one, other
+    strips, crossing = (one, other), cross_rails(one.surface, other.surface)
     on_walls = _meet_wall(*strips), _meet_wall(*strips[::-1])
     vertex = locate_vertex(strips[0].vertex)
     arms = [found.point - vertex for found in on_walls]
     if arms[0] @ arms[1] <= 0:
         raise TopologyError("the two blends arrive at the sharp edge there on both sides of its end")
     if np.linalg.norm(arms[0]) <= np.linalg.norm(arms[1]):
-        return _Mitre(strips, on_walls).end_strips()
-    return _Mitre(strips[::-1], on_walls[::-1]).end_strips()[::-1]
+        return _Mitre(strips, crossing, on_walls).end_strips()
+    return _Mitre(strips[::-1], crossing[::-1], on_walls[::-1]).end_strips()[::-1]
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ class _MitredStrip:
     def surface(self) -> MitredSurface:
         """Its surface."""
         start = self.placement.locate_edge_parameter(float(self.end))
-        return MitredSurface(self.placement.strip, self.common, start)
+        return MitredSurface(self.placement.strip, self.end, self.common, start)
 
     def enters_by_wall(self) -> bool:
         """Whether the boundary of its wall comes along the rail to this end, and does not leave it there."""
@@ -134,12 +136,15 @@ def _meet_wall(one: _MitredStrip, other: _MitredStrip) -> _WallPoint:
 class _Mitre:
     """Two strips to be mitred, the shallower one first, and where their rails on their walls meet the other's."""
 
-    def __init__(self, strips: tuple[_MitredStrip, _MitredStrip], on_walls: tuple[_WallPoint, _WallPoint]) -> None:
+    def __init__(
+        self, strips: tuple[_MitredStrip, _MitredStrip], crossing: Array, on_walls: tuple[_WallPoint, _WallPoint]
+    ) -> None:
         self.shallower, self.deeper = strips
         self.at_sharp_edge = on_walls[1]
         apart = float(np.linalg.norm(on_walls[0].point - on_walls[1].point))
         self.is_equal = apart <= SHELL_EDIT_TOLERANCES.equal_depth
-        self.curve = solve_mitre_curve(strips[0].surface, strips[1].surface, (on_walls[0].s, on_walls[1].s))
+        near = on_walls[0].s, on_walls[1].s
+        self.curve = solve_mitre_curve(strips[0].surface, strips[1].surface, crossing, near)
         self.sharp_corner = PlannedVertex(on_walls[1].point, gap=apart if self.is_equal else 0.0)
 
     def end_strips(self) -> tuple[StripEnd, StripEnd]:

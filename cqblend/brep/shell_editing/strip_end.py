@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cqblend.blends.network.blend_plan import CapPlan, EdgeUse, FacePlan, NewEdge, PlannedVertex
@@ -19,6 +20,14 @@ class RailsTooShortError(GeometryError):
     def __init__(self, needed: tuple[float, float]) -> None:
         super().__init__(f"the rails must reach from t = {needed[0]:.4g} to {needed[1]:.4g}")
         self.needed_domain = needed
+
+
+class StripsTooShortError(GeometryError):
+    """Strips that end in a corner do not meet there, but would if they reached to given s, in the order of its ends."""
+
+    def __init__(self, needed: Sequence[float]) -> None:
+        super().__init__("the blends end before they meet")
+        self.needed = tuple(needed)
 
 
 @dataclass(frozen=True)

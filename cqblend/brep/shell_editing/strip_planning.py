@@ -26,13 +26,14 @@ from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
     NewEdge,
+    PatchPlan,
     PlannedVertex,
     SolidPlan,
     StripPlan,
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
-from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd, CornerMethod
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_chain
@@ -47,7 +48,7 @@ from cqblend.brep.shell_editing.lost_parts import LostParts, find_edge_crossings
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd, StripsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -58,7 +59,8 @@ class PlannedChain:
     """The strips of one chain as planned for themselves: what they do to faces, and what they share with other chains.
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
-    ``cut_faces`` has as they are if there is no other chain.
+    ``cut_faces`` has as they are if there is no other chain. ``patches`` are faces of corners that it ends at: a
+    corner's are those of one of its chains. ``corner_methods`` tell how corners at both ends are put together.
     """
 
     strips: tuple[StripPlan, ...]
@@ -66,6 +68,8 @@ class PlannedChain:
     edge_trims: tuple[EdgeTrim, ...]
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
+    patches: tuple[PatchPlan, ...] = ()
+    corner_methods: tuple[CornerMethod | None, CornerMethod | None] = (None, None)
 
     @property
     def cut_edges(self) -> frozenset[int]:
@@ -92,6 +96,16 @@ class PlacedChain:
     chain: Chain
     placements: Sequence[StripPlacement]
     caps: CapStations = (None, None)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The range that its strips reach over, from a t of the first cell to one of the last."""
+        low, high = (self.to_rail_parameter(end, self.placements[-end].domain[end]) for end in (0, 1))
+        return low, high
+
+    def to_rail_parameter(self, end: int, s: float) -> float:
+        """Return the t of the first cell (``end`` 0) or of the last (1) at the parameter s of its strip."""
+        return float(self.placements[-end].strip.to_rail_parameters(np.array([s]))[0])
 
     def get_end(self, end: int) -> PlacedEnd:
         """Return its start (0) or its stop (1)."""
@@ -128,7 +142,7 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
         If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
         its rails do not fit on the support faces.
     """
-    ends = _plan_corners(chains, corners)
+    ends, patches, methods = _plan_corners(chains, corners)
     short: dict[int, tuple[float, float]] = {}
     for k, placed in enumerate(chains):
         if placed.chain.closed:
@@ -148,23 +162,41 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
     for k, placed in enumerate(chains):
         try:
             outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
-            planned.append(_plan_chain(placed, outer))
+            at_corners = methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))
+            own = tuple(patches.get(k, ()))
+            planned.append(replace(_plan_chain(placed, outer), patches=own, corner_methods=at_corners))
         except CqblendError as error:
             raise FaultyChainError(k, error) from error
     return planned
 
 
-def _plan_corners(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]) -> dict[ChainEnd, StripEnd]:
-    """Return what the ends of chains that meet in corners end in."""
+def _plan_corners(
+    chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]
+) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]], dict[ChainEnd, CornerMethod]]:
+    """Return what ends of chains that meet in corners end in, faces of corners by their first chain, and methods."""
     ends: dict[ChainEnd, StripEnd] = {}
+    patches: dict[int, list[PatchPlan]] = {}
+    methods: dict[ChainEnd, CornerMethod] = {}
+    short: dict[int, tuple[float, float]] = {}
     for corner in corners:
         try:
-            plan = plan_corner(corner.method, [chains[one.chain].get_end(one.end) for one in corner.ends])
+            plan = plan_corner(corner, [chains[one.chain].get_end(one.end) for one in corner.ends])
+        except StripsTooShortError as error:
+            for one, s in zip(corner.ends, error.needed, strict=True):
+                placed = chains[one.chain]
+                low, high = short.get(one.chain, placed.domain)
+                t = placed.to_rail_parameter(one.end, s)
+                short[one.chain] = (low, max(high, t)) if one.end else (min(low, t), high)
+            continue
         except CqblendError as error:
             first = corner.ends[0]
             raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
         ends.update(zip(corner.ends, plan.ends, strict=True))
-    return ends
+        patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+        methods |= dict.fromkeys(corner.ends, plan.method)
+    if short:
+        raise ShortChainsError(short)
+    return ends, patches, methods
 
 
 def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
@@ -394,7 +426,10 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
     return SolidPlan(
-        tuple(strip for chain in chains for strip in chain.strips), faces, consumed_faces=tuple(sorted(shared.consumed))
+        tuple(strip for chain in chains for strip in chain.strips),
+        faces,
+        consumed_faces=tuple(sorted(shared.consumed)),
+        patches=tuple(patch for chain in chains for patch in chain.patches),
     )
 
 
@@ -407,6 +442,8 @@ def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidInde
         tuple(map(shared.replace_trim, chain.edge_trims)),
         tuple(map(shared.replace_crossings, crossings)),
         tuple(map(shared.replace_face, chain.cut_faces)),
+        chain.patches,
+        chain.corner_methods,
     )
 
 

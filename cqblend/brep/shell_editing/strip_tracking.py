@@ -8,7 +8,7 @@ from dataclasses import replace
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face
 
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.brep.shell_editing.plan_application import BuiltEdge, BuiltStrip, ProposedSolid
+from cqblend.brep.shell_editing.plan_application import BuiltEdge, BuiltPatch, BuiltStrip, ProposedSolid
 from cqblend.errors import SizeError
 
 
@@ -39,6 +39,19 @@ def track_strip(strip: BuiltStrip, index: SolidIndex, proposal: ProposedSolid) -
         rail_edges=(rails[0], rails[1]),
         other_edges=tuple(edge for edge in others if edge is not None),
     )
+
+
+def track_patch(patch: BuiltPatch, index: SolidIndex, proposal: ProposedSolid) -> BuiltPatch:
+    """Return a face of a corner of a solid as it is after the solid was rewritten once more.
+
+    Raises
+    ------
+    SizeError
+        If nothing remains of it.
+    """
+    edges = (_track_edge(edge, index, proposal) for edge in patch.edges)
+    face = _track_face(patch.face, index, proposal)
+    return replace(patch, face=face, edges=tuple(edge for edge in edges if edge is not None))
 
 
 def _track_edge(edge: BuiltEdge, index: SolidIndex, proposal: ProposedSolid) -> BuiltEdge | None:

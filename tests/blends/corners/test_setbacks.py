@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plane_corners import PlaneCorner
 
-from cqblend.blends.corners.setbacks import Setback, choose_setback, fit_setbacks, locate_crossing
+from cqblend.blends.corners.setbacks import Setback, choose_setback, fit_setback, locate_crossing
 from cqblend.errors import SizeError
 
 
@@ -24,12 +24,8 @@ def test_setbacks_are_longer_than_the_farthest_crossing():
 
 
 def test_setbacks_shrink_on_short_edges():
-    low, high = Setback(5.0, 3.0), Setback(4.0, 2.0)
-    assert fit_setbacks(20.0, low, high) == (5.0, 4.0)
-    assert fit_setbacks(20.0, None, high) == (0.0, 4.0)
-    start, stop = fit_setbacks(7.5, low, high)
-    assert np.isclose(start + stop, 0.94 * 7.5)
-    assert 3.0 < start < 5.0
-    assert 2.0 < stop < 4.0
-    with pytest.raises(SizeError, match=r"take 5 mm of its 5\.2 mm"):
-        fit_setbacks(5.2, low, high)
+    setback = Setback(5.0, 3.0)
+    assert fit_setback(setback, 20.0) == 5.0
+    assert np.isclose(fit_setback(setback, 8.0), 3.76)
+    with pytest.raises(SizeError, match=r"take 3 mm of the edge, there are 2\.35"):
+        fit_setback(setback, 5.0)
