@@ -65,7 +65,7 @@ def _unite_at_vertex(before: list[StripContext], after: list[StripContext]) -> N
     if not (before and after and _have_same_faces(first, second)):
         return
     lengths = [_measure_length(one) for one in (first, second)]
-    if min(lengths) > SOLID_BLEND_TOLERANCES.longest_overrun * first.measure_reach():
+    if min(lengths) > SOLID_BLEND_TOLERANCES.overrun_widths * first.measure_reach():
         return
     if lengths[0] < lengths[1] and len(before) > 1:
         before.pop()

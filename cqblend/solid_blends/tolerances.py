@@ -64,8 +64,8 @@ class SolidBlendTolerances:
     least_landing_step: float = 1e-4
     """Relative to the size: a step that does not succeed although it is smaller ends that."""
 
-    longest_overrun: float = 2.0
-    """In widths of the blend: how far past the end of its edge a cell may go on, in place of one more cell."""
+    overrun_widths: float = 2.0
+    """How far, in widths of the blend, past the end of its edge a cell may go on, in place of one more cell."""
 
     most_faces_beyond: int = 8
     """Smooth edges over which a contact is followed."""

@@ -7,7 +7,7 @@ crosses it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -17,11 +17,12 @@ from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import EdgePiece, FacePlan, PlannedVertex
-from cqblend.brep.selection.chains import Chain
+from cqblend.brep.selection.chains import Chain, Junction
 from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.shell_editing.end_cap import plan_edge_remainders
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, project_to_edge
 from cqblend.brep.shell_editing.strip_end import StripEnd
-from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import ShapeIndex, find_end_vertices, orient_forward
 from cqblend.errors import SizeError
 from cqblend.splines.bernstein import Array
@@ -46,40 +47,58 @@ class LostParts:
     vertices: tuple[TopoDS_Vertex, ...]
 
 
-def find_edge_crossings(
-    before: StripPlacement, crossed: tuple[Sequence[TopoDS_Edge], ...], corners: tuple[PlannedVertex, PlannedVertex]
-) -> list[EdgeCrossing]:
-    """Return where the rails of a cell cross smooth edges at its stop, by side."""
-    at = np.full(2, before.domain[1])
-    rates = before.strip.jet(at, np.array([0.0, 1.0]), 1)[0, 1]
-    found = []
-    for i, edges in enumerate(crossed):
-        found += [EdgeCrossing(edge, corners[i], (1.0, -1.0)[i] * rates[i]) for edge in edges]
-    return found
-
-
 def find_lost_parts(
     placements: Sequence[StripPlacement],
     chain: Chain,
-    crossings: Iterable[EdgeCrossing],
-    ends: Sequence[StripEnd],
-    remainders: Mapping[int, tuple[EdgePiece, ...]],
-    kept: Sequence[TopoDS_Vertex],
+    joined: Sequence[tuple[StripEnd, StripEnd]],
+    ends: tuple[Sequence[StripEnd], Sequence[StripEnd]],
+    caps: CapStations,
 ) -> LostParts:
-    """Return what goes under a chain, its own edges included.
+    """Return what goes under a divided chain, its own edges included.
 
-    ``ends`` are those of an open chain, ``remainders`` what remains of each of its edges, by number, beyond flat caps,
-    and ``kept`` the vertices of its edges that stay.
+    ``joined`` are the ends of its cells at every junction, ``ends`` the starts and the stops of all cells, and ``caps``
+    where it ends in flat caps.
 
     Raises
     ------
     SizeError
         If a rail crosses a smooth edge past its end, or in a sense that leaves nothing between it and the chain.
     """
-    search = _LossSearch(placements, chain, ends, remainders)
-    for crossing in crossings:
-        search.mark_crossing(crossing)
+    numbers = map(placements[0].index.edges.find_number, chain.edges)
+    remainders: dict[int, tuple[EdgePiece, ...]] = dict.fromkeys(numbers, ())
+    kept: list[TopoDS_Vertex] = []
+    for k, (placement, start, stop) in enumerate(zip(placements, *ends, strict=True)):
+        own = caps[0] if k == 0 else None, caps[1] if k == len(placements) - 1 else None
+        kept += list_kept_vertices(placement, own)
+        for number, pieces in plan_edge_remainders(placement, (start, stop), own).items():
+            remainders[number] += pieces
+    search = _LossSearch(placements, chain, () if chain.closed else (ends[0][0], ends[1][-1]), remainders)
+    for before, (stop, _), junction in zip(placements, joined, chain.junctions, strict=False):
+        for crossing in _list_crossings(before, junction, stop.corners):
+            search.mark_crossing(crossing)
     return search.collect(kept)
+
+
+def list_kept_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
+    """Return the ends of the blended edges at which a flat cap stands, or the blend ends in a point."""
+    return [
+        vertex
+        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
+        if cap is not None or placement.ends_in_point(end)
+    ]
+
+
+def _list_crossings(
+    before: StripPlacement, junction: Junction, corners: tuple[PlannedVertex, PlannedVertex]
+) -> list[EdgeCrossing]:
+    """Return where the rails of a cell cross smooth edges at its stop."""
+    rates = before.strip.jet(np.full(2, before.domain[1]), np.array([0.0, 1.0]), 1)[0, 1]
+    ways = rates[0], -rates[1]
+    return [
+        EdgeCrossing(edge, corner, into)
+        for edges, corner, into in zip(junction.crossed, corners, ways, strict=True)
+        for edge in edges
+    ]
 
 
 @dataclass(frozen=True)

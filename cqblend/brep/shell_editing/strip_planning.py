@@ -21,7 +21,6 @@ import numpy as np
 from OCP.TopoDS import TopoDS_Vertex
 
 from cqblend.blends.network.blend_plan import (
-    EdgePiece,
     EdgeRole,
     EdgeUse,
     FacePlan,
@@ -44,7 +43,7 @@ from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
 from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
-from cqblend.brep.shell_editing.lost_parts import LostParts, find_edge_crossings, find_lost_parts
+from cqblend.brep.shell_editing.lost_parts import LostParts, find_lost_parts, list_kept_vertices
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
@@ -221,36 +220,12 @@ def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) ->
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = placed.caps
-    lost = None if chain.divides is None else _find_lost_parts(placements, chain, joined, (starts, stops), cell_caps)
+    lost = None if chain.divides is None else find_lost_parts(placements, chain, joined, (starts, stops), placed.caps)
     cells = [
         _plan_cell(placement, ends, (cap[0], cap[1]), lost)
         for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
     ]
     return _finish_chain(placements[0].index, cells, lost)
-
-
-def _find_lost_parts(
-    placements: Sequence[StripPlacement],
-    chain: Chain,
-    joined: Sequence[tuple[StripEnd, StripEnd]],
-    ends: tuple[Sequence[StripEnd], Sequence[StripEnd]],
-    caps: Sequence[Sequence[float | None]],
-) -> LostParts:
-    """Return what goes under a divided chain, whose cells have the given starts and stops, and caps there."""
-    crossings = [
-        crossing
-        for before, (stop, _), junction in zip(placements, joined, chain.junctions, strict=False)
-        for crossing in find_edge_crossings(before, junction.crossed, stop.corners)
-    ]
-    numbers = map(placements[0].index.edges.find_number, chain.edges)
-    remainders: dict[int, tuple[EdgePiece, ...]] = dict.fromkeys(numbers, ())
-    kept: list[TopoDS_Vertex] = []
-    for placement, start, stop, own in zip(placements, *ends, caps, strict=True):
-        kept += _list_kept_vertices(placement, (own[0], own[1]))
-        for number, pieces in plan_edge_remainders(placement, (start, stop), (own[0], own[1])).items():
-            remainders[number] += pieces
-    open_ends = () if chain.closed else (ends[0][0], ends[1][-1])
-    return find_lost_parts(placements, chain, crossings, open_ends, remainders, kept)
 
 
 def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
@@ -485,17 +460,8 @@ def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
 
 def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
     """Return the vertices of the blended edges that go."""
-    kept = _list_kept_vertices(placement, caps)
+    kept = list_kept_vertices(placement, caps)
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
-
-
-def _list_kept_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
-    """Return the ends of the blended edges at which a flat cap stands, or the blend ends in a point."""
-    return [
-        vertex
-        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
-        if cap is not None or placement.ends_in_point(end)
-    ]
 
 
 def _plan_end(placed: PlacedChain, end: int) -> StripEnd:
