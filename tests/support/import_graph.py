@@ -32,6 +32,7 @@ ROOMS = (
     ("blends.pde", "blends.potential"),
     ("blends.quality",),
     ("blend_options", "certificate"),
+    ("bridge_options",),
     ("patterns.outline",),
     ("patterns.trimming",),
     ("patterns.strips",),

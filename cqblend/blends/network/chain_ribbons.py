@@ -101,7 +101,7 @@ def _settle_section(
 ) -> SectionEnd:
     """Settle, and return, the section of a cubic cell at a place, cell and end: its own, or one that is given to it."""
     cell, end = place
-    own = _dictate_section(chain[cell], end) if given is None else _take_section(chain[cell], end, given)
+    own = dictate_section(chain[cell], end) if given is None else take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
 
@@ -178,7 +178,7 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
     return light
 
 
-def _dictate_section(cell: ChainCell, end: int) -> WantedEnd:
+def dictate_section(cell: ChainCell, end: int) -> WantedEnd:
     """Return the natural section of a cubic cell at one end.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
@@ -210,7 +210,7 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
     return first, second
 
 
-def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
+def take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
     natural, roughness = cell.estimate_natural_end(end), cell.ends[end].roughness
     for one, own in zip(given.jets, natural, strict=True):
