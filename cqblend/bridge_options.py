@@ -34,7 +34,7 @@ from cqblend.errors import InputError, shown
 
 BridgeSection = Literal["hermite", "pde"]
 
-_SECTIONS: tuple[BridgeSection, ...] = ("hermite", "pde")
+_BRIDGE_SECTIONS: tuple[BridgeSection, ...] = ("hermite", "pde")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +103,7 @@ class BridgeOptions:
         (1, 2)
         """
         continuity = check_pair("continuity", self.continuity, partial(check_choice, built=CONTINUITIES))
-        section = check_choice("section", self.section, _SECTIONS)
+        section = check_choice("section", self.section, _BRIDGE_SECTIONS)
         if continuity == ("G0", "G0"):
             refuse_ignored_options(
                 G0_HAS_NO_CROSS_FIELD,

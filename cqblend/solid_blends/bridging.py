@@ -5,7 +5,7 @@ Works on ``TopoDS`` shapes, which it only hands on. A result that does not verif
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -25,13 +25,14 @@ from cqblend.brep.shell_editing.plan_application import BuiltStrip, ProposedSoli
 from cqblend.brep.shell_editing.strip_placement import place_between
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
-from cqblend.brep.verification.bridge_checks import find_point_inside, find_self_crossing
+from cqblend.brep.verification.bridge_checks import find_point_inside, find_self_crossing, find_touching_point
 from cqblend.brep.verification.solid_verification import check_solid
 from cqblend.bridge_options import BridgeRequest
 from cqblend.certificate import Certificate
 from cqblend.errors import GeometryError, SelectionError, TopologyError, VerificationError
 from cqblend.solid_blends.blend_pipeline import BlendedShape
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+from cqblend.splines.bernstein import Array
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -152,8 +153,10 @@ def _require_apart(
     """Raise TopologyError if both sides have a vertex in common, or one takes away the face that the other needs."""
     first, second = sides
     shared = (set(first.vertices) & set(second.vertices)) - {0}
-    if shared or (first.gone and first.gone == second.gone):
-        what = f"{name_part(index.vertices[min(shared)])}" if shared else f"{name_part(index.faces[first.gone])}"
+    what = name_part(index.vertices[min(shared)]) if shared else ""
+    if first.gone and first.gone == second.gone:
+        what = name_part(index.faces[first.gone])
+    if what:
         raise TopologyError(f"both sides have {what}: a bridge needs two rails that do not meet")
     for one, other in (sides, sides[::-1]):
         if one.gone in other.list_supports(index):
@@ -204,7 +207,11 @@ def _verify(joined: _BridgedBodies, proposal: ProposedSolid, request: BridgeRequ
         If anything else is wrong.
     """
     faces = [strip.blend_face for strip in proposal.strips]
+    solids = [body for body in list_bodies(joined.shape) if is_solid(body)]
+    others = [body for body in solids if not any(body.IsSame(one) for one in joined.bodies)]
     inside = find_point_inside(faces, joined.bodies)
+    if inside is None:
+        inside = find_touching_point(faces, others)
     if inside is not None:
         raise GeometryError(
             f"the bridge runs into a body near {_show_point(inside)}: take another bulge, or sides that face each other"
@@ -222,9 +229,9 @@ def _verify(joined: _BridgedBodies, proposal: ProposedSolid, request: BridgeRequ
         raise VerificationError("the bridged solid did not verify and is withheld: " + "; ".join(check.problems[:4]))
 
 
-def _show_point(point: Sequence[float]) -> str:
+def _show_point(point: Array) -> str:
     """Return a point for a message."""
-    x, y, z = point
+    x, y, z = point.tolist()
     return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 

@@ -57,7 +57,7 @@ class LoopPiece:
         """Return the parameters (n,) of the curve at lengths (n,) from its start."""
         low, high = self.curve.domain
         t = np.interp(s, self._lengths.values, self._lengths.cells)
-        for _ in range(BRIDGE_TOLERANCES.newton_steps):
+        for _ in range(BRIDGE_TOLERANCES.most_newton_steps):
             step = (s - self._lengths(t)) / measure_lengths(self.curve(t, 1))
             t = np.clip(t + step, low, high)
             if np.abs(step).max(initial=0.0) <= BRIDGE_TOLERANCES.exact_step * (high - low):
@@ -75,7 +75,7 @@ class LoopPiece:
         points = self.curve(t)
         uv = np.stack([np.interp(t, self.guide[0], column) for column in self.guide[1].T], axis=-1)
         exact = BRIDGE_TOLERANCES.exact_step * np.abs(points).max(initial=0.0)
-        for _ in range(BRIDGE_TOLERANCES.newton_steps):
+        for _ in range(BRIDGE_TOLERANCES.most_newton_steps):
             jet = self.support.primary.jet(uv)
             step = to_tangent_coordinates(jet, points - jet[0])
             uv = uv + step

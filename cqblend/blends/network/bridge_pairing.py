@@ -92,14 +92,25 @@ def pair_loops(loops: tuple[RailLoop, RailLoop], start: float | None) -> RailPai
 
 
 def _match_places(own: Array, landed: Array, reach: float) -> list[tuple[int, int]]:
-    """Return pairs of places on a circle of length 1 that are each other's nearest, and within reach."""
+    """Return pairs of places on a circle of length 1, within reach: for each of the fewer the nearest of the others.
+
+    Of several that have the same nearest one, the nearest to it has it. The pairs are in the order of ``own``.
+    """
     if not len(own) or not len(landed):
         return []
     apart = np.abs(np.mod(landed[None, :] - own[:, None] + 0.5, 1.0) - 0.5)
+    if len(own) > len(landed):
+        return sorted((i, k) for k, i in _choose_nearest(apart.T, reach))
+    return _choose_nearest(apart, reach)
+
+
+def _choose_nearest(apart: Array, reach: float) -> list[tuple[int, int]]:
+    """Return a pair of row and column for every row of a table of distances, but those that lose theirs to another."""
+    best = apart.argmin(axis=1).tolist()
     return [
-        (i, int(row.argmin()))
-        for i, row in enumerate(apart)
-        if row.min() <= reach and int(apart[:, row.argmin()].argmin()) == i
+        (i, k)
+        for i, k in enumerate(best)
+        if apart[i, k] <= reach and i == min((j for j in range(len(best)) if best[j] == k), key=lambda j: apart[j, k])
     ]
 
 

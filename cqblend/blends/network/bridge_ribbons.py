@@ -220,7 +220,7 @@ class _CellRun:
         )
         bulges = [partial(np.full_like, fill_value=bulge) for bulge in wanted.bulges]
         return RibbonTargets(
-            position=max(BRIDGE_TOLERANCES.position * self.size, BRIDGE_TOLERANCES.least_position),
+            position=max(BRIDGE_TOLERANCES.rail_share * self.size, BRIDGE_TOLERANCES.least_rail),
             fields=(first, second),
             bulges=(bulges[0], bulges[1]),
             orders=wanted.orders,

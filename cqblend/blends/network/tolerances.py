@@ -164,7 +164,7 @@ class NetworkTolerances:
 class BridgeTolerances:
     """Tolerances of the modules that make the rails and ribbons of bridges."""
 
-    newton_steps: int = 30
+    most_newton_steps: int = 30
     """Most steps of Newton's method for the point at a length, and for its foot on a surface."""
 
     exact_step: float = 2e-15
@@ -179,13 +179,14 @@ class BridgeTolerances:
     frame_steps: int = 64
     """Steps in which a frame is carried along a bridge."""
 
-    matched_share: float = 1 / 6
-    """Corners of both rails this near to each other, in shares of the mean distance of corners, are matched."""
+    matched_share: float = 0.55
+    """Corners of both rails this near to each other, in shares of the mean distance of corners where they are more, are
+    matched: a little more than half of it."""
 
-    position: float = 1e-8
+    rail_share: float = 1e-8
     """Relative to the size of a bridge: largest distance of a rail from the edge or curve that it is to follow."""
 
-    least_position: float = 1e-9
+    least_rail: float = 1e-9
     """mm: the least that this is taken for."""
 
     turn_softening: float = 0.5

@@ -15,6 +15,7 @@ from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import explore_subshapes, find_end_vertices, is_among, orient_forward
 from cqblend.errors import GeometryError
 from cqblend.splines.bernstein import Array
+from cqblend.splines.evaluation import BreakSide
 from cqblend.surfaces.vectors import normalise_vectors
 
 
@@ -71,7 +72,7 @@ def _arrive(piece: LoopPiece, end: int, outward: float) -> _Arrival:
     """Evaluate a loop where a piece starts (``end`` 0) or stops (1)."""
     curve, s = piece.curve, np.array([piece.length * end])
     t = np.array([curve.domain[end]])
-    side = "left" if end else "right"
+    side: BreakSide = "left" if end else "right"
     point, rate, bend = curve.jet(t, 2, side=side)[:, 0]
     tangent = normalise_vectors(rate)
     curvature = (bend - (bend @ tangent) * tangent) / (rate @ rate)
@@ -86,7 +87,7 @@ def _join_on_face(first: _Arrival, second: _Arrival, name: str) -> LoopJoin:
         return LoopJoin("sharp", _leave_straight(first.away + second.away), on_edge=True, name=name)
     jump = np.linalg.norm(second.curvature - first.curvature)
     size = max(np.linalg.norm(first.curvature), np.linalg.norm(second.curvature))
-    bends = jump > SELECT_TOLERANCES.curvature_jump * size or turn > SELECT_TOLERANCES.parallel_angle
+    bends = jump > SELECT_TOLERANCES.bend * size or turn > SELECT_TOLERANCES.parallel_angle
     return LoopJoin("through", bends=bool(bends), name=name)
 
 

@@ -296,8 +296,8 @@ class SideReader:
         for use in explore_subshapes(support.face, TopAbs_EDGE):
             if BRep_Tool.Degenerated_s(use) or BRep_Tool.IsClosed_s(use, support.face):
                 continue
-            pcurve, span = BRep_Tool.CurveOnSurface_s(use, support.face, 0.0, 0.0), BRep_Tool.Range_s(use)
-            samples = np.linspace(*span, SELECT_TOLERANCES.dihedral_samples).tolist()
+            pcurve, (first, last) = BRep_Tool.CurveOnSurface_s(use, support.face, 0.0, 0.0), BRep_Tool.Range_s(use)
+            samples = np.linspace(first, last, SELECT_TOLERANCES.dihedral_samples).tolist()
             points = np.array([pcurve.Value(s).Coord() for s in samples])
             if _is_inside(polygon, support.unwrap_near(points, np.tile(middle, (len(points), 1)))).any():
                 raise InputError(

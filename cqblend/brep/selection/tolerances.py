@@ -64,7 +64,7 @@ class SelectTolerances:
 
     wire_gap: float = 1e-5
     """mm: largest gap of a closed wire that a bridge starts from, and largest distance of it from its face."""
-    curvature_jump: float = 1e-9
+    bend: float = 1e-9
     """Relative to the curvature: by how much that of a wire may jump and count as continuous."""
 
 

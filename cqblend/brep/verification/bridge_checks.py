@@ -1,7 +1,7 @@
 """Whether a bridge stays outside of the bodies that it joins, and does not cross itself.
 
 What has common vertices with a face is not compared with it by the checks of a rewritten solid. So a bridge is looked
-at as a whole: points of its faces, away from the rails, are asked whether they are in the bodies, and a net of
+at as a whole: points of its faces, away from the rails, are asked whether they are in or on the bodies, and a net of
 triangles through them is searched for places where it passes through itself.
 """
 
@@ -12,19 +12,21 @@ from collections.abc import Sequence
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepTools import BRepTools
 from OCP.gp import gp_Pnt
-from OCP.TopAbs import TopAbs_IN
-from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
+from OCP.TopAbs import TopAbs_FACE, TopAbs_OUT
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measurement.bulk_surfaces import SurfaceEvaluator
-from cqblend.brep.topology import CONFUSION
+from cqblend.brep.topology import CONFUSION, ShapeIndex
+from cqblend.brep.verification.face_boxes import FaceBoxes
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
 
 
 def find_point_inside(faces: Sequence[TopoDS_Face], bodies: Sequence[TopoDS_Shape]) -> Array | None:
-    """Return a point (3,) of some faces of a bridge, away from their rails, that is in one of the bodies; or None."""
+    """Return a point (3,) of faces of a bridge, away from their rails, that is in or on one of the bodies; or None."""
     u, v = VERIFICATION_TOLERANCES.bridge_points
     shares = (np.arange(v) + 0.5) / v
     low, high = VERIFICATION_TOLERANCES.bridge_middle
@@ -34,8 +36,22 @@ def find_point_inside(faces: Sequence[TopoDS_Face], bodies: Sequence[TopoDS_Shap
         classifier = BRepClass3d_SolidClassifier(body)
         for point in points.tolist():
             classifier.Perform(gp_Pnt(*point), CONFUSION)
-            if classifier.State() == TopAbs_IN:
+            if classifier.State() != TopAbs_OUT:
                 return np.array(point)
+    return None
+
+
+def find_touching_point(faces: Sequence[TopoDS_Face], bodies: Sequence[TopoDS_Shape]) -> Array | None:
+    """Return a point (3,) in which faces of a bridge touch, or are in, other bodies; or None."""
+    boxes = FaceBoxes(faces)
+    for body in bodies:
+        around = FaceBoxes([TopoDS.Face_s(face) for face in ShapeIndex(body, TopAbs_FACE)])
+        low, high = around.low.min(axis=0), around.high.max(axis=0)
+        for face, least, most in zip(faces, boxes.low, boxes.high, strict=True):
+            if (least <= high).all() and (most >= low).all():
+                nearest = BRepExtrema_DistShapeShape(face, body)
+                if nearest.Value() <= CONFUSION:
+                    return np.array(nearest.PointOnShape1(1).Coord())
     return None
 
 
