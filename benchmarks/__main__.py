@@ -11,7 +11,18 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from benchmarks import chain_sweep, everyday_scores, irit_table, native, real_scores, start_up, strips, surface_blends
+from benchmarks import (
+    chain_sweep,
+    corner_part_scores,
+    everyday_scores,
+    irit_table,
+    native,
+    random_corners,
+    real_scores,
+    start_up,
+    strips,
+    surface_blends,
+)
 from benchmarks.tables import MACHINE, Table, describe_machine, replace_blocks
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
@@ -21,6 +32,8 @@ OTHER_GROUPS: dict[str, Callable[[native.Settings], Iterable[Table]]] = {
     "scores": lambda settings: real_scores.tabulate_folder(settings.cases, settings.timeout),
     "everyday": lambda settings: everyday_scores.tabulate(settings.timeout),
     "chains": lambda settings: chain_sweep.tabulate_families(settings.timeout),
+    "corners": lambda settings: random_corners.tabulate_families(settings.timeout),
+    "corner_parts": lambda settings: corner_part_scores.tabulate(settings.timeout, settings.cases),
     "surface_blends": lambda _: surface_blends.tabulate(),
     "kernel": lambda _: [irit_table.tabulate()],
     "unrolling": lambda _: strips.tabulate(),

@@ -69,6 +69,7 @@ class Outcome:
     faults: str = ""  # what the judge found
     joint_gap: float = math.nan  # mm, of smooth joints, as the judge measured them
     joint_angle: float = math.nan  # rad
+    score: Score | None = None  # all that the judge said
 
     @property
     def reason(self) -> str:
@@ -163,7 +164,7 @@ def _ask(judge: Judge, made: Made, ms: float) -> Outcome:
     score = judge(made)
     status = "invalid" if score.verdict == "unsound" else "ok"
     joints = {"joint_gap": score.gap, "joint_angle": score.angle}
-    return Outcome(status, ms=ms, verdict=score.verdict, faults=score.message, **joints)
+    return Outcome(status, ms=ms, verdict=score.verdict, faults=score.message, score=score, **joints)
 
 
 def _measure_made(before: TopoDS_Shape, after: TopoDS_Shape, faces: Sequence[TopoDS_Face], ms: float) -> Outcome:

@@ -93,10 +93,10 @@ def score_blend(blended: Blended, limits: Limits, *, chain: bool = True) -> Scor
     """Judge a blend of some edges, and with ``chain`` of all edges into which they go on."""
     body = Body(blended.before)
     chains = _follow_chains(body, blended.edges) if chain else [Chain((edge,), False) for edge in blended.edges]
-    joints = list(_measure_joints(blended))
+    joints = list(measure_joints(blended))
     smooth = [joint for joint in joints if joint.kind != "end"]
-    unsound = [*_check_validity(blended), *_check_joints(body, blended, chains, joints, limits)]
-    missing = [problem for row in chains for edge in row.edges for problem in _check_removal(body, blended, edge)]
+    unsound = [*check_validity(blended), *_check_joints(body, blended, chains, joints, limits)]
+    missing = [problem for row in chains for edge in row.edges for problem in check_removal(body, blended, edge)]
     gap = max((joint.gap for joint in smooth), default=math.nan)
     angle = max((joint.angle for joint in smooth), default=math.nan)
     return Score(tuple(unsound), tuple(missing), gap, angle)
@@ -113,12 +113,13 @@ def _follow_chains(body: Body, edges: Sequence[TopoDS_Edge]) -> list[Chain]:
 # -- validity
 
 
-def _check_validity(blended: Blended) -> Iterator[str]:
+def check_validity(blended: Blended) -> Iterator[str]:
+    """Yield what makes the new body less valid than the old one."""
     if not blended.faces:
         yield "there is no blend face"
     if BRepCheck_Analyzer(blended.before).IsValid() and not BRepCheck_Analyzer(blended.after).IsValid():
         yield "the body is not valid any more"
-    before, after = (_map_parts(shape, TopAbs_FACE) for shape in (blended.before, blended.after))
+    before, after = (map_parts(shape, TopAbs_FACE) for shape in (blended.before, blended.after))
     if any(not after.Contains(face) for face in blended.faces):
         yield "a blend face is not in the body"
     flawed = [
@@ -133,7 +134,8 @@ def _list_missing(parts: TopTools_IndexedMapOfShape, others: TopTools_IndexedMap
     return [n for n in range(1, parts.Extent() + 1) if not others.Contains(parts.FindKey(n))]
 
 
-def _map_parts(shape: TopoDS_Shape, kind: object) -> TopTools_IndexedMapOfShape:
+def map_parts(shape: TopoDS_Shape, kind: object) -> TopTools_IndexedMapOfShape:
+    """Return the faces, edges or vertices of a shape."""
     found = TopTools_IndexedMapOfShape()
     TopExp.MapShapes_s(shape, kind, found)
     return found
@@ -143,19 +145,24 @@ def _map_parts(shape: TopoDS_Shape, kind: object) -> TopTools_IndexedMapOfShape:
 
 
 @dataclass(frozen=True)
-class _Joint:
-    """An edge of blend faces: a "rail", a joint "between" two blend faces, a "seam" or an "end"."""
+class Joint:
+    """An edge of blend faces: a "rail", a joint "between" two blend faces, a "seam" or an "end".
+
+    ``angle`` is the largest angle between the normals along it, ``middle`` their median.
+    """
 
     kind: str
     gap: float
     angle: float
+    middle: float
     tolerance: float
     points: Array
 
 
-def _measure_joints(blended: Blended) -> Iterator[_Joint]:
+def measure_joints(blended: Blended) -> Iterator[Joint]:
+    """Yield all edges of the blend faces, each once, as they are measured."""
     after = Body(blended.after)
-    made = _map_parts(blended.after, TopAbs_FACE)
+    made = map_parts(blended.after, TopAbs_FACE)
     numbers = {made.FindIndex(face) for face in blended.faces}
     seen = TopTools_IndexedMapOfShape()
     for face in blended.faces:
@@ -168,7 +175,7 @@ def _measure_joints(blended: Blended) -> Iterator[_Joint]:
                 yield _measure_joint(edge, after.find_faces_at(edge), numbers)
 
 
-def _measure_joint(edge: TopoDS_Edge, faces: Sequence[Face], blend_numbers: set[int]) -> _Joint:
+def _measure_joint(edge: TopoDS_Edge, faces: Sequence[Face], blend_numbers: set[int]) -> Joint:
     curve = BRepAdaptor_Curve(edge)
     first, last = curve.FirstParameter(), curve.LastParameter()
     at = np.concatenate([[0.0], (np.arange(POINTS) + 0.37) / POINTS, [1.0]])
@@ -178,18 +185,18 @@ def _measure_joint(edge: TopoDS_Edge, faces: Sequence[Face], blend_numbers: set[
     sides = [_trace(use, face, parameters) for use, face in uses]
     tolerance = BRep_Tool.Tolerance_s(edge)
     if len(sides) != 2:
-        return _Joint("end", math.nan, math.nan, tolerance, points)  # the border of an open shell
+        return Joint("end", math.nan, math.nan, math.nan, tolerance, points)  # the border of an open shell
     (p, n), (q, m) = sides
     gap = max(float(np.linalg.norm(a - b, axis=1).max()) for a, b in ((p, points), (q, points), (p, q)))
     angles = np.arctan2(np.linalg.norm(np.cross(n, m), axis=1), (n * m).sum(1))
-    angle = float(np.nanmax(angles, initial=0.0))
+    angle, middle = float(np.nanmax(angles, initial=0.0)), float(np.nanmedian(angles))
     if len(faces) == 1:
         kind = "seam"
     elif all(face.number in blend_numbers for face in faces):
         kind = "between"
     else:
-        kind = "rail" if np.nanmedian(angles) < SHARP else "end"
-    return _Joint(kind, gap, angle, tolerance, points)
+        kind = "rail" if middle < SHARP else "end"
+    return Joint(kind, gap, angle, middle, tolerance, points)
 
 
 def _list_uses(edge: TopoDS_Edge, faces: Sequence[Face]) -> list[tuple[TopoDS_Edge, Face]]:
@@ -216,7 +223,7 @@ def _trace(edge: TopoDS_Edge, face: Face, parameters: Sequence[float]) -> tuple[
 
 
 def _check_joints(
-    body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[_Joint], limits: Limits
+    body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[Joint], limits: Limits
 ) -> Iterator[str]:
     allowed = limits.angle + max((_measure_roughness(body, edge) for row in chains for edge in row.edges), default=0.0)
     for joint in joints:
@@ -232,7 +239,7 @@ def _check_joints(
     yield from _check_ends(body, blended, chains, joints)
 
 
-def _check_ends(body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[_Joint]) -> Iterator[str]:
+def _check_ends(body: Body, blended: Blended, chains: Sequence[Chain], joints: Sequence[Joint]) -> Iterator[str]:
     """Yield what is wrong with sharp edges of the blend: they lie near the ends of open chains."""
     ends, reach = [], 0.0
     for row in chains:
@@ -262,10 +269,11 @@ def _measure_roughness(body: Body, edge: TopoDS_Edge) -> float:
 # -- what is left of the edges
 
 
-def _check_removal(body: Body, blended: Blended, edge: TopoDS_Edge) -> Iterator[str]:
+def check_removal(body: Body, blended: Blended, edge: TopoDS_Edge) -> Iterator[str]:
+    """Yield what is left of an edge of the old body."""
     """Yield where something of an edge is left."""
     number = body.find_number(edge)
-    if _map_parts(blended.after, TopAbs_EDGE).Contains(edge):
+    if map_parts(blended.after, TopAbs_EDGE).Contains(edge):
         yield f"edge {number} is still there"
         return
     length = measure_length(edge)

@@ -49,6 +49,15 @@ def ring(radius: float, height: float, slope: float, waves: int) -> cqblend.Boun
     return cqblend.Boundary(point, (0.0, 0.0, slope))
 
 
+def sheet(height: float) -> cqblend.Boundary:
+    """Return an open side, a wave moved by a height in y and z, that rises across."""
+    return cqblend.Boundary(
+        (lambda t: t, lambda t: 0.3 * np.sin(3 * t) + height, height),
+        first=(0, lambda t: 0.2 * np.cos(2 * t), 1),
+        domain=(0, 1),
+    )
+
+
 def speed() -> None:
     """Print times: of the solution alone, and of whole blends."""
     from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
@@ -64,6 +73,14 @@ def speed() -> None:
     peer = measure_cpu(partial(cqblend.hermite_blend, *rails, tangents=straight, length="field", form="exact"))
     own = measure_cpu(partial(cqblend.pde_blend, *sides, terms=12, modes=8, form="exact"))
     print(f"the whole blend: {own:.0f} ms, {own / peer:.1f} times the Hermite blend of the same data")
+    closed = measure_cpu(partial(cqblend.pde_blend, *sides))
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
+        make = partial(cqblend.pde_blend, sheet(0.0), sheet(1.0), tolerance=tolerance)
+        found, own = make().solution, measure_cpu(make)
+        print(
+            f"open sides, tolerance {tolerance:g}: {own:.0f} ms, {own / closed:.1f} times the closed ones; "
+            f"{found.terms} terms x {found.basis.count} functions, change {found.change:.1e} mm"
+        )
     body = cq.Workplane().sphere(10).union(cq.Workplane().cylinder(40, 4.5))
     edge = body.edges(cq.NearestToPointSelector((0, 9, 9)))
     for order, continuity in ((4, "G1"), (6, "G2")):

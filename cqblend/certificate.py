@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 SectionKind = Literal["arc", "hermite", "pde", "potential"]
-EndKind = Literal["natural", "flat", "point"]
-NewEdgeKind = Literal["end", "border", "seam", "between"]
+EndKind = Literal["natural", "flat", "point", "ball", "cross", "setback", "mitre"]
+NewEdgeKind = Literal["end", "border", "seam", "between", "mitre", "spoke", "corner curve"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
 
@@ -84,9 +84,10 @@ class EndRecord:
     edge, vertex : int
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
-    kind : {"natural", "flat", "point"}
+    kind : {"natural", "flat", "point", "ball", "cross", "setback", "mitre"}
         ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
-        cap across the edge; ``"point"``: at the vertex itself, where the size is 0.
+        cap across the edge; ``"point"``: at the vertex itself, where the size is 0; ``"mitre"``: in the blend of
+        another edge; the others: at a corner, by the method that it is made with.
     before : float
         Distance from the vertex to a cap that stands before it, mm along the edge.
     cause : str
@@ -112,16 +113,20 @@ class EdgeRecord:
 
     Attributes
     ----------
-    kind : {"end", "border", "seam", "between"}
+    kind : {"end", "border", "seam", "between", "mitre", "spoke", "corner curve"}
         ``"end"``: between the blend and the face or cap that it ends on; ``"border"``: an end in the border of an open
-        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces.
+        shell; ``"seam"``: where a closed blend meets itself; ``"between"``: between two blend faces that go on
+        smoothly; ``"mitre"``: between two that meet at an angle; ``"spoke"``: between two patches of a corner;
+        ``"corner curve"``: between such a patch and a neighbour.
     edge, vertex : int
-        The blended edge, and the vertex of it that an end is at: 1-based indices in the edge map and the vertex map of
-        the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it.
+        The blended edge, and the vertex of it that an end, or a corner, is at: 1-based indices in the edge map and the
+        vertex map of the *input* shape; ``vertex`` is 0 of other kinds, or if the input does not have it. Of a corner,
+        ``edge`` is one of those that are blended there.
     gap : float
         Largest distance of a face from the edge's own curve, mm.
     angle : float or None
-        Largest angle between the normals, rad; None of an end, where the faces may meet at any, or there is but one.
+        Largest angle between the normals, rad; None of an end or a mitre, where the faces may meet at any, or there is
+        but one.
     tolerance : float
         The edge's tolerance, mm, which covers the gap.
     """
@@ -144,11 +149,18 @@ class EdgeRecord:
             "border": f"the free end at vertex {self.vertex}",
             "seam": "the seam",
             "between": "an edge between two blends",
+            "spoke": f"an edge between two patches at vertex {self.vertex}",
+            "corner curve": f"the edge of a patch at vertex {self.vertex}",
+            "mitre": f"the mitre at vertex {self.vertex}",
         }
         angle = "" if self.angle is None else f", angle {self.angle:.1e} rad"
         return (
             f"edge {self.edge}: {name[self.kind]} has gap {self.gap:.1e} mm{angle}, tolerance {self.tolerance:.1e} mm"
         )
+
+
+_SMOOTH_KINDS = ("between", "spoke", "corner curve")
+"""Kinds of edges inside a blend, or beside a patch, that the text of a certificate lists."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,7 +407,7 @@ class Certificate:
         ]
         covered = [f"the blend covers {self.coverage:.1%} of the edges"] if self.coverage < 1 else []
         flat = [str(end) for end in self.ends if end.kind == "flat"]
-        edges = [str(edge) for edge in self.edges if edge.strays or edge.kind == "between"]
+        edges = [str(edge) for edge in self.edges if edge.strays or edge.kind in _SMOOTH_KINDS]
         skipped = [f"passed over: {one.message}" for one in self.skipped]
         return "\n".join((*head, *_format_table(self.rails), *kept, *held, *covered, *flat, *edges, *skipped))
 

@@ -134,12 +134,14 @@ def pde_blend(
         the powers of :math:`\partial_v^2 + s^2 \partial_w^2`: the larger, the less of the rails' shape reaches the
         middle. None is that with the s for which v and w count in lengths: Laplace's equation and its powers.
     terms : int or "auto"
-        Polynomials across beyond those that carry the boundary data; by default as many as the solution takes, on open
-        rails as many as keep the degree across at 9.
+        Polynomials across beyond those that carry the boundary data; by default as many as the solution takes within
+        `tolerance`, on open rails as many as keep the degree across at 9.
     basis : {"auto", "trigonometric", "bspline", "polynomial"}
         Functions g_j along. By default waves on closed sides, B-splines of degree order + 1 on open ones.
     modes : int or "auto"
-        Number of waves, or of spans, or the degree of the polynomials; by default the fewest that hold the data.
+        Number of waves, or of spans, or the degree of the polynomials; by default the fewest that hold the data,
+        between open boundary data as many as the solution takes within `tolerance`: ``blend.solution.change`` (mm) is
+        what more of them, or more terms, would change.
     points : int, pair of int or "auto"
         Collocation points across (and along) at which the residual is minimised; by default Gauss's, so many that the
         sum is the integral.

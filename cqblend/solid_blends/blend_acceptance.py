@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from cqblend.blend_options import BlendRequest
 from cqblend.blends.quality.creases import CreaseLimit
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.verification.patch_certification import CertifiedPatch
 from cqblend.certificate import Certificate
 from cqblend.errors import VerificationError
 from cqblend.solid_blends.strip_context import StripContext
@@ -58,12 +60,34 @@ def check_promises(certificate: Certificate, context: StripContext, blend: Blend
             promises.append(
                 _Promise(f"angle at its {edge.kind}", edge.angle, max(angle, crease_limit, roughness), "rad")
             )
+    _require_promises(promises, joint.name, "blend")
+
+
+def check_patch_promises(patch: CertifiedPatch, context: StripContext) -> None:
+    """Check that a face of a corner measures up to what its blends promise; ``context`` is that of one of them.
+
+    Raises
+    ------
+    VerificationError
+        If a measurement is above its limit.
+    """
+    angle = context.method.request.angular_tolerance
+    promises = [_Promise("inner crease", patch.inner_crease, angle, "rad")]
+    for edge in patch.edges:
+        promises.append(_Promise(f"gap at its {edge.kind}", edge.gap, edge.tolerance, "mm"))
+        if edge.angle is not None:
+            promises.append(_Promise(f"angle at its {edge.kind}", edge.angle, angle, "rad"))
+    _require_promises(promises, context.joint.name, "corner")
+
+
+def _require_promises(promises: Sequence[_Promise], shape: str, subject: str) -> None:
+    """Raise VerificationError if a measurement of a subject is above its limit."""
     for name, value, limit, unit in promises:
         if not value <= limit:
             raise VerificationError(
-                f"the blend was made, but its {name} is {value:.2g} {unit}, over {limit:.2g}; it is withheld; try "
+                f"the {subject} was made, but its {name} is {value:.2g} {unit}, over {limit:.2g}; it is withheld; try "
                 "another size or form",
                 kind=name,
-                shape=joint.name,
+                shape=shape,
                 value=value,
             )

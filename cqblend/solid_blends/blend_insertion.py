@@ -13,9 +13,14 @@ from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import FoundChain, select_chains
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.plan_application import apply_plan
-from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
-from cqblend.brep.shell_editing.strip_planning import merge_chains, plan_chain
+from cqblend.brep.shell_editing.strip_planning import (
+    FaultyChainError,
+    PlacedChain,
+    ShortChainsError,
+    merge_chains,
+    plan_network,
+)
 from cqblend.brep.verification.blend_certification import certify_blend
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.brep.verification.solid_verification import check_solid
@@ -52,8 +57,8 @@ def insert_into_shape(
     (joint,) = chain.cells
     try:
         return _insert_into_chain(shape, chain, blend)
-    except RailsTooShortError as error:
-        (low, high), (first_t, last_t) = error.needed_domain, blend.ribbons[0].c.domain
+    except ShortChainsError as error:
+        (low, high), (first_t, last_t) = error.needed_domains[0], blend.ribbons[0].c.domain
         raise GeometryError(
             "the blend ends before it meets the faces at the ends of the edge: it runs over t = "
             f"{first_t:.4g} to {last_t:.4g}, and would have to over {low:.4g} to {high:.4g}; extend the surfaces that "
@@ -91,8 +96,12 @@ def _insert_into_chain(shape: TopoDS_Shape, chain: Chain, blend: BlendSurface) -
     (joint,) = chain.cells
     aligned = align_to_joint(joint, blend)
     natural = EndPlan.natural_at_both_ends(aligned.surface.domain[0])
-    planned = plan_chain([place_strip(joint, aligned)], chain, natural.cap_stations)
-    proposal = apply_plan(joint.index, merge_chains(joint.index, [planned]))
+    placed = PlacedChain(chain, (place_strip(joint, aligned),), natural.cap_stations)
+    try:
+        planned = plan_network([placed])
+    except FaultyChainError as fault:
+        raise fault.cause from fault
+    proposal = apply_plan(joint.index, merge_chains(joint.index, planned))
     (built,) = proposal.strips
     tolerance = max(SOLID_BLEND_TOLERANCES.edge, 2 * joint.tolerance)
     check = check_solid(

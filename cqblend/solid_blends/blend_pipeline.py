@@ -15,22 +15,16 @@ import numpy as np
 
 from cqblend.blend_options import BlendRequest
 from cqblend.brep.bodies import replace_body
-from cqblend.brep.selection.chains import Chain
-from cqblend.brep.selection.held_edges import is_beside
-from cqblend.brep.selection.joint import Joint
-from cqblend.brep.selection.picked_edges import FoundChain, Selection, select_chains
+from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
-from cqblend.errors import CqblendError, SelectionError, SizeError, UnsupportedError
-from cqblend.solid_blends.blend_sizes import take_largest_sizes
+from cqblend.errors import CqblendError, SizeError
+from cqblend.solid_blends.blend_contexts import BlendContexts
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.end_plan import record_ends
-from cqblend.solid_blends.held_context import HeldStripContext, make_held_context
-from cqblend.solid_blends.section_methods import choose_section_method
-from cqblend.solid_blends.size_assignment import assign_sizes, check_edge_sizes
-from cqblend.solid_blends.size_feasibility import check_chain_size, is_possible_size, suggest_size
-from cqblend.solid_blends.solid_rewriting import CertifiedStrip, DraftedNetwork, FaultyNetworkError, rewrite_solid
-from cqblend.solid_blends.strip_context import StripContext
+from cqblend.solid_blends.held_context import HeldStripContext
+from cqblend.solid_blends.size_assignment import check_edge_sizes
+from cqblend.solid_blends.size_feasibility import is_possible_size, suggest_size
+from cqblend.solid_blends.staged_blending import StagedNetwork, StagedNetworkError, blend_in_stages
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -43,58 +37,6 @@ class BlendedShape:
     shape: TopoDS_Shape
     faces: tuple[TopoDS_Face, ...]
     certificate: Certificate
-
-
-class _Contexts:
-    """The contexts of all joints of a call: each made once, so that contacts are solved once."""
-
-    def __init__(self, request: BlendRequest) -> None:
-        self.request = request
-        self._of_joint: dict[Joint, StripContext] = {}
-
-    def get_chain(self, chain: Chain, picked: Sequence[int]) -> ChainContext:
-        """Return the context of a chain; ``picked`` are the numbers of those of its edges that were picked.
-
-        Raises
-        ------
-        InputError
-            The sizes that were asked for cannot be those of this chain.
-        CqblendError
-            A rail cannot be held on an edge that was given.
-        """
-        held = [edge for edge in self.request.hold if _is_beside_chain(edge, chain)]
-        if held:
-            return self._hold_chain(chain, held)
-        requests = assign_sizes(self.request, chain, picked)
-        return ChainContext(chain, tuple(map(self._get_cell, chain.cells, requests)))
-
-    def _hold_chain(self, chain: Chain, edges: Sequence[TopoDS_Edge]) -> ChainContext:
-        """Return the context of a chain of which one rail is held on some edges."""
-        if len(chain.cells) > 1:
-            raise UnsupportedError(
-                f"{chain.cells[0].name} goes on tangentially past smooth edges, and a rail is held beside one face "
-                "only; chain=False blends just what is picked"
-            )
-        return ChainContext(chain, (make_held_context(chain.cells[0], choose_section_method(self.request), edges),))
-
-    def check_held_edges(self, selection: Selection) -> None:
-        """Raise SelectionError if an edge to hold a rail on is not beside any chain that was found."""
-        chains = [one.chain for network in selection.networks for one in network if one.chain is not None]
-        for edge in self.request.hold:
-            if not any(_is_beside_chain(edge, chain) for chain in chains):
-                raise SelectionError("a held edge is not an edge of a face beside a blended edge")
-
-    def _get_cell(self, joint: Joint, request: BlendRequest) -> StripContext:
-        if request is not self.request:  # a share of sizes that vary
-            return StripContext(joint, choose_section_method(request))
-        return self._of_joint.setdefault(joint, StripContext(joint, choose_section_method(request)))
-
-    def estimate_reach(self, joint: Joint) -> float:
-        """Return the largest distance (mm) of the rails from the edge; 0 where they are not found."""
-        try:
-            return self._get_cell(joint, take_largest_sizes(self.request)).measure_reach()
-        except CqblendError:
-            return 0.0  # whatever is wrong is raised later, about the joint as it is then
 
 
 def blend_shape(
@@ -114,11 +56,11 @@ def blend_shape(
     CqblendError
         Whatever else stands in the way, by its own type. The input is never changed.
     """
-    contexts = _Contexts(request)
+    contexts = BlendContexts(request)
     check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, contexts.estimate_reach, follow=request.chain)
     contexts.check_held_edges(selection)
-    networks: list[DraftedNetwork] = []
+    networks: list[StagedNetwork] = []
     failures: list[SkippedEdges] = []
 
     def leave_out(picked: Sequence[int], error: CqblendError, chain: ChainContext | None) -> None:
@@ -130,98 +72,35 @@ def blend_shape(
             raise error
 
     for found in selection.networks:
-        picked = [number for one in found for number in one.edges]
-        chain: ChainContext | None = None
         try:
-            chain = _require_chain(found, contexts, hints=hints)
-            networks.append(DraftedNetwork(picked, [chain]))
+            networks.append(StagedNetwork(found, contexts))
         except CqblendError as error:
-            leave_out(picked, error, chain)
-    result, strips = selection.shape, dict[DraftedNetwork, Sequence[CertifiedStrip]]()
-    for index in dict.fromkeys(network.index for network in networks):
-        own = [network for network in networks if network.index is index]
-        while own:
-            try:
-                rewritten = rewrite_solid(index, own)
-            except FaultyNetworkError as fault:
-                own.remove(fault.network)
-                leave_out(fault.network.edges, fault.cause, fault.network.chains[0])
-                continue
-            strips |= rewritten.strips
-            result = replace_body(result, index.solid, rewritten.solid)
+            leave_out([number for one in found for number in one.edges], error, None)
+    while True:
+        try:
+            blend = blend_in_stages(networks, selection)
             break
-    blended = [network for network in networks if network in strips]
-    certificates = [_record_strip_ends(network, strips[network]) for network in blended]
-    certificate = Certificate.merge([one for some in certificates for one in some])
+        except StagedNetworkError as fault:
+            networks.remove(fault.network)
+            leave_out(fault.network.edges, fault.cause, fault.chain)
+    result = selection.shape
+    for before, after in blend.bodies:
+        result = replace_body(result, before, after)
+    certificate = Certificate.merge([one for network in networks for one in blend.certificates[network]])
+    meant = sum(one.length for found in selection.networks for one in found)
+    uncovered = meant - sum(network.length for network in networks) + blend.uncovered
     return BlendedShape(
         result,
-        tuple(strip.face for network in blended for strip in strips[network]),
+        tuple(face for network in networks for face in blend.faces[network]),
         replace(
             certificate,
             method=certificate.method + selection.method,
-            coverage=_measure_coverage(selection, blended),
-            blended=tuple(n for network in blended for one in network.chains for n in one.chain.edge_numbers),
+            coverage=1.0 - uncovered / meant,
+            blended=tuple(n for network in networks for one in network.chains for n in one.chain.edge_numbers),
             validity=(partial(is_valid, result),),
             skipped=(*selection.skipped, *failures),
         ),
     )
-
-
-def _measure_coverage(selection: Selection, blended: Sequence[DraftedNetwork]) -> float:
-    """Return the blended length over that of all edges that were meant: picked, or on a chain with those."""
-    done = {network.edges for network in blended}
-    left_out = [found for found in selection.networks if tuple(n for one in found for n in one.edges) not in done]
-    uncovered = sum(one.length for found in left_out for one in found)
-    uncovered += sum(draft.uncovered for network in blended for draft in network.drafts)
-    return 1.0 - uncovered / sum(one.length for found in selection.networks for one in found)
-
-
-def _is_beside_chain(edge: TopoDS_Edge, chain: Chain) -> bool:
-    """Whether an edge bounds a face beside a cell of a chain."""
-    return any(is_beside(edge, cell) for cell in chain.cells)
-
-
-def _record_strip_ends(network: DraftedNetwork, strips: Sequence[CertifiedStrip]) -> list[Certificate]:
-    """Return the certificates of a network's strips, with the records of the ends of its chains; warn of flat ends."""
-    certificates = [strip.certificate for strip in strips]
-    first = 0
-    for source, draft in zip(network.sources, network.drafts, strict=True):
-        if draft.ends is not None:
-            ends = record_ends(draft.context.end_joints, draft.ends, source.attempts)
-            certificates[first] = replace(certificates[first], ends=ends)
-        first += len(draft.blends)
-    return certificates
-
-
-def _require_chain(found: Sequence[FoundChain], contexts: _Contexts, *, hints: bool) -> ChainContext:
-    """Return the chain of a network, of which there must be one.
-
-    Raises
-    ------
-    SelectionError
-        One of the edges is no joint.
-    UnsupportedError
-        There are several.
-    SizeError
-        There are several, but one of them is too small or too large for the size anyway.
-    """
-    chains = []
-    for one in found:
-        if one.error is not None:
-            raise one.error
-        if one.chain is not None:
-            chains.append(contexts.get_chain(one.chain, one.edges))
-    if len(chains) > 1:
-        for chain in chains:
-            try:
-                check_chain_size(chain)
-            except SizeError as error:
-                raise _annotate_error(error, chain, hints=hints) from error
-        raise UnsupportedError(
-            f"{chains[0].name} shares a vertex with {chains[1].name}, and corners are not built yet; pick edges "
-            "without common vertices"
-        )
-    return chains[0]
 
 
 def _annotate_error(error: CqblendError, context: ChainContext, *, hints: bool) -> CqblendError:
@@ -251,10 +130,10 @@ def make_cheap_trial(
     CqblendError
         As :func:`blend_shape`, of what no size would mend.
     """
-    contexts = _Contexts(request)
+    contexts = BlendContexts(request)
     check_edge_sizes(request, shape, edges)
     selection = select_chains(shape, edges, request.first, lambda _: np.inf, follow=request.chain)
-    chains = [_require_chain(found, contexts, hints=True) for found in selection.networks]
+    chains = [chain for found in selection.networks for chain in StagedNetwork(found, contexts).chains]
     return lambda factor: all(is_possible_size(chain.scale(factor)) for chain in chains), min(
         chain.index.extent for chain in chains
     )

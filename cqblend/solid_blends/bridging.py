@@ -236,16 +236,15 @@ def _show_point(point: Array) -> str:
 
 
 def _certify_cell(joined: _BridgedBodies, one: PlacedCell, strip: BuiltStrip, proposal: ProposedSolid) -> Certificate:
-    """Measure one face of the bridge; where it meets the next at an angle, that is none that was to be smooth."""
+    """Measure one face of the bridge."""
     whole = SolidIndex(joined.shape)
     first, second = (whole.faces.find_number(side.face) for side in one.placed.sides)
     place = _CellPlace(one.placed.sides, (first, second), one.cell.closed)
     certificate = certify_blend(place, strip, one.placed.blend, proposal.tolerance)
-    records = [
-        record if built.kind == "end" or one.cell.smooth_ends[built.end or 0] else replace(record, angle=None)
-        for built, record in zip(strip.other_edges, certificate.edges, strict=True)
-    ]
-    return replace(certificate, edges=tuple(records))
+    if one.cell.smooth_ends[0]:
+        return certificate
+    corners = [replace(edge, angle=None) if edge.kind == "seam" else edge for edge in certificate.edges]
+    return replace(certificate, edges=tuple(corners))  # a seam at a corner is not smooth
 
 
 def _check_promises(certificate: Certificate, joined: _BridgedBodies, request: BridgeRequest) -> None:

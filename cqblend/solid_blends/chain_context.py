@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cqblend.blend_options import BLEND_DEFAULTS, EndWanted
-from cqblend.blends.network.chain_ribbons import fit_chain_ribbons
+from cqblend.blends.network.chain_ribbons import ChainRibbons, RibbonPair, fit_chain_ribbons
 from cqblend.blends.network.junction_stations import Crossings
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
-from cqblend.errors import InputError
-from cqblend.solid_blends.section_methods import SectionMethod, fill_cells
+from cqblend.errors import InputError, UnsupportedError
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells, fill_cells_by_arcs
 from cqblend.solid_blends.strip_context import StripContext
 
 
@@ -88,19 +88,28 @@ class ChainContext:
         """Return the context of the same chain with a blend of another size: all its lengths times a factor."""
         return ChainContext(self.chain, tuple(cell.scale(factor) for cell in self.cells))
 
-    def make_blends(self, domain: tuple[float, float]) -> list[BlendSurface]:
-        """Return the blend surfaces of all cells.
+    def make_blends(self, domain: tuple[float, float], *, arcs: bool = True) -> list[BlendSurface]:
+        """Return the blend surfaces of all cells; without ``arcs``, not of those, even where they are exact.
 
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
         last cell.
         """
         if not self.chain.junctions:
             (cell,) = self.cells
-            return [cell.make_blend(domain)]
-        fitted = fit_chain_ribbons(
-            [cell.describe_rails() for cell in self.cells], self._crossings, None if self.chain.closed else domain
-        )
-        return fill_cells([(cell.section, ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)])
+            return [cell.make_blend(domain, arcs=arcs)]
+        rails, open_domain = [cell.describe_rails() for cell in self.cells], None if self.chain.closed else domain
+        wants_arcs = arcs and all(cell.section.may_be_arcs for cell in self.cells)
+        fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs)
+        if fitted.for_arcs:
+            try:
+                return fill_cells_by_arcs(self._pair_sections(fitted))
+            except UnsupportedError:  # these rails are no good for other sections
+                fitted = fit_chain_ribbons(rails, self._crossings, open_domain)
+        return fill_cells(self._pair_sections(fitted), arcs=arcs)
+
+    def _pair_sections(self, fitted: ChainRibbons) -> list[tuple[SectionAtJoint, RibbonPair]]:
+        """Return what the section method does at each cell, and the ribbons there."""
+        return [(cell.section, ribbons) for cell, ribbons in zip(self.cells, fitted.cells, strict=True)]
 
     @cached_property
     def _crossings(self) -> list[Crossings]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from cqblend.blend_options import EndWanted
 from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
+from cqblend.brep.selection.blend_corners import CORNER_METHODS, CornerMethod
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.strip_placement import CapStations
@@ -26,8 +27,8 @@ from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 SMALLER_SIZE_HINT = "A smaller size may help"
 EARLIER_BLEND_HINT = "It helps to blend all of a chain, or to blend before the edges there are rounded"
 
-EndMethod = Literal["natural", "flat at the vertex", "flat", "point"]
-"""On the faces around the end; in a cap at the vertex; in a cap at the vertex or before it; in a point."""
+EndMethod = Literal["natural", "flat at the vertex", "flat", "point"] | CornerMethod
+"""On the faces around the end; in a cap at the vertex; in a cap at the vertex or before it; in a point; at a corner."""
 
 METHODS_TO_TRY: dict[EndWanted, tuple[EndMethod, ...]] = {
     "natural": ("natural",),
@@ -68,10 +69,16 @@ class EndAttempts:
     Iterate over pairs of methods, and record by :meth:`record_failure` why an attempt failed.
     """
 
-    def __init__(self, wanted: tuple[EndWanted, EndWanted], vanishes: tuple[bool, bool] = (False, False)) -> None:
-        first, last = (
-            POINT_METHODS if is_point else METHODS_TO_TRY[one] for one, is_point in zip(wanted, vanishes, strict=True)
-        )
+    def __init__(
+        self,
+        wanted: tuple[EndWanted, EndWanted],
+        vanishes: tuple[bool, bool] = (False, False),
+        corners: tuple[EndMethod | None, EndMethod | None] = (None, None),
+    ) -> None:
+        methods: list[tuple[EndMethod, ...]] = []
+        for one, is_point, corner in zip(wanted, vanishes, corners, strict=True):
+            methods.append((corner,) if corner else POINT_METHODS if is_point else METHODS_TO_TRY[one])
+        first, last = methods
         self._methods = first, last
         self._combinations = list(product(first, last))
         self._failed: dict[tuple[int, EndMethod], CqblendError] = {}
@@ -106,7 +113,7 @@ class EndAttempts:
             if len(failures) == len(self._methods[end]):
                 first, *others = failures.values()
                 others_too = "".join(f"; nor can it end flat at the vertex: {other}" for other in others)
-                advice = "" if "flat" in failures else '; ends="flat" lets it end in a cap before the vertex'
+                advice = "" if "natural" not in failures else '; ends="flat" lets it end in a cap before the vertex'
                 return first.with_details(
                     before=f"the blend cannot end at {joints[end].name_end(end)}: ", after=f"{others_too}{advice}"
                 )
@@ -137,7 +144,7 @@ def plan_ends(contexts: tuple[StripContext, StripContext], methods: tuple[EndMet
         try:
             at = float(end) if context.method.sizes.laws else 0.5
             reach = float(solve(np.array([at])).cross_lengths.max())
-            if method == "natural":
+            if method == "natural" or method in CORNER_METHODS:
                 caps.append(None)
                 domain.append(end + sign * (_measure_end_overrun(joint, solve, end) + reach / 5) / length)
             else:
@@ -166,7 +173,7 @@ def record_ends(
             why, help_ = str(cause), SMALLER_SIZE_HINT if isinstance(cause, SizeError) else EARLIER_BLEND_HINT
             where = f"{joint.name}: the blend ends in a flat cap at {joint.name_end(end)}"
             warn(FlatEndWarning(f'{where}: {why}. {help_}; ends="natural" makes this an error'))
-        kind: EndKind = "point" if method == "point" else "natural" if cap is None else "flat"
+        kind: EndKind = "flat" if method == "flat at the vertex" else method
         records.append(EndRecord(joint.edge_number, joint.find_vertex_number(end), kind, uncovered, why))
     return tuple(records)
 

@@ -27,7 +27,8 @@ from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.selection.held_edges import HeldCircle, HeldEdge, find_held_edge
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import SizeError
-from cqblend.solid_blends.section_methods import SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionMethod, fill_cells
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines import Surface
@@ -135,14 +136,14 @@ class HeldStripContext(StripContext):
         message = f"size {size:g} is too {how}{what_for}: at t = {t:.3g} {where}"
         return SizeError(message, kind=f"too {how}", place=t, value=size)
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge.
+    def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``.
 
         Its ribbon on the held side has order 0: what it is smooth with is no face.
         """
         ruled = self._make_ruled_side(domain)
         ribbons = self._fit_ribbons(ruled, domain)
-        (blend,) = fill_cells([(self.section, ribbons)])
+        (blend,) = fill_cells([(self.section, ribbons)], arcs=arcs)
         first, second = (
             replace(ribbon, order=0) if i == self.held.side else ribbon for i, ribbon in enumerate(blend.ribbons)
         )

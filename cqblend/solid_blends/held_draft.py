@@ -18,10 +18,10 @@ class HeldDrafts:
 
     def __init__(self, context: ChainContext, cell: HeldStripContext) -> None:
         self.context = context
-        self.attempts = EndAttempts(("natural", "natural"))
+        self.attempts = (EndAttempts(("natural", "natural")),)
         self._cell = cell
 
-    def make_first(self) -> ChainDraft:
+    def make_first(self) -> tuple[ChainDraft, ...]:
         """Return the draft.
 
         Raises
@@ -45,9 +45,9 @@ class HeldDrafts:
                 domain = lengthen_domain(domain, short.needed_domain)
                 continue
             ends = None if cell.joint.spine.closed else EndPlan.natural_at_both_ends(domain)
-            return ChainDraft(self.context, (blend,), planned, ends)
+            return (ChainDraft(self.context, (blend,), planned, ends),)
         raise TopologyError("the blend runs on beside the face at the end of the edge without ever meeting it")
 
-    def make_next(self, failure: CqblendError) -> ChainDraft:
+    def make_next(self, failure: CqblendError) -> tuple[ChainDraft, ...]:
         """Raise the failure of the draft: there is no other one."""
         raise failure

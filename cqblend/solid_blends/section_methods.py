@@ -1,14 +1,7 @@
-"""The kinds of sections that a blend can have, each as one strategy.
-
-A section method tells where the rails run (its contacts), how the blend is to leave the faces there (its targets), what
-is between the rails (its filling), when the result is sound (its check), and what the same blend is in another size.
-Nothing else asks which kind of section was wanted.
-"""
+"""The kinds of sections that a blend can have, each as one strategy (:mod:`cqblend.solid_blends.section_strategy`)."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -24,6 +17,7 @@ from cqblend.blends.contacts.contact_solver import (
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
@@ -32,15 +26,16 @@ from cqblend.blends.potential.swept_section import SweptSection, loosen_until_fe
 from cqblend.blends.rails import cross_directions
 from cqblend.blends.rails.cross_directions import CrossField
 from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout
-from cqblend.blends.rails.ribbon import Ribbon, is_faded
+from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.arc_blend import blend_by_arcs
-from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons, find_fold
+from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import GeometryError, UnsupportedError
 from cqblend.sizes.size_law import SizeLaw
 from cqblend.solid_blends.blend_sizes import BlendSizes, read_sizes, scale_sizes
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Quadric
@@ -52,143 +47,6 @@ CROSS_FIELDS: dict[str, CrossField] = {
     "perpendicular": cross_directions.perpendicular_field,
     "chord": cross_directions.chord_field,
 }
-
-
-@dataclass(frozen=True)
-class SectionMethod(ABC):
-    """One kind of section, with the options that were asked for."""
-
-    request: BlendRequest
-
-    @property
-    @abstractmethod
-    def sizes(self) -> BlendSizes:
-        """The lengths (mm) that set how large the blend is."""
-
-    @abstractmethod
-    def scale(self, factor: float) -> SectionMethod:
-        """Return the same method with all these lengths times a factor."""
-
-    @abstractmethod
-    def bind(self, joint: Joint) -> SectionAtJoint:
-        """Return what the method does at one joint."""
-
-    @property
-    @abstractmethod
-    def targets(self) -> RibbonTargets:
-        """The tolerances, cross fields and orders that the ribbons are fitted to."""
-
-    @property
-    def size(self) -> float:
-        """The largest of these lengths (mm), anywhere along the edge."""
-        return max(self.sizes.largest)
-
-    @property
-    def steers(self) -> bool:
-        """Whether cross directions are turned at knot lines, so that the blend has no crease there."""
-        return True
-
-    @property
-    def size_advice(self) -> str:
-        """What to do to find a size that fits."""
-        return "cqblend.max_size finds what does"
-
-    def check(self, blend: BlendSurface) -> None:
-        """Check that no section of a blend loops, and that the blend does not fold.
-
-        Raises
-        ------
-        GeometryError
-            If a section loops, because its cross derivatives are too long, or the blend folds.
-        """
-        t, v = _make_grid(blend)
-        self._check_turns(t, v, blend)
-        fold = find_fold(blend.surface, blend.ribbons)
-        if fold is not None:
-            raise GeometryError(
-                f"the blend folds at t = {fold:.4g}: its sections cross; take another size{self._fold_advice}"
-            )
-
-    @property
-    def _fold_advice(self) -> str:
-        return ", smaller bulge or other tangents"
-
-    @property
-    def _loop_advice(self) -> str:
-        return "it leaves its rails too fast; take a smaller bulge"
-
-    def _check_turns(self, t: Array, v: Array, blend: BlendSurface) -> None:
-        """Raise GeometryError where a section turns back on itself."""
-        surface = blend.surface
-        tangents = surface(t, v, 0, 1)
-        chords = surface(t[:, -1], v[:, -1]) - surface(t[:, 0], v[:, 0])
-        progress = (tangents * chords[:, None]).sum(axis=-1)
-        if not np.all(progress > 0):
-            raise GeometryError(
-                f"the section at t = {t.flat[progress.argmin()]:.3g} turns back on itself: {self._loop_advice}"
-            )
-
-
-def _make_grid(blend: BlendSurface) -> tuple[Array, Array]:
-    """Return parameters (t, v), (n, 33) each, all over a blend, but for where it has faded.
-
-    Its sections are alike if both ribbons are light.
-    """
-    stations = np.linspace(*blend.surface.domain[0], 3 if all(ribbon.light for ribbon in blend.ribbons) else 33)
-    faded = np.any([is_faded(ribbon, stations) for ribbon in blend.ribbons], axis=0)
-    t, v = np.meshgrid(stations[~faded], np.linspace(0, 1, 33), indexing="ij")
-    return t, v
-
-
-class SectionAtJoint(ABC):
-    """What a section method does at one joint."""
-
-    @property
-    def demands_arcs(self) -> bool:
-        """Whether nothing but arcs will do."""
-        return False
-
-    @property
-    def fading_ends(self) -> tuple[bool, bool]:
-        """Whether both rails run into the edge at t = 0 and at t = 1, as the faces become tangent to each other."""
-        return False, False
-
-    @abstractmethod
-    def make_solver(self) -> ContactSolver:
-        """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
-
-    @abstractmethod
-    def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
-        """Return the blend surface between two ribbons."""
-
-    def fill_by_arcs(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
-        """Return the blend surface of arcs between two ribbons.
-
-        Raises
-        ------
-        UnsupportedError
-            If it is not wanted, or not exact, for a reason that it says.
-        """
-        del ribbons
-        raise UnsupportedError("its sections are not to be arcs")
-
-
-def fill_cells(cells: Sequence[tuple[SectionAtJoint, tuple[Ribbon, Ribbon]]]) -> list[BlendSurface]:
-    """Return the blend surfaces of all cells of one chain: arcs, if these are exact for each of them.
-
-    Raises
-    ------
-    UnsupportedError
-        If arcs are asked for and not exact.
-    CqblendError
-        As :meth:`SectionAtJoint.fill`.
-    """
-    try:
-        return [section.fill_by_arcs(ribbons) for section, ribbons in cells]
-    except UnsupportedError as error:
-        if any(section.demands_arcs for section, _ in cells):
-            raise error.with_details(before='section="arc" is not exact here: ') from error
-    return [section.fill(ribbons) for section, ribbons in cells]
 
 
 @dataclass(frozen=True)
@@ -239,6 +97,9 @@ class _HermiteAtJoint(SectionAtJoint):
 
     def make_solver(self) -> ContactSolver:
         joint, sizes = self.joint, self.method.sizes
+        if self.turning_ball is not None:
+            ball = self.turning_ball
+            return cache_contacts(lambda t, _: ball.solve_contacts(t))
         solve = trace_contacts(
             joint.sides, joint.locate_stations, joint.spine.length, self._solve_at_stations, varies=bool(sizes.laws)
         )
@@ -251,6 +112,18 @@ class _HermiteAtJoint(SectionAtJoint):
         if not ends:
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
+
+    @cached_property
+    def turning_ball(self) -> TurningBall | None:
+        """The ball of the blend, if it turns in place all along the joint."""
+        joint, radius = self.joint, self.method.request.radius
+        if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
+            return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
+        return None
+
+    @property
+    def turn(self) -> float | None:
+        return None if self.turning_ball is None else abs(self.turning_ball.turn)
 
     @property
     def fading_ends(self) -> tuple[bool, bool]:
@@ -294,6 +167,10 @@ class BallMethod(HermiteMethod):
 @dataclass(frozen=True)
 class _BallAtJoint(_HermiteAtJoint):
     method: BallMethod
+
+    @property
+    def may_be_arcs(self) -> bool:
+        return not self.method.sizes.laws
 
     @property
     def demands_arcs(self) -> bool:

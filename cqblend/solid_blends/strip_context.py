@@ -15,14 +15,20 @@ from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
-from cqblend.blends.rails.line_and_arc_ribbons import ArcLayout, fit_circular_ribbons, fit_straight_ribbons
+from cqblend.blends.rails.line_and_arc_ribbons import (
+    ArcLayout,
+    fit_circular_ribbons,
+    fit_straight_ribbons,
+    fit_turning_ribbons,
+)
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
 from cqblend.errors import CqblendError
-from cqblend.solid_blends.section_methods import SectionAtJoint, SectionMethod, fill_cells, get_largest_arc
+from cqblend.solid_blends.section_methods import get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 from cqblend.splines.bernstein import Array
 
@@ -117,11 +123,19 @@ class StripContext:
             rails = fit_straight_ribbons(joint.primaries, self.solve, domain, targets, joint.extent)
             if rails is not None:
                 return rails
-        turn = None if self.method.sizes.laws else joint.spine.measure_arc_angle()
+        turn = None if self.method.sizes.laws else self.section.turn or joint.spine.measure_arc_angle()
         if turn is None:
             return None
         layout = ArcLayout(domain, turn, get_largest_arc(joint))
         return fit_circular_ribbons(joint.primaries, self.solve, layout, targets, joint.extent)
+
+    def fit_turning_rails(self, domain: tuple[float, float]) -> tuple[Ribbon, Ribbon] | None:
+        """Return light rails about a ball that turns in place, over a range of t, if these are exact."""
+        joint, turn = self.joint, self.section.turn
+        if turn is None:
+            return None
+        layout = ArcLayout(domain, turn, RAIL_TOLERANCES.largest_turning_arc)
+        return fit_turning_ribbons(joint.primaries, self.solve, layout, self.targets, joint.extent)
 
     def describe_rails(self) -> CellRails:
         """Return what the ribbons of a chain take of this cell."""
@@ -132,11 +146,12 @@ class StripContext:
             self.targets,
             joint.spine.length,
             self.fit_light_rails,
+            self.fit_turning_rails,
             method.sizes.locate_corners,
             joint.rank,
         )
 
-    def make_blend(self, domain: tuple[float, float]) -> BlendSurface:
-        """Return the blend surface, over at least the given range of t of an open edge."""
-        (blend,) = fill_cells([(self.section, self.fit_rails(domain))])
+    def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:
+        """Return the blend surface, over at least the given range of t of an open edge; of arcs only if ``arcs``."""
+        (blend,) = fill_cells([(self.section, self.fit_rails(domain))], arcs=arcs)
         return blend

@@ -82,6 +82,12 @@ class SolidBlendTolerances:
     fallback_size: float = 1e-2
     """Relative to the solid's size: tried where contacts let no size pass, to get the error that says why."""
 
+    equal_sizes: float = 1e-6
+    """Relative: sizes of blends that meet at a corner are taken as equal if they differ by less."""
+
+    matching_trials: int = 400
+    """How many choices are tried to find which edges to blend first at corners, so that there are few stages."""
+
 
 @dataclass(frozen=True)
 class SizeSearch:

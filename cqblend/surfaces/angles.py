@@ -61,5 +61,16 @@ def locate_on_rational_arcs(angles: Array, stops: Array, breaks: Array) -> Array
     return np.asarray(breaks[arc] + x * np.diff(breaks)[arc])
 
 
+def measure_rational_arcs(t: Array, stops: Array, breaks: Array) -> Array:
+    """Return the angles (n,) at parameters (n,) of such a chain: the inverse of :func:`locate_on_rational_arcs`.
+
+    On each arc tan of half the angle is a quotient of linear functions of the parameter.
+    """
+    arc = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
+    half = np.diff(stops)[arc] / 2
+    x = (t - breaks[arc]) / np.diff(breaks)[arc]
+    return np.asarray(stops[arc] + 2 * np.arctan2(x * np.sin(half), 1 + x * (np.cos(half) - 1)))
+
+
 CIRCLE_FORM = np.array([[[1, 0], [0, -1]], [[0, 1], [1, 0]], [[1, 0], [0, 1]]], float)
 """Coefficients (3, 2, 2) of the circle (a^2 - b^2, 2ab, a^2 + b^2) as a symmetric bilinear form in (a, b)."""

@@ -34,7 +34,6 @@ from cqblend.errors import (
     InputError,
     SelectionError,
     SizeError,
-    UnsupportedError,
 )
 
 V = cq.Vector
@@ -401,10 +400,18 @@ def test_loops_cut_into_several_edges_are_followed_all_around(picked):
     assert result.certificate.poles == (9, 4)
 
 
-def test_edges_that_meet_in_a_vertex_are_refused_by_number():
+def test_three_edges_that_meet_in_a_vertex_are_blended_round_one_another():
     body = box()
-    with pytest.raises(UnsupportedError, match=r"edge \d+ .*vertex"):
-        cqblend.blend_edges(body, body.faces(">Z").edges(), 2)
+    corner = [edge for edge in body.Edges() if any(near_corner(vertex) for vertex in edge.Vertices())]
+    result = cqblend.blend_edges(body, corner, 2)
+    assert len(corner) == 3
+    assert len(result.faces) == 4
+    assert result.shape.isValid()
+    assert result.certificate.coverage == 1
+
+
+def near_corner(vertex: cq.Vertex) -> bool:
+    return bool((vertex.Center() - cq.Vector(30, 20, 10)).Length < 1e-9)
 
 
 # Errors name the edge and the number.

@@ -29,7 +29,8 @@ from cqblend.brep.selection.joint import Joint, make_joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.selection.spine import EdgeSpine
 from cqblend.brep.topology import explore_subshapes, is_among, orient_forward
-from cqblend.solid_blends.section_methods import SectionMethod, choose_section_method, get_largest_arc
+from cqblend.solid_blends.section_methods import choose_section_method, get_largest_arc
+from cqblend.solid_blends.section_strategy import SectionMethod
 from cqblend.solid_blends.strip_context import StripContext
 from cqblend.splines import Surface
 

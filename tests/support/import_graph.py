@@ -25,6 +25,7 @@ ROOMS = (
     ("splines",),
     ("surfaces",),
     ("blends",),
+    ("blends.corners",),
     ("blends.contacts",),
     ("blends.rails",),
     ("blends.sections",),

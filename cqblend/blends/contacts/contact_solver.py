@@ -349,49 +349,8 @@ def solve_ball_contacts(
                     f"the two faces are tangent to each other at t = {stations.t[smooth][0]:.4g} of the edge"
                 )
             raise _make_size_error("no ball of radius {} touches both faces", stations, reached, radii)
-    found = _settle_turning_contacts(sides, stations, found, radii * signs[..., 0])
     lengths = np.tile(4 * radii * np.tan(openings / 4), (2, 1))
     return Contacts(stations.t, stations.points, (found[:, :2], found[:, 2:]), lengths, edge_uv=edge)
-
-
-def _settle_turning_contacts(
-    sides: tuple[SupportSurface, SupportSurface], stations: Stations, x: Array, reaches: Array
-) -> Array:
-    """Move contacts (n, 4) that any point of a circle would be into the planes of their stations.
-
-    A ball that fits into a round face exactly touches it along a circle, and turns about one point of the other face,
-    so that its centre tells nothing. ``reaches`` (2, n) are its radii, signed as the normals of the surfaces.
-    """
-    out = x
-    for i, (side, reach) in enumerate(zip(sides, reaches, strict=True)):
-        own = slice(2 * i, 2 * i + 2)
-        motion, _ = _differentiate_centres(side, x[:, own], reach)
-        squares, mixed = (motion**2).sum(axis=1), motion.prod(axis=2).sum(axis=1)
-        product, total = squares.prod(axis=1) - mixed**2, squares.sum(axis=1)
-        free = product <= (CONTACT_TOLERANCES.turning_ball_share * total) ** 2
-        if not free.any():
-            continue
-        out, uv = out.copy(), x[free, own]
-        points, tangents = stations.points[free], stations.tangents[free]
-        for _ in range(CONTACT_TOLERANCES.turning_steps):
-            motion, speeds = _differentiate_centres(side, uv, reach[free])
-            ways = np.linalg.svd(motion)[2][:, -1] / speeds  # in which the contact moves, and the centre does not
-            jet = side.primary.jet(uv)
-            rates = ((ways[:, :1] * jet[1] + ways[:, 1:] * jet[2]) * tangents).sum(axis=1)
-            uv = uv - (((jet[0] - points) * tangents).sum(axis=1) / rates)[:, None] * ways
-        out[free, own] = uv
-    return out
-
-
-def _differentiate_centres(side: SupportSurface, uv: Array, reach: Array) -> tuple[Array, Array]:
-    """Return the motion of the centres of balls with their contacts, (n, 3, 2), and the speeds of the contacts, (n, 2).
-
-    The contacts move at unit speed along either parameter of the surface.
-    """
-    jet = side.primary.jet(uv)
-    _, du, dv = differentiate_normals(jet[None])[:, 0]
-    speeds = measure_lengths(jet[1:3]).T
-    return np.stack([jet[1] + reach[:, None] * du, jet[2] + reach[:, None] * dv], axis=2) / speeds[:, None], speeds
 
 
 def solve_setback_contacts(

@@ -25,10 +25,14 @@ class ContactTolerances:
     quadratic_step, quadratic_residual
         A step, as a share of the longest one, and the residual before it, as that share, that lead to the solution: the
         error left is about the square of the step.
-    turning_ball_share
-        Motion of the centre of a ball, as a share of that of its contact, up to which it stays where it is.
-    turning_steps
-        Newton steps that bring such a contact into the plane of its station.
+    round_share
+        Motion of the centre of a ball, as a share of that of its contact, up to which a face is looked at more closely,
+        whether the ball turns in it.
+    turning_share
+        Distance of the contacts of a ball that turns in place, as a share of its radius, up to which they are one: by
+        so much polynomial blends, in which it turns, are off their balls.
+    turning_probes, turning_stations
+        Stations at which such a ball is looked for, and by which the edge is known.
     longest_projection_step
         Longest Newton step onto the intersection of two surfaces, as a share of the length of the edge.
     least_ball_opening
@@ -70,8 +74,10 @@ class ContactTolerances:
     converged_residual: float = 1e-9
     quadratic_step: float = 1e-8
     quadratic_residual: float = 1e-6
-    turning_ball_share: float = 1e-7
-    turning_steps: int = 8
+    round_share: float = 0.25
+    turning_share: float = 3e-3
+    turning_probes: int = 9
+    turning_stations: int = 33
     longest_projection_step: float = 0.1
     least_ball_opening: float = 1e-9
     first_size_share: float = 1 / 128

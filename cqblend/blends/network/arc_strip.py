@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cqblend.blends.network.strip_surface import StripCut, StripSection, find_meridian_angle
+from cqblend.blends.network.strip_surface import StripCut, StripSection, find_meridian_angle, fit_mapped_curve
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection, BallSurface
 from cqblend.splines import Curve
@@ -82,6 +82,12 @@ class ArcStrip:
 
     def to_rail_parameters(self, s: Array) -> Array:
         return self.section.map_to_parameters(s)
+
+    def map_from_blend(self, tv: Array) -> Array:
+        return self.section.map_from_spline(tv[:, 0], tv[:, 1])
+
+    def map_curve_from_blend(self, curve: Curve) -> Curve:
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.length)
 
     def map_to_surface(self, curve: Curve) -> Curve:
         section = self.section

@@ -22,10 +22,13 @@ from cqblend.splines.bernstein import Array
 from cqblend.surfaces.ellipse import Ellipse
 from cqblend.surfaces.quadrics import Plane
 
-EdgeRole = Literal["rail", "seam", "section", "end curve", "cap border", "extension", "pole"]
-"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blends meet; where a blend meets
-the face or cap that it ends on, or ends in a border; where a cap, or a border, crosses a support face; where two faces
-of the input go on meeting; a point that bounds a sphere or a blend."""
+EdgeRole = Literal[
+    "rail", "seam", "section", "mitre", "end curve", "cap border", "extension", "pole", "spoke", "corner curve"
+]
+"""What a new edge is: a rail of a blend; where a closed face meets itself; where two blend faces meet smoothly, or two
+at an angle; where a blend meets the face or cap that it ends on, or ends in a border; where a cap, or a border, crosses
+a support face; where two faces of the input go on meeting; a point that bounds a sphere or a blend; where two patches
+of a corner meet; where a patch meets a support face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +180,26 @@ class StripPlan:
 
 
 @dataclass(frozen=True)
+class PatchPlan:
+    """One face of a corner, between strips that end there.
+
+    ``vertex`` is the number of the vertex that the corner takes the place of, ``spine`` has those of the blended edges
+    that end there. Unlike that of a strip, the boundary goes around the outward normal of the solid counter-clockwise.
+    Where the face ``is_inverted``, that is the opposite of the normal of its surface.
+    """
+
+    vertex: int
+    spine: tuple[int, ...]
+    surface: PlannedSurface
+    boundary: tuple[EdgeUse, ...]
+    is_inverted: bool = False
+
+
+@dataclass(frozen=True)
 class SolidPlan:
     """What becomes of a solid: the blend faces that it gets, and every face of it whose boundary changes, or that goes.
 
+    Blend faces are ``strips`` along edges and ``patches`` at corners.
     ``consumed_faces`` lie between rails that meet on them; ``swallowed_faces`` hang on loops inside a strip.
     """
 
@@ -187,6 +207,7 @@ class SolidPlan:
     faces: tuple[FacePlan, ...]
     consumed_faces: tuple[int, ...] = ()
     swallowed_faces: tuple[int, ...] = ()
+    patches: tuple[PatchPlan, ...] = ()
 
     @cached_property
     def edges(self) -> tuple[PlannedEdge, ...]:
@@ -216,6 +237,8 @@ class SolidPlan:
         for strip in self.strips:
             yield from (use.edge for use in strip.boundary)
             yield from (use.edge for cap in strip.caps for use in cap.boundary)
+        for patch in self.patches:
+            yield from (use.edge for use in patch.boundary)
         for face in self.faces:
             yield from (use.edge for use in face.added)
             yield from (one for pieces in face.pieces.values() for one in pieces if not isinstance(one, KeptEdge))
@@ -227,6 +250,9 @@ class SolidPlan:
             ends = f", {len(strip.caps)} flat ends" if strip.caps else ""
             spine = ", ".join(map(str, strip.spine))
             lines.append(f"blend of edge {spine} between faces {first} and {second}, {len(strip.boundary)} sides{ends}")
+        for patch in self.patches:
+            spine = ", ".join(map(str, patch.spine))
+            lines.append(f"patch at vertex {patch.vertex} between edges {spine}, {len(patch.boundary)} sides")
         if self.removed_faces:
             lines.append(f"faces gone: {', '.join(map(str, self.removed_faces))}")
         for face in self.faces:

@@ -61,6 +61,8 @@ class CellRails:
         The length (mm) of the cell's spine.
     fit_light
         What makes ribbons in lighter forms, if these may be exact.
+    fit_turning
+        What makes light ribbons about a ball that turns in place, between which nothing but its arcs is smooth.
     locate_corners
         What returns the parameters in a range at which contacts are known to be no more than C1.
     rank
@@ -72,6 +74,7 @@ class CellRails:
     targets: RibbonTargets
     length: float
     fit_light: LightFit | None = None
+    fit_turning: LightFit | None = None
     locate_corners: Callable[[Domain], Array] = _locate_no_corners
     rank: int = 0
 
@@ -147,6 +150,13 @@ class ChainCell:
         if self.rails.fit_light is None or not self.has_common_stations:
             return None
         return self.rails.fit_light(self.domain)
+
+    def fit_for_arcs(self) -> tuple[Ribbon, Ribbon] | None:
+        """Return ribbons between which a ball's arcs may be exact; None if they are neither straight nor circles."""
+        light = self.fit_light()
+        if light is None and self.rails.fit_turning is not None and self.has_common_stations:
+            return self.rails.fit_turning(self.domain)
+        return light
 
     @cached_property
     def _natural(self) -> BentContacts:

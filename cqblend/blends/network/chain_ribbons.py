@@ -18,7 +18,12 @@ import numpy as np
 
 from cqblend.blends.network.chain_cell import CellEnd, CellRails, ChainCell, WantedEnd
 from cqblend.blends.network.junction_stations import Crossings, locate_junction
-from cqblend.blends.network.shared_section import SectionEnd, SectionMismatch, measure_mismatch
+from cqblend.blends.network.shared_section import (
+    SectionEnd,
+    SectionMismatch,
+    measure_arc_mismatch,
+    measure_mismatch,
+)
 from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_end import EndJets
@@ -32,14 +37,18 @@ RibbonPair = tuple[Ribbon, Ribbon]
 
 @dataclass(frozen=True)
 class ChainRibbons:
-    """The ribbons of all cells of a chain, by cell and side, and what is left between the cells at its junctions."""
+    """The ribbons of all cells of a chain, by cell and side, and what is left between the cells at its junctions.
+
+    ``for_arcs`` tells that nothing but arcs of one ball is to be between them.
+    """
 
     cells: tuple[RibbonPair, ...]
     junctions: tuple[SectionMismatch, ...]
+    for_arcs: bool = False
 
 
 def fit_chain_ribbons(
-    cells: Sequence[CellRails], junctions: Sequence[Crossings], open_domain: Domain | None
+    cells: Sequence[CellRails], junctions: Sequence[Crossings], open_domain: Domain | None, *, arcs: bool = False
 ) -> ChainRibbons:
     """Fit the ribbons of a chain.
 
@@ -52,6 +61,8 @@ def fit_chain_ribbons(
     open_domain
         Of an open chain, where its first cell starts and its last cell ends, in the parameter t of each. None if it is
         closed.
+    arcs
+        Whether the ribbons are to be such that the arcs of one ball join them, if that can be.
 
     Raises
     ------
@@ -64,6 +75,9 @@ def fit_chain_ribbons(
     """
     chain = _divide_chain(cells, junctions, open_domain)
     links = [(k, (k + 1) % len(cells)) for k in range(len(junctions))]
+    for_arcs = _fit_for_arcs(chain, links) if arcs else None
+    if for_arcs is not None:
+        return for_arcs
     light = _choose_light_cells(chain, links)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     mismatches: list[SectionMismatch] = []
@@ -91,6 +105,29 @@ def fit_chain_ribbons(
             for (first, second), rough in zip(ribbons, roughness, strict=True)
         ]
     return ChainRibbons(tuple(ribbons), tuple(mismatches))
+
+
+def _fit_for_arcs(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) -> ChainRibbons | None:
+    """Return ribbons between which the arcs of a ball go on from cell to cell; None if they do not.
+
+    They do where the contacts of both cells, and the directions of their arcs, are the same: a ball is tangent to
+    itself, so that nothing else has to agree.
+    """
+    pairs = []
+    for cell in chain:
+        pair = cell.fit_for_arcs()
+        if pair is None:
+            return None
+        pairs.append(pair)
+    mismatches = []
+    for before, after in links:
+        first, second = SectionEnd.from_ribbons(pairs[before], 1), SectionEnd.from_ribbons(pairs[after], 0)
+        mismatch = measure_arc_mismatch(first, second)
+        if max(mismatch.gap / first.width, mismatch.angle) > NETWORK_TOLERANCES.same_arc:
+            return None
+        mismatches.append(mismatch)
+    joined = [(replace(first, joined=True), replace(second, joined=True)) for first, second in pairs]
+    return ChainRibbons(tuple(joined), tuple(mismatches), for_arcs=True)
 
 
 def _settle_section(

@@ -83,6 +83,28 @@ class SectionMismatch:
         return self.gap <= self.rounding[0] and self.angle <= self.rounding[1] + roughness
 
 
+def measure_arc_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
+    """Compare the arcs of a ball at the end of a cell with those at the start of the next: where and how they leave."""
+    gap = angle = 0.0
+    for first, second in zip(before.jets, after.jets, strict=True):
+        gap = max(gap, float(np.linalg.norm(first.values[0] - second.values[0])))
+        sine, cosine = (
+            np.linalg.norm(cross_product(first.values[1], second.values[1])),
+            first.values[1] @ second.values[1],
+        )
+        angle = max(angle, float(np.arctan2(sine, cosine)))
+    return SectionMismatch(gap, angle, _bound_rounding(before))
+
+
+def _bound_rounding(section: SectionEnd) -> tuple[float, float]:
+    """Return what is rounding in a section, by its distance from the origin: a distance (mm) and an angle (rad)."""
+    distance = NETWORK_TOLERANCES.section_rounding * max(float(np.abs(one.values[0]).max()) for one in section.jets)
+    return (
+        max(NETWORK_TOLERANCES.natural_gap, distance),
+        max(NETWORK_TOLERANCES.natural_angle, distance / section.width),
+    )
+
+
 def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     """Compare the end of a cell with the start of the one after it."""
     v = np.linspace(0, 1, NETWORK_TOLERANCES.section_samples)
@@ -93,9 +115,5 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     # a cell has no normal where its rail is one point
     is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
     angles = np.arctan2(sine, cosine)[is_regular]
-    distance = NETWORK_TOLERANCES.section_rounding * float(np.abs(first[0]).max())
-    rounding = (
-        max(NETWORK_TOLERANCES.natural_gap, distance),
-        max(NETWORK_TOLERANCES.natural_angle, distance / before.width),
-    )
-    return SectionMismatch(float(measure_lengths(first[0] - second[0]).max()), float(angles.max()), rounding)
+    gap = float(measure_lengths(first[0] - second[0]).max())
+    return SectionMismatch(gap, float(angles.max()), _bound_rounding(before))

@@ -7,6 +7,7 @@ planned in these parameters.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,6 +17,7 @@ from cqblend.blends.network.tolerances import NETWORK_TOLERANCES
 from cqblend.blends.sections.arc_section import BallSurface
 from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.splines import Curve, Surface
+from cqblend.splines.approximation import approximate_curve
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.circle import Circle, PlanarCircle
 from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
@@ -116,6 +118,12 @@ class StripSurface(Protocol):
     def to_rail_parameters(self, s: Array) -> Array:
         """Return the parameters t (n,) of the rails at s (n,)."""
 
+    def map_from_blend(self, tv: Array) -> Array:
+        """Return the parameters (s, v), (n, 2), at parameters (n, 2) of the blend as a spline."""
+
+    def map_curve_from_blend(self, curve: Curve) -> Curve:
+        """Return a curve of parameters of the blend as a spline in the parameters (s, v)."""
+
     def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the curve in which the strip meets a plane, the one nearest to s = ``near``.
 
@@ -160,6 +168,12 @@ class SplineStrip:
 
     def to_rail_parameters(self, s: Array) -> Array:
         return s
+
+    def map_from_blend(self, tv: Array) -> Array:
+        return tv
+
+    def map_curve_from_blend(self, curve: Curve) -> Curve:
+        return curve
 
     def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the exact curve if the surface is A(v) + s B."""
@@ -232,6 +246,12 @@ class RevolvedStrip:
     def to_rail_parameters(self, s: Array) -> Array:
         return self.section.map_to_parameters(s)
 
+    def map_from_blend(self, tv: Array) -> Array:
+        return np.stack([self.section.map_to_angles(tv[:, 0]), tv[:, 1]], axis=1)
+
+    def map_curve_from_blend(self, curve: Curve) -> Curve:
+        return fit_mapped_curve(self.map_from_blend, curve, self.section.turn)
+
     def cut_with_plane(self, plane: Plane, near: float) -> StripCut | None:
         """Return the section in a plane that the axis lies in."""
         frame, profile = self.section.frame, self.section.place_profile(0.0)
@@ -245,6 +265,13 @@ class RevolvedStrip:
         local = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
         points = frame.origin[:, None] + np.einsum("qan,ak->qkn", local, frame.axes)
         return _collect_section(profile.breaks, np.full(x.shape, angle), points, plane)
+
+
+def fit_mapped_curve(mapping: Callable[[Array], Array], curve: Curve, size: float) -> Curve:
+    """Return a curve in a parameter plane that is mapped to another one, where parameters are up to ``size``."""
+    breaks = np.linspace(*curve.domain, NETWORK_TOLERANCES.cut_spans + 1)
+    breaks = np.unique(np.concatenate([breaks, curve.breaks]))
+    return approximate_curve(lambda x: mapping(curve(x)), breaks, NETWORK_TOLERANCES.cut_fit * max(1.0, size))
 
 
 def find_meridian_angle(frame: LocalFrame, plane: Plane, near: float, size: float, tolerance: float) -> float | None:

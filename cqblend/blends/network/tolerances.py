@@ -50,6 +50,12 @@ class NetworkTolerances:
     cut_spans: int = 4
     """Spans from which on that is fitted."""
 
+    turned_fit: float = 1e-12
+    """Radians: largest error of the great circle beside a ball that turns in place, in longitude and latitude."""
+
+    same_arc: float = 1e-11
+    """Relative to the width of a chain, or rad: by how much the arcs of two cells may differ where these meet."""
+
     arc_plane: float = 1e-12
     """Relative to the radius of the strip, or rad: by how much a plane in which the section of a strip of arcs is to
     lie may miss its axis, or turn from it."""

@@ -13,11 +13,12 @@ determine the solution. Depends on numbers and arrays only: boundary data and th
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 from numbers import Real
-from typing import TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,8 +32,45 @@ COEFFICIENT_NAMES = "abcd"
 ShapeParameters: TypeAlias = float | Sequence[float] | Sequence[Sequence[float]] | None
 
 
+Minimise: TypeAlias = Literal["residual", "energy"]
+
+
+class DerivativeTerm(NamedTuple):
+    """A derivative, ``across`` times by v and ``along`` times by w, with its coefficient, (n,) at places along."""
+
+    coefficient: Array
+    across: int
+    along: int
+
+
+class LinearEquation(ABC):
+    """A linear equation in v and w, with coefficients that are constant or vary with w."""
+
+    @property
+    @abstractmethod
+    def half(self) -> int:
+        """Number of conditions on each rail, n/2."""
+
+    @property
+    def order(self) -> int:
+        """Order n."""
+        return 2 * self.half
+
+    @property
+    @abstractmethod
+    def largest_exponent(self) -> float:
+        r"""Largest \|rho\| of the solutions :math:`e^{\rho v + i w}`; for :math:`e^{i \omega w}` times omega."""
+
+    @abstractmethod
+    def list_forms(self, minimise: Minimise, w: Array) -> list[list[DerivativeTerm]]:
+        """Return the forms whose squares are integrated, at w (n,): the equation itself, or those of its energy.
+
+        The energy of all functions with the same boundary data is least for the one that solves the equation.
+        """
+
+
 @dataclass(frozen=True)
-class Equation:
+class Equation(LinearEquation):
     """One equation, by its coefficients (a, b), (a, b, c) or (a, b, c, d).
 
     Raises
@@ -87,15 +125,24 @@ class Equation:
         return len(self.coefficients) - 1
 
     @property
-    def order(self) -> int:
-        """Order n."""
-        return 2 * self.half
-
-    @property
     def largest_exponent(self) -> float:
-        r"""Largest \|rho\| of the solutions :math:`e^{\rho v + i w}`; for :math:`e^{i \omega w}` times omega."""
+        r"""Largest \|rho\| of the solutions :math:`e^{\rho v + i w}`."""
         squares = np.roots([c * (-1) ** i for i, c in enumerate(self.normalised_coefficients)])
         return float(np.sqrt(np.abs(squares).max()))
+
+    def list_forms(self, minimise: Minimise, w: Array) -> list[list[DerivativeTerm]]:
+        """Return the equation, or the forms of its energy: :meth:`split_into_squares`."""
+        ones = np.ones_like(w)
+        if minimise == "residual":
+            orders, rows = (self.order, 2), [self.normalised_coefficients]
+        else:
+            orders, rows = (self.half, 1), list(self.split_into_squares())
+        highest, step = orders
+        forms = [
+            [DerivativeTerm(c * ones, highest - step * i, step * i) for i, c in enumerate(row.tolist()) if c]
+            for row in rows
+        ]
+        return [form for form in forms if form]
 
     def split_into_squares(self) -> Array:
         r"""Return forms (m, n/2 + 1) of degree n/2 in the derivatives, whose squares add up to the symbol.

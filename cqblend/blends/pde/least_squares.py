@@ -6,11 +6,12 @@ Unknown are the coefficients of the bubbles across (polynomials in v that vanish
 - the *residual* of the equation at collocation points, You and Zhang's eq. 11 and 12. The equation does not couple
   waves of different frequencies, so each of them is solved by itself;
 - the *energy*: forms f of half the order whose squares add up to the equation's symbol
-  (:meth:`cqblend.blends.pde.equations.Equation.split_into_squares`). Its minimum solves the equation weakly. Open rails
+  (:meth:`cqblend.blends.pde.equations.LinearEquation.list_forms`). Its minimum solves the equation weakly. Open rails
   need that: at the corners of the blend solutions are singular and their residual is not square integrable, so that
   its minimum is not the solution.
 
-Normal equations are never formed. Depends on the equation and on the functions along and across, not on rails.
+Where the coefficients of an equation vary along, waves are coupled, and solved for as splines are. Normal equations are
+never formed. Depends on the equation and on the functions along and across, not on rails.
 """
 
 from __future__ import annotations
@@ -18,21 +19,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, Literal, TypeAlias, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
 from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis
-from cqblend.blends.pde.equations import Equation
-from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
+from cqblend.blends.pde.equations import Equation, LinearEquation, Minimise
+from cqblend.blends.pde.rail_basis import Basis, Waves
+from cqblend.blends.pde.span_system import SpanSystem
 from cqblend.blends.pde.tolerances import PDE_LIMITS
 from cqblend.errors import InputError
 from cqblend.splines.antiderivative import gauss_rule
 from cqblend.splines.bernstein import Array
 
-Minimise: TypeAlias = Literal["residual", "energy"]
 CollocationCounts: TypeAlias = tuple[int | None, int | None]
-DerivativeForm: TypeAlias = list[tuple[float, int, int]]  # terms: coefficient, order across, order along
 
 AlongBasis = TypeVar("AlongBasis", bound=Basis, covariant=True)
 
@@ -59,7 +59,7 @@ class LeastSquaresProblem(ABC, Generic[AlongBasis]):
     the functions along; ``terms`` is the number of bubbles, ``points`` that of collocation points across and along.
     """
 
-    equation: Equation
+    equation: LinearEquation
     basis: AlongBasis
     boundary_data: Array
     terms: int
@@ -86,28 +86,17 @@ class LeastSquaresProblem(ABC, Generic[AlongBasis]):
         v, weights = gauss_rule(self.equation.order + self.terms + PDE_LIMITS.extra_points)
         (low, high), count = self.basis.domain, 3 * self.basis.count + PDE_LIMITS.extra_points
         w = low + (high - low) * (np.arange(count) + 0.5) / count
-        inner, outer = self._evaluate_across(v)
-        along = np.stack(
-            [c * self.basis(w, 2 * i) for i, c in enumerate(self.equation.normalised_coefficients.tolist())]
-        )
-        each = np.einsum("iper,jerc,ilj->iplc", outer, self.boundary_data, along, optimize=True)
-        before = each.sum(axis=0)
-        after = before + np.einsum("ipm,mjc,ilj->plc", inner, self.bubble_coefficients, along, optimize=True)
-        return ErrorEstimate(
-            *(np.sqrt(np.einsum("p,plc->c", weights, x**2)) for x in (after, before, np.abs(each).sum(0)))
-        )
-
-    def _evaluate_across(self, v: Array) -> tuple[Array, Array]:
-        """Return derivatives by v of orders n, n - 2, .., 0 at v (p,).
-
-        Of the bubbles, (half + 1, p, terms), and of the polynomials that have the boundary data, (half + 1, p, 2,
-        half).
-        """
-        half, orders = self.equation.half, range(self.equation.order, -1, -2)
-        return (
-            np.stack([evaluate_bubbles(half, self.terms, v, k) for k in orders]),
-            np.stack([evaluate_hermite_basis(half, v, k) for k in orders]),
-        )
+        half, shape = self.equation.half, (len(v), len(w), self.boundary_data.shape[-1])
+        before, after, size = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        for coefficient, kv, kw in self.equation.list_forms("residual", w)[0]:
+            along = coefficient * self.basis(w, kw).T
+            outer = np.einsum("per,jerc->pjc", evaluate_hermite_basis(half, v, kv), self.boundary_data)
+            inner = np.einsum("pm,mjc->pjc", evaluate_bubbles(half, self.terms, v, kv), self.bubble_coefficients)
+            carried, added = (np.einsum("pjc,jl->plc", part, along, optimize=True) for part in (outer, inner))
+            before += carried
+            after += carried + added
+            size += np.abs(carried)
+        return ErrorEstimate(*(np.sqrt(np.einsum("p,plc->c", weights, x**2)) for x in (after, before, size)))
 
     def _choose_collocation_nodes(self) -> tuple[Array, Array]:
         """Return the collocation points across, and the square roots of their weights."""
@@ -122,8 +111,11 @@ class LeastSquaresProblem(ABC, Generic[AlongBasis]):
         return v, np.sqrt(weights)
 
 
+@dataclass(frozen=True)
 class WaveProblem(LeastSquaresProblem[Waves]):
-    """The residual for waves, each frequency by itself."""
+    """The residual for waves, each frequency by itself, of an equation with constant coefficients."""
+
+    equation: Equation
 
     @cached_property
     def bubble_coefficients(self) -> Array:
@@ -146,10 +138,22 @@ class WaveProblem(LeastSquaresProblem[Waves]):
         solved = np.linalg.solve(r, q.swapaxes(1, 2) @ right.reshape(*right.shape[:2], -1)) / size.swapaxes(1, 2)
         return np.moveaxis(solved.reshape(len(omega), self.terms, 2, -1)[numbers, :, kinds], 0, 1)
 
+    def _evaluate_across(self, v: Array) -> tuple[Array, Array]:
+        """Return derivatives by v of orders n, n - 2, .., 0 at v (p,).
+
+        Of the bubbles, (half + 1, p, terms), and of the polynomials that have the boundary data, (half + 1, p, 2,
+        half).
+        """
+        half, orders = self.equation.half, range(self.equation.order, -1, -2)
+        return (
+            np.stack([evaluate_bubbles(half, self.terms, v, k) for k in orders]),
+            np.stack([evaluate_hermite_basis(half, v, k) for k in orders]),
+        )
+
 
 @dataclass(frozen=True)
-class SplineProblem(LeastSquaresProblem[Splines]):
-    """The residual or the energy for splines, all of their coefficients at once.
+class CoupledProblem(LeastSquaresProblem[Basis]):
+    """The residual or the energy for all functions along at once: splines, or waves that coefficients couple.
 
     ``end_coefficients`` (2, k, terms, c) are the prescribed outermost coefficients at both ends of open rails.
     """
@@ -160,19 +164,11 @@ class SplineProblem(LeastSquaresProblem[Splines]):
     @cached_property
     def bubble_coefficients(self) -> Array:
         """The coefficients of the bubbles, (terms, count, c), solved at once."""
-        coefficients = self._fill_end_coefficients()
-        coefficients[:, self._free_functions] += self._free_coefficients.reshape(self.terms, -1, coefficients.shape[-1])
-        return coefficients
+        return self._fill_end_coefficients() + self._system[0].solution.swapaxes(0, 1)
 
     @cached_property
-    def _free_coefficients(self) -> Array:
-        """The free ones of them, (terms times free functions, c)."""
-        system, right, _ = self._system
-        return _solve_least_squares(system, right)
-
-    @cached_property
-    def _system(self) -> tuple[Array, Array, Array]:
-        """The least-squares system for all free coefficients, from zero."""
+    def _system(self) -> tuple[SpanSystem, Array]:
+        """The least-squares system for all free coefficients, from zero, and the norm (c,) of its right side."""
         start = self._fill_end_coefficients()
         if start[..., 0].size > PDE_LIMITS.most_unknowns:
             raise InputError(
@@ -185,17 +181,18 @@ class SplineProblem(LeastSquaresProblem[Splines]):
         """Return the residual, or what more bubbles would take of the energy."""
         if self.minimise == "residual":
             return super()._estimate_error()
-        system, _, size = self._system
-        total = np.linalg.norm(system @ self._free_coefficients, axis=0)
+        system, size = self._system
         further = np.zeros((PDE_LIMITS.extra_bubbles, *self.bubble_coefficients.shape[1:]))
         padded = np.concatenate([self.bubble_coefficients, further])
-        system, right, _ = self._build_system(range(self.terms, len(padded)), padded)
-        return ErrorEstimate(np.linalg.norm(system @ _solve_least_squares(system, right), axis=0), total, size)
+        remainder, _ = self._build_system(range(self.terms, len(padded)), padded)
+        return ErrorEstimate(remainder.solution_norm, system.solution_norm, size)
 
-    @property
-    def _free_functions(self) -> slice:
-        """The functions along whose coefficients are free."""
-        return slice(self.end_coefficients.shape[1], self.basis.count - self.end_coefficients.shape[1])
+    @cached_property
+    def _free_functions(self) -> Array:
+        """Which functions along (count,) have coefficients that are free."""
+        k, free = self.end_coefficients.shape[1], np.ones(self.basis.count, dtype=bool)
+        free[:k] = free[len(free) - k :] = False
+        return free
 
     def _fill_end_coefficients(self) -> Array:
         """Return coefficients (terms, count, c): the prescribed ones at the ends, zeros elsewhere."""
@@ -209,26 +206,17 @@ class SplineProblem(LeastSquaresProblem[Splines]):
             out[:, :k], out[:, -k:] = self.end_coefficients[0].swapaxes(0, 1), self.end_coefficients[1].swapaxes(0, 1)
         return out
 
-    def _list_forms(self) -> list[DerivativeForm]:
-        """Return the forms whose squares are integrated: the equation itself, or those of the energy."""
-        half, n = self.equation.half, self.equation.order
-        if self.minimise == "residual":
-            return [[(c, n - 2 * i, 2 * i) for i, c in enumerate(self.equation.normalised_coefficients.tolist()) if c]]
-        forms = [
-            [(c, half - i, i) for i, c in enumerate(form) if c] for form in self.equation.split_into_squares().tolist()
-        ]
-        return [form for form in forms if form]
-
-    def _build_system(self, bubbles: range, coefficients: Array) -> tuple[Array, Array, Array]:
+    def _build_system(self, bubbles: range, coefficients: Array) -> tuple[SpanSystem, Array]:
         """Return the least-squares system for changes of the free coefficients of some bubbles, from given ones.
 
-        Matrix, right side, and the norm (c,) of the sum before the changes. A form of one term is the tensor product of
-        a matrix across and one along; it is replaced by the product of their triangular factors.
+        And the norm (c,) of the sum before the changes. A form of one term is the tensor product of a matrix across and
+        one along; that across is replaced by its triangular factor.
         """
         basis, half = self.basis, self.equation.half
         v, root = self._choose_collocation_nodes()
         w, weights = basis.choose_gauss_points(self.points[1])
-        if len(v) * len(w) < self.terms * len(range(*self._free_functions.indices(basis.count))):
+        spans, width = (basis.spans_apart, basis.span_width) if self.points[1] is None else (1, basis.count)
+        if len(v) * len(w) < self.terms * int(self._free_functions.sum()):
             raise InputError(
                 f"{len(v)} x {len(w)} collocation points are fewer than the unknowns, {self.terms} terms times "
                 f"{basis.count} functions along: give more points, or fewer terms or modes"
@@ -239,39 +227,34 @@ class SplineProblem(LeastSquaresProblem[Splines]):
                 f"{len(v)} x {len(w)} collocation points for {self.terms} terms times {basis.count} functions along "
                 f"would take {8e-9 * entries:.3g} GB: give fewer points"
             )
+        reached = np.arange(spans)[:, None] + np.arange(width)  # the functions on each span
         blocks, rights, size = [], [], np.zeros(self.boundary_data.shape[-1])
-        for form in self._list_forms():
+        for form in self.equation.list_forms(self.minimise, w):
             right, factors = np.zeros((len(v), len(w), self.boundary_data.shape[-1])), []
-            for c, kv, kw in form:
+            for coefficient, kv, kw in form:
                 across = evaluate_bubbles(half, len(coefficients), v, kv) * root[:, None]
-                along = c * basis(w, kw) * np.sqrt(weights)[:, None]
+                along = (coefficient * np.sqrt(weights) * basis(w, kw).T).T
                 outer = np.einsum(
                     "per,jerc->pjc", evaluate_hermite_basis(half, v, kv) * root[:, None, None], self.boundary_data
                 )
                 inner = np.einsum("pm,mjc->pjc", across, coefficients)
                 right -= np.einsum("pjc,lj->plc", outer + inner, along, optimize=True)
-                factors.append((across[:, bubbles], along[:, self._free_functions]))
+                on_spans = np.take_along_axis(along.reshape(spans, -1, basis.count), reached[:, None], axis=2)
+                factors.append((across[:, bubbles], on_spans))
             size += (right**2).sum(axis=(0, 1))
             if len(factors) == 1:
-                (qv, rv), (qw, rw) = (np.linalg.qr(factor) for factor in factors[0])
-                factors = [(rv, rw)]
-                right = np.einsum("pm,plc,ln->mnc", qv, right, qw, optimize=True)
-            block = _sum_tensor_products(factors)
-            blocks.append(block.reshape(block.shape[0] * block.shape[1], -1))
-            rights.append(right.reshape(len(blocks[-1]), -1))
-        return np.concatenate(blocks), np.concatenate(rights), np.sqrt(size)
-
-
-def _sum_tensor_products(factors: list[tuple[Array, Array]]) -> Array:
-    """Return the sum (p, l, m, j) of products of matrices across (p, m) and along (l, j)."""
-    total: Array = np.zeros(())
-    for across, along in factors:
-        total = total + np.einsum("pm,lj->plmj", across, along)
-    return total
-
-
-def _solve_least_squares(system: Array, right: Array) -> Array:
-    """Solve a least-squares system of full rank."""
-    size = np.linalg.norm(system, axis=0)
-    q, r = np.linalg.qr(system / size)
-    return np.asarray(np.linalg.solve(r, q.T @ right) / size[:, None])
+                across, on_spans = factors[0]
+                q, triangle = np.linalg.qr(across)
+                factors, right = [(triangle, on_spans)], np.einsum("pm,plc->mlc", q, right)
+            block = np.einsum("kpm,kslj->sljpm", *map(np.stack, zip(*factors, strict=True)), optimize=True)
+            block = np.moveaxis(block, 2, 3)
+            blocks.append(block.reshape(spans, -1, width, len(bubbles)))
+            rights.append(np.moveaxis(right.reshape(len(right), spans, -1, right.shape[-1]), 0, 2))
+        return (
+            SpanSystem(
+                np.concatenate(blocks, axis=1),
+                np.concatenate([right.reshape(spans, -1, right.shape[-1]) for right in rights], axis=1),
+                self._free_functions,
+            ),
+            np.sqrt(size),
+        )

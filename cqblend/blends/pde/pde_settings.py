@@ -12,11 +12,11 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.pde.equations import Equation, ShapeParameters, make_equations
-from cqblend.blends.pde.least_squares import Minimise
+from cqblend.blends.pde.equations import Equation, Minimise, ShapeParameters, make_equations
 from cqblend.blends.pde.pde_section import PdeSection
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter, evaluate_mean_speed
+from cqblend.blends.pde.refinement import solve_within
 from cqblend.blends.pde.solution import BoundaryData, BoundaryProblem, EndSections, Solution
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
@@ -118,8 +118,12 @@ class PdeSettings:
             As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and where the interior takes too many spans.
         """
         problem = self.pose_boundary_problem(ribbons, setup, accuracy=tolerance / 10)
-        solution, rail_parameter = problem.solve(self.terms), problem.rail_parameter
-        knots, (kinks, orders) = rail_parameter.invert_parameter(problem.basis.knots), rail_parameter.find_kinks()
+        if self._refines(setup):
+            solution = solve_within(problem, tolerance, self.terms, free_basis=self.modes is None)
+        else:
+            solution = problem.solve(self.terms)
+        rail_parameter = problem.rail_parameter
+        knots, (kinks, orders) = rail_parameter.invert_parameter(solution.basis.knots), rail_parameter.find_kinks()
         interior = PdeSection(
             solution.halves,
             max(SECTION_TOLERANCES.least_points_across, 4 * solution.terms),
@@ -134,6 +138,10 @@ class PdeSettings:
         lowest = min(self.halves) - 1
         first, second = (replace(ribbon, order=lowest) for ribbon in ribbons)
         return replace(blend, ribbons=(first, second), kind="pde", residual=max(solution.residual)), solution
+
+    def _refines(self, setup: SideSetup) -> bool:
+        """Whether the solution is refined to the tolerance, or else as fine as its boundary data tell beforehand."""
+        return not setup.by_length and not setup.closed and self.basis != "polynomial"
 
     def pose_boundary_problem(
         self, ribbons: tuple[Ribbon, Ribbon], setup: SideSetup, *, accuracy: float
@@ -156,7 +164,7 @@ class PdeSettings:
         least_pieces = max(PDE_LIMITS.pieces, self.modes or 0)
         data = _read_boundary_data((jets[0], jets[1]), breaks, rail_parameter, setup.closed, least_pieces)
         equations = make_equations(self.order, self.parameters, _compute_length_ratio(data, float(lengths.values[-1])))
-        if not setup.by_length:
+        if not setup.by_length and not self._refines(setup):
             accuracy = min(accuracy, PDE_TOLERANCES.data_accuracy * data.size)
         accuracy = max(accuracy, PDE_TOLERANCES.coordinate_rounding * float(np.abs(data.centre).max() + data.size))
         basis = self._choose_basis(data, equations, accuracy, limited=setup.by_length)

@@ -7,7 +7,7 @@ splines only.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,27 @@ class Basis(ABC):
     def knots(self) -> Array:
         """Inner parameters at which they are not smooth."""
         return np.empty(0)
+
+    @property
+    def spans_apart(self) -> int:
+        """Number of stretches of equal length that have functions of their own: ``span_width`` each from its number on.
+
+        1 where every function reaches over the whole domain.
+        """
+        return 1
+
+    @property
+    def span_width(self) -> int:
+        """Number of functions that are not zero on each of these."""
+        return self.count
+
+    @abstractmethod
+    def refined(self) -> Basis:
+        """Return a basis of about twice as many functions."""
+
+    @abstractmethod
+    def choose_gauss_points(self, count: int | None = None) -> tuple[Array, Array]:
+        """Return nodes and weights of a quadrature, as many as the products of functions take, or ``count``."""
 
     @abstractmethod
     def __call__(self, w: Array, k: int = 0) -> Array:
@@ -70,6 +91,15 @@ class Waves(Basis):
             return np.cos(np.multiply.outer(w - self.domain[0], omega) + phase)
         return omega**k * np.cos(np.multiply.outer(w - self.domain[0], omega) + phase + k * np.pi / 2)
 
+    def choose_gauss_points(self, count: int | None = None) -> tuple[Array, Array]:
+        """Return equidistant nodes, which are Gauss's of waves."""
+        n = PDE_LIMITS.points_per_wave * self.count if count is None else count
+        low, high = self.domain
+        return low + (high - low) * np.arange(n) / n, np.full(n, (high - low) / n)
+
+    def refined(self) -> Waves:
+        return self.with_modes(max(2 * self.modes, PDE_LIMITS.fewest_modes))
+
     def with_modes(self, modes: int) -> Waves:
         """Return the basis of the first ``modes`` waves."""
         return Waves(self.domain, modes)
@@ -91,6 +121,17 @@ class Splines(Basis):
     @property
     def knots(self) -> Array:
         return np.linspace(*self.domain, self.spans + 1)[1:-1]
+
+    @property
+    def spans_apart(self) -> int:
+        return 1 if self.closed else self.spans
+
+    @property
+    def span_width(self) -> int:
+        return self.count if self.closed else self.degree + 1
+
+    def refined(self) -> Splines:
+        return replace(self, spans=2 * self.spans)
 
     @cached_property
     def _basis_functions(self) -> Curve:

@@ -14,19 +14,18 @@ energy (:mod:`cqblend.blends.pde.least_squares`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cqblend.blends.pde.bubble_basis import evaluate_bubbles, evaluate_hermite_basis, measure_bubble_heights
-from cqblend.blends.pde.equations import Equation
+from cqblend.blends.pde.equations import Equation, LinearEquation, Minimise
 from cqblend.blends.pde.least_squares import (
     CollocationCounts,
+    CoupledProblem,
     LeastSquaresProblem,
-    Minimise,
-    SplineProblem,
     WaveProblem,
 )
 from cqblend.blends.pde.rail_basis import Basis, Splines, Waves
@@ -97,11 +96,14 @@ class Solution:
         share of what all bubbles have changed, both in the norm of the energy.
     missed : float
         Largest error of the expansion of the rails in the basis, mm.
+    change : float or None
+        How far twice as many functions along, or the next number of bubbles, would move it, mm, where it was refined to
+        a tolerance; else None.
     clock : callable
         The map from t to the w of the equations.
     """
 
-    equations: tuple[Equation, Equation, Equation]
+    equations: tuple[LinearEquation, LinearEquation, LinearEquation]
     basis: Basis
     minimise: Minimise
     residual: tuple[float, float, float]
@@ -110,6 +112,7 @@ class Solution:
     centre: Array  # that of the boundary data, (3,)
     boundary: tuple[Array, ...]  # boundary data in the basis, by component, (2, half, count)
     bubbles: tuple[Array, ...]  # coefficients q, by component, (terms, count)
+    change: float | None = None
 
     @property
     def terms(self) -> int:
@@ -127,6 +130,15 @@ class Solution:
         values = self.basis(w)
         return [values @ q.T for q in self.bubbles]
 
+    def evaluate_grid(self, w: Array, v: Array) -> Array:
+        """Return the points at all w (n,), not t, and v (m,): (n, m, 3)."""
+        values, components = self.basis(w), []
+        for half, data, q in zip(self.halves, self.boundary, self.bubbles, strict=True):
+            across = np.einsum("mer,erj->mj", evaluate_hermite_basis(half, v), data)
+            across += evaluate_bubbles(half, len(q), v) @ q
+            components.append(values @ across.T)
+        return np.stack(components, axis=-1) + self.centre
+
     def __call__(self, t: ArrayLike, v: ArrayLike, kv: int = 0) -> Array:
         """Points of the solution, or their kv-th derivatives by v, at t and v, which broadcast: (.., 3)."""
         t, v = np.broadcast_arrays(np.asarray(t, dtype=np.float64), np.asarray(v, dtype=np.float64))
@@ -139,7 +151,56 @@ class Solution:
         return out.reshape(*t.shape, 3)
 
 
-ComponentGroups: TypeAlias = list[tuple[list[int], LeastSquaresProblem[Basis]]]
+@dataclass(frozen=True)
+class PosedProblem:
+    """A boundary value problem with a number of bubbles: the least-squares problems of its components.
+
+    ``coefs`` (count, 2, orders, 3) are the boundary data in the basis, with the largest error ``rail_error`` on the
+    rails (mm); ``groups`` are the components that have one equation, with their problem.
+    """
+
+    problem: BoundaryProblem
+    coefs: Array
+    rail_error: float
+    groups: list[tuple[list[int], LeastSquaresProblem[Basis]]]
+
+    @cached_property
+    def unmeasured_solution(self) -> Solution:
+        """The solution, whose residual is not a number."""
+        bubbles = [np.empty(0)] * 3
+        for members, problem in self.groups:
+            for k, i in enumerate(members):
+                bubbles[i] = problem.bubble_coefficients[..., k]
+        equations = self.problem.equations
+        return Solution(
+            equations=equations,
+            basis=self.problem.basis,
+            minimise=self.problem.minimise,
+            residual=(np.nan,) * 3,
+            missed=self.rail_error,
+            clock=self.problem.rail_parameter,
+            centre=self.problem.data.centre,
+            boundary=tuple(
+                np.moveaxis(self.coefs[:, :, : equation.half, i], 0, -1) for i, equation in enumerate(equations)
+            ),
+            bubbles=tuple(bubbles),
+        )
+
+    @property
+    def solution(self) -> Solution:
+        """The solution, with its residual."""
+        return replace(self.unmeasured_solution, residual=self.residuals)
+
+    @cached_property
+    def residuals(self) -> tuple[float, float, float]:
+        """The relative residuals of x, y and z; 0 for a component that is rounding beside the others."""
+        estimates = [(members, problem.error_estimate) for members, problem in self.groups]
+        size = max(float(estimate.terms_size.max()) for _, estimate in estimates)
+        residuals = [0.0] * 3
+        for members, estimate in estimates:
+            for i, remainder, total in zip(members, estimate.remainder.tolist(), estimate.total.tolist(), strict=True):
+                residuals[i] = remainder / total if total > PDE_TOLERANCES.negligible_residual * size else 0.0
+        return residuals[0], residuals[1], residuals[2]
 
 
 @dataclass(frozen=True)
@@ -172,7 +233,7 @@ class BoundaryProblem:
     """
 
     data: BoundaryData
-    equations: tuple[Equation, Equation, Equation]
+    equations: tuple[LinearEquation, LinearEquation, LinearEquation]
     basis: Waves | Splines
     rail_parameter: LengthParameter
     minimise: Minimise
@@ -191,44 +252,28 @@ class BoundaryProblem:
         InputError
             If there are fewer collocation points than unknowns.
         """
-        coefs, rail_error = self.data.project_onto_basis(self.basis)
-        for count in self._choose_term_counts() if terms is None else [terms]:
-            groups = [
-                (members, self._pose_least_squares(coefs, members, count)) for members in self._group_components()
-            ]
-            if self._is_accurate_enough(groups):
+        if terms is not None:
+            return self.pose(terms).solution
+        for count in self._choose_term_counts():
+            posed = self.pose(count)
+            if self._is_accurate_enough(posed):
                 break
-        bubbles = [np.empty(0)] * 3
-        for members, problem in groups:
-            for k, i in enumerate(members):
-                bubbles[i] = problem.bubble_coefficients[..., k]
-        return Solution(
-            equations=self.equations,
-            basis=self.basis,
-            minimise=self.minimise,
-            residual=self._measure_residuals(groups),
-            missed=rail_error,
-            clock=self.rail_parameter,
-            centre=self.data.centre,
-            boundary=tuple(
-                np.moveaxis(coefs[:, :, : equation.half, i], 0, -1) for i, equation in enumerate(self.equations)
-            ),
-            bubbles=tuple(bubbles),
-        )
+        return posed.solution
 
-    def _measure_residuals(self, groups: ComponentGroups) -> tuple[float, float, float]:
-        """Return the relative residuals of x, y and z; 0 for a component that is rounding beside the others."""
-        estimates = [(members, problem.error_estimate) for members, problem in groups]
-        size = max(float(estimate.terms_size.max()) for _, estimate in estimates)
-        residuals = [0.0] * 3
-        for members, estimate in estimates:
-            for i, remainder, total in zip(members, estimate.remainder.tolist(), estimate.total.tolist(), strict=True):
-                residuals[i] = remainder / total if total > PDE_TOLERANCES.negligible_residual * size else 0.0
-        return residuals[0], residuals[1], residuals[2]
+    def pose(self, terms: int) -> PosedProblem:
+        """Return the least-squares problems for ``terms`` bubbles."""
+        coefs, rail_error = self._expanded_data
+        groups = [(members, self._pose_least_squares(coefs, members, terms)) for members in self._group_components()]
+        return PosedProblem(self, coefs, rail_error, groups)
+
+    @cached_property
+    def _expanded_data(self) -> tuple[Array, float]:
+        """The boundary data in the basis, and their largest error on the rails (mm)."""
+        return self.data.project_onto_basis(self.basis)
 
     def _group_components(self) -> list[list[int]]:
         """Group the components that have the same equation."""
-        groups: dict[Equation, list[int]] = {}
+        groups: dict[LinearEquation, list[int]] = {}
         for i, equation in enumerate(self.equations):
             groups.setdefault(equation, []).append(i)
         return list(groups.values())
@@ -236,16 +281,16 @@ class BoundaryProblem:
     def _pose_least_squares(self, coefs: Array, members: list[int], terms: int) -> LeastSquaresProblem[Basis]:
         equation = self.equations[members[0]]
         data = coefs[:, :, : equation.half, members]
-        if isinstance(self.basis, Waves):
+        if isinstance(self.basis, Waves) and isinstance(equation, Equation) and self.minimise == "residual":
             return WaveProblem(equation, self.basis, data, terms, self.points)
-        if self.basis.closed:
+        if isinstance(self.basis, Waves) or self.basis.closed:
             prescribed = np.zeros((2, 0, terms, len(members)))
         else:
             prescribed = self._prescribe_end_coefficients(self.basis, equation, data, members, terms)
-        return SplineProblem(equation, self.basis, data, terms, self.points, prescribed, self.minimise)
+        return CoupledProblem(equation, self.basis, data, terms, self.points, prescribed, self.minimise)
 
     def _prescribe_end_coefficients(
-        self, basis: Splines, equation: Equation, data: Array, members: list[int], terms: int
+        self, basis: Splines, equation: LinearEquation, data: Array, members: list[int], terms: int
     ) -> Array:
         """Return the outermost coefficients of the bubbles at both ends of open rails, (2, k, terms, c)."""
         ends = self.ends
@@ -270,15 +315,15 @@ class BoundaryProblem:
             return list(counts)
         return [n for n in counts if n == counts[0] or n * self.basis.count <= PDE_LIMITS.most_free_unknowns]
 
-    def _is_accurate_enough(self, groups: ComponentGroups) -> bool:
+    def _is_accurate_enough(self, posed: PosedProblem) -> bool:
         """Whether the last two bubbles change so little that further ones are not needed."""
         if self.minimise == "energy":
-            return max(self._measure_residuals(groups)) <= self.relative_accuracy
+            return max(posed.residuals) <= self.relative_accuracy
         largest_values = np.abs(self.basis(self.data.w)).max(axis=0)
         contributions = [
             measure_bubble_heights(problem.equation.half, problem.terms)[:, None]
             * np.einsum("mjc,j->mc", np.abs(problem.bubble_coefficients), largest_values)
-            for _, problem in groups
+            for _, problem in posed.groups
         ]
         largest = max(float(heights.max()) for heights in contributions)
         last = max(float(heights[-2:].max()) for heights in contributions)

@@ -58,6 +58,9 @@ class PdeTolerances:
     data_energy: float = 1e-3
     """The same between boundary data."""
 
+    refinement: float = 0.5
+    """Share of the tolerance of a solution that the next refinement of either kind may change."""
+
 
 @dataclass(frozen=True)
 class PdeLimits:
@@ -78,6 +81,9 @@ class PdeLimits:
 
     span_gauss_points: int = 4
     """Least number of Gauss points of a spline span along, at which an equation is to hold."""
+
+    points_per_wave: int = 4
+    """Points along for each function, at which an equation that couples waves is to hold."""
 
     wave_exponent: float = 8.0
     """Largest exponent of a solution in v that is resolved where the number of waves is free. Waves with larger ones
@@ -104,11 +110,20 @@ class PdeLimits:
     most_free_unknowns: int = 1500
     """Largest number of unknowns of one least-squares system, where the number of bubbles is free."""
 
+    most_span_unknowns: int = 3000
+    """The same where the system is solved span by span."""
+
     most_unknowns: int = 6000
     """Largest number of unknowns of one least-squares system."""
 
     most_matrix_entries: int = 10**8
     """Largest number of entries of a matrix for collocation points that the caller asks for: 0.8 GB."""
+
+    fewest_refined_terms: int = 6
+    """Least number of bubbles where solutions are refined until a tolerance is met."""
+
+    change_grid: tuple[int, int] = (65, 17)
+    """Points along and across at which two solutions are compared."""
 
     extra_points: int = 5
     """Further points, beside those of the solution, at which a residual is measured."""

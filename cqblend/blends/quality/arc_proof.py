@@ -21,12 +21,13 @@ from cqblend.blends.quality.smoothness_proof import Proof, prove_side
 from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.splines import Surface, bernstein
 from cqblend.splines.bernstein import Array
 
 
 def prove_arc_side(
-    blend: BlendSurface, arc: ArcSection, end: Literal[0, 1], rail_shift: float, rail_turn: float
+    blend: BlendSurface, arc: ArcSection | TurnedArcs, end: Literal[0, 1], rail_shift: float, rail_turn: float
 ) -> Proof:
     """Prove how a blend by arcs meets the surface of one of its rails.
 
@@ -47,9 +48,9 @@ def prove_arc_side(
     return Proof(proof.gap + shift + rail_shift, proof.angle + turn + rail_turn)
 
 
-def _bound_difference(surface: Surface, arc: ArcSection, end: Literal[0, 1]) -> tuple[float, float]:
+def _bound_difference(surface: Surface, arc: ArcSection | TurnedArcs, end: Literal[0, 1]) -> tuple[float, float]:
     """Bound by how much points (mm) and tangent planes (rad) of a spline and of arcs differ along a rail."""
-    net = _build_rational_net(arc)
+    net = arc.build_rational_net() if isinstance(arc, TurnedArcs) else _build_rational_net(arc)
     net = bernstein.elevate_degree(net, surface.degree[0] + 1 - len(net))
     rows = [0, 1] if end == 0 else [2, 1]  # on which points and derivatives at the rail depend
     weight, reach = float(net[:, rows[0], 3].min()), float(np.abs(net[:, :, :3] / net[:, :, 3:]).max())
@@ -57,10 +58,15 @@ def _bound_difference(surface: Surface, arc: ArcSection, end: Literal[0, 1]) -> 
     difference = np.linalg.norm(offset[:, :, :3], axis=2) + np.abs(offset[:, :, 3]) * reach
     along, across = float(difference[:, 0].max()), float(difference.max())
     steps, angles = np.diff(surface.breaks[0]), np.diff(arc.stops)
-    first = arc.surface.jet(arc.map_to_surface(np.zeros(2), np.array([0.0, 1.0])))[:, end]
-    speeds = angles / steps if arc.is_straight else 2 * np.sin(angles / 2) / steps * float(np.linalg.norm(first[1]))
+    if arc.is_straight:
+        speeds = angles / steps
+    elif isinstance(arc, TurnedArcs):
+        speeds = 2 * np.sin(angles / 2) / steps * arc.radius
+    else:
+        first = arc.surface.jet(arc.map_to_surface(np.zeros(2), np.array([0.0, 1.0])))[:, end]
+        speeds = 2 * np.sin(angles / 2) / steps * float(np.linalg.norm(first[1]))
     along_turn = 4 * surface.degree[0] * along / (float((steps * speeds).min()) * weight**2)
-    across_turn = 8 * across / (2 * arc.radius * np.sin(arc.opening / 2) * weight**2)
+    across_turn = 8 * across / (2 * arc.radius * np.sin(arc.least_opening / 2) * weight**2)
     turn = along_turn + across_turn + PROOF_TOLERANCES.closed_form
     largest = reach + float(np.abs(arc.surface.frame.origin).max())
     return along / weight + PROOF_TOLERANCES.point * largest, float(np.arcsin(min(turn, 1.0)))

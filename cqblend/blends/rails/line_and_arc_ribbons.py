@@ -13,11 +13,12 @@ import numpy as np
 
 from cqblend.blends.contacts.contact_solver import ContactSolver
 from cqblend.blends.rails.cornered_spline import CurveMaker, KinkData
+from cqblend.blends.rails.cross_directions import chord_field
 from cqblend.blends.rails.direction_steering import Steering, find_pins
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.rails.ribbon_fit import ContactSamples, Domain, RibbonCurves, RibbonTargets, fit_ribbon
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
-from cqblend.splines import Curve
+from cqblend.splines import Curve, bernstein
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.primary_surface import Primary
 
@@ -82,11 +83,48 @@ def fit_circular_ribbons(
     edge_t, weight = layout.map_parameters(t)
 
     def make_arcs(values: Array, _: KinkData | None) -> Curve:
-        start, middle, end = values[:-4:4], values[2::4], values[4::4]
-        coefs = np.stack([start, 2 * middle - (start + end) / 2, end])
-        return Curve(breaks, coefs.transpose(0, 2, 1), continuity=np.zeros(count - 1, int))
+        return Curve(breaks, _interpolate_pieces(values, 2), continuity=np.zeros(count - 1, int))
 
     return _fit_exact_pair(ContactSamples(primaries, t, solve(edge_t), weight), make_arcs, wanted, size)
+
+
+def _interpolate_pieces(values: Array, degree: int) -> Array:
+    """Return the Bernstein coefficients (degree + 1, k, m) of polynomials through values (4 m + 1, k), at quarters."""
+    nodes = np.arange(0, 5, 4 // degree)
+    points = np.stack([values[k : len(values) - 4 + k : 4] for k in nodes.tolist()])  # (degree + 1, m, k)
+    basis = bernstein.evaluate_basis(degree, 1 - nodes / 4, nodes / 4).T
+    return np.asarray(np.einsum("pq,qmk->pkm", np.linalg.inv(basis), points))
+
+
+def fit_turning_ribbons(
+    primaries: tuple[Primary, Primary], solve: ContactSolver, layout: ArcLayout, wanted: RibbonTargets, size: float
+) -> tuple[Ribbon, Ribbon] | None:
+    """Return ribbons of a ball that turns in place: one rail is a point, the other an arc about an axis of its own.
+
+    Their directions are those of the ball's arcs, which leave the circle obliquely. None if the rails are no such
+    curves to rounding; ``size`` (mm) is the extent of the edge, which that is relative to.
+    """
+    count, breaks = layout.count, layout.breaks
+    t = np.interp(np.arange(4 * count + 1) / 4, np.arange(count + 1), breaks)
+    edge_t, weight = layout.map_parameters(t)
+    samples = ContactSamples(primaries, t, solve(edge_t), weight)
+    smoothness = np.zeros(count - 1, int)
+
+    def make_arcs(values: Array, _: KinkData | None) -> Curve:
+        return Curve(breaks, _interpolate_pieces(values, 2), continuity=smoothness)
+
+    def make_directions(values: Array, _: KinkData | None) -> Curve:
+        return Curve(breaks, _interpolate_pieces(values, 4), continuity=smoothness)
+
+    towards = replace(wanted, fields=(chord_field, chord_field))
+    ribbons = []
+    for side in (0, 1):
+        curves = RibbonCurves(make_arcs, (make_directions,) * max(wanted.orders[side], 1))
+        ribbon, errors = fit_ribbon(samples, side, curves, towards, Steering((), (t[0], t[-1]), False))
+        if errors.position.max() > RAIL_TOLERANCES.projection_residual * size:
+            return None
+        ribbons.append(replace(ribbon, light=True, direction=0.0, length=0.0))
+    return ribbons[0], ribbons[1]
 
 
 def _fit_exact_pair(

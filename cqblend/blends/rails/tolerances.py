@@ -89,6 +89,8 @@ class RailTolerances:
         Differences of parameters up to which they are one station, and one node of a fit: shares of the domain.
     largest_closed_arc, largest_open_arc
         Angle (rad) of the largest piece of a circular rail that is closed, or open.
+    largest_turning_arc
+        The same beside a ball that turns in place, on arcs that may be longer than a quarter of a circle.
     sliver_share
         Breaks nearer to each other than this share of the rail become one.
     fade_fit_share
@@ -150,6 +152,7 @@ class RailTolerances:
     same_node_share: float = 1e-9
     largest_closed_arc: float = np.pi / 2
     largest_open_arc: float = 2 * np.pi / 3
+    largest_turning_arc: float = np.pi / 4
     sliver_share: float = 2e-5
     fade_fit_share: float = 0.02
     fade_length_share: float = 0.1

@@ -17,6 +17,7 @@ from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.hermite_section import Jets
 from cqblend.blends.sections.revolved_section import find_revolved_section
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
+from cqblend.blends.sections.turned_arcs import find_turned_arcs
 from cqblend.errors import UnsupportedError
 from cqblend.splines import Surface
 from cqblend.splines.bernstein import Array
@@ -36,8 +37,20 @@ def blend_by_arcs(ribbons: tuple[Ribbon, Ribbon], radius: float) -> BlendSurface
     """
     if not all(ribbon.light and not ribbon.fades for ribbon in ribbons):
         raise UnsupportedError("the rails are neither straight nor circles about one axis")
+    if any(ribbon.is_point for ribbon in ribbons) and not _have_equal_chords(ribbons):
+        turned = find_turned_arcs(ribbons, radius)
+        return BlendSurface(turned.make_surface(), ribbons, "exact", kind="arc", arc=turned)
     blend = blend_ribbons(ribbons, "exact", np.inf, np.inf, _build_rational_arcs)
     return replace(blend, kind="arc", arc=_find_ball_surface(blend, radius))
+
+
+def _have_equal_chords(ribbons: tuple[Ribbon, Ribbon]) -> bool:
+    """Whether both rails are equally far apart all along."""
+    breaks = ribbons[0].c.breaks
+    t = np.interp(np.arange(2 * len(breaks) - 1) / 2, np.arange(len(breaks)), breaks)
+    first, second = (ribbon.primary.jet(ribbon.find_native_parameters(t))[0] for ribbon in ribbons)
+    chords = measure_lengths(second - first)
+    return bool(np.ptp(chords) <= SECTION_TOLERANCES.arc_deviation * max(np.abs(first).max(), np.abs(second).max()))
 
 
 def _build_rational_arcs(sides: tuple[Jets, Jets]) -> Surface:
@@ -97,7 +110,7 @@ def _find_ball_surface(blend: BlendSurface, radius: float) -> ArcSection:
     arc = _find_first_arc(blend, radius)
     found = _find_cylinder(blend, arc, radius) if blend.surface.degree[0] == 1 else _find_torus(blend, arc, radius)
     s, v = (grid.ravel() for grid in np.meshgrid(np.linspace(0, found.length, 9), np.linspace(0, 1, 5)))
-    points = blend.surface(found.map_to_parameters(s), found.map_to_arc_parameter(v))
+    points = blend.surface(*found.map_to_spline(s, v).T)
     off = np.abs(found.surface.jet(found.map_to_surface(s, v))[0] - points).max()
     if not off <= SECTION_TOLERANCES.arc_deviation * max(radius, float(np.abs(points).max())):
         raise UnsupportedError(f"its sections are off the arcs of one ball by {off:.2g} mm")

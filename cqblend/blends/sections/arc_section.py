@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.angles import locate_on_rational_arcs
+from cqblend.surfaces.angles import locate_on_rational_arcs, measure_rational_arcs
 from cqblend.surfaces.quadrics import Cylinder, Sphere
 from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 
@@ -65,6 +65,11 @@ class ArcSection:
         return float(np.abs(self.across).max())
 
     @property
+    def least_opening(self) -> float:
+        """The least angle of an arc (rad): that of all."""
+        return self.opening
+
+    @property
     def is_mirrored(self) -> bool:
         """Whether (s, v) run around each other in the opposite sense to the surface's own parameters."""
         return bool(self.along[0] * self.across[1] < self.along[1] * self.across[0])
@@ -85,6 +90,17 @@ class ArcSection:
         low, high = self.breaks
         return np.asarray(low + s / self.length * (high - low))
 
-    def map_to_arc_parameter(self, v: Array) -> Array:
-        """Return the parameters (n,) across of the rational spline that is the same surface, at v (n,)."""
-        return locate_on_rational_arcs(v * self.opening, np.array([0.0, self.opening]), np.array([0.0, 1.0]))
+    def map_from_spline(self, t: Array, v: Array) -> Array:
+        """Return s and v, (n, 2), at parameters (n,) of the rational spline that is the same surface."""
+        if self.is_straight:
+            low, high = self.breaks
+            s = (t - low) / (high - low) * self.length
+        else:
+            s = measure_rational_arcs(t, self.stops, self.breaks)
+        across = measure_rational_arcs(v, np.array([0.0, self.opening]), np.array([0.0, 1.0])) / self.opening
+        return np.stack([s, across], axis=-1)
+
+    def map_to_spline(self, s: Array, v: Array) -> Array:
+        """Return the parameters (n, 2) of the rational spline that is the same surface, at s and v, (n,) each."""
+        across = locate_on_rational_arcs(v * self.opening, np.array([0.0, self.opening]), np.array([0.0, 1.0]))
+        return np.stack([self.map_to_parameters(s), across], axis=-1)

@@ -27,6 +27,7 @@ from cqblend.blends.sections.arc_section import ArcSection
 from cqblend.blends.sections.compact_form import compact_jets
 from cqblend.blends.sections.hermite_section import Jets, build_section
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
+from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.errors import DegreeError, GeometryError, InputError
 from cqblend.splines import Curve, Surface
 from cqblend.splines.bernstein import Array
@@ -52,7 +53,7 @@ class BlendSurface:
     ribbons: tuple[Ribbon, Ribbon] = field(repr=False)
     form: Form
     kind: SectionKind = field(default="hermite", kw_only=True)
-    arc: ArcSection | None = field(default=None, kw_only=True)
+    arc: ArcSection | TurnedArcs | None = field(default=None, kw_only=True)
     residual: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:

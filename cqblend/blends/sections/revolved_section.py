@@ -16,7 +16,7 @@ from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
 from cqblend.errors import GeometryError
 from cqblend.splines import Curve, Surface, bernstein
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.angles import locate_on_rational_arcs
+from cqblend.surfaces.angles import locate_on_rational_arcs, measure_rational_arcs
 from cqblend.surfaces.vectors import LocalFrame, cross_product, normalise_vectors
 
 
@@ -58,14 +58,8 @@ class RevolvedSection:
         return self.turn == 2 * np.pi
 
     def map_to_angles(self, t: Array) -> Array:
-        """Return the angles (n,) of the sections at parameters t (n,) of the rails.
-
-        On each arc tan of half the angle is a quotient of linear functions of t.
-        """
-        arc = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.breaks) - 2)
-        half = np.diff(self.angles)[arc] / 2
-        x = (t - self.breaks[arc]) / np.diff(self.breaks)[arc]
-        return np.asarray(self.angles[arc] + 2 * np.arctan2(x * np.sin(half), 1 + x * (np.cos(half) - 1)))
+        """Return the angles (n,) of the sections at parameters t (n,) of the rails."""
+        return measure_rational_arcs(t, self.angles, self.breaks)
 
     def map_to_parameters(self, angles: Array) -> Array:
         """Return the parameters t (n,) of the rails at angles (n,): the inverse of :meth:`map_to_angles`."""

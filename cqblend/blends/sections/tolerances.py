@@ -56,6 +56,8 @@ class SectionTolerances:
         rounding.
     arc_deviation
         Deviation of a blend from arcs of one ball, as a share of its coordinates, that is rounding.
+    longitude_slack
+        Angle (rad) below 0 that is 0 but for rounding, where angles start there.
     revolved_gap, revolved_full_turn
         Gap between the ends of a circular rail, as a share of its size, and difference of its angle from a full turn
         (rad), up to which it is closed.
@@ -82,6 +84,7 @@ class SectionTolerances:
     size_samples: int = 257
     revolved_deviation: float = 1e-12
     arc_deviation: float = 1e-12
+    longitude_slack: float = 1e-6
     revolved_gap: float = 1e-9
     revolved_full_turn: float = 1e-9
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
@@ -25,7 +26,7 @@ from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.selection.unified_faces import ShapeReplacement, UnifiedSolid, unify_faces
 from cqblend.brep.topology import ShapeIndex, find_end_vertices, is_among
 from cqblend.certificate import NothingToBlend, SkippedEdges
-from cqblend.errors import InputError, SelectionError
+from cqblend.errors import InputError, SelectionError, SizeError
 from cqblend.splines.bernstein import Array
 
 
@@ -47,13 +48,14 @@ class Selection:
     """What was picked of a shape: its networks of chains that touch, and the shape in which their joints are.
 
     That is the input but for faces near the joints that have been unified; ``method`` says which. ``skipped`` are
-    picked edges at which there is nothing to blend.
+    picked edges at which there is nothing to blend. ``picks`` finds chains anew when some have been blended.
     """
 
     shape: TopoDS_Shape
     networks: tuple[tuple[FoundChain, ...], ...]
     skipped: tuple[SkippedEdges, ...]
     method: str
+    picks: PickedEdges
 
 
 def select_chains(
@@ -77,7 +79,7 @@ def select_chains(
     SelectionError
         An edge, or the face that is to be side 1, does not belong there, or there is nothing to blend at any of them.
     """
-    picks = _PickedEdges(shape, edges, side1_face, follow=follow)
+    picks = PickedEdges(shape, edges, side1_face, follow=follow)
     chains: list[FoundChain] = []
     nothing_to_blend: list[tuple[int, SelectionError]] = []
     covered: set[int] = set()
@@ -113,11 +115,11 @@ def select_chains(
     )
     networks = tuple(tuple(chains[k] for k in group) for group in groups)
     skipped = tuple(SkippedEdges((n,), error.kind, error.place, str(error)) for n, error in nothing_to_blend)
-    return Selection(picks.shape, networks, skipped, picks.describe_unified_faces())
+    return Selection(picks.shape, networks, skipped, picks.describe_unified_faces(), picks)
 
 
-class _PickedEdges:
-    """The picked edges of a shape, and what has become of them and of their faces by unification."""
+class PickedEdges:
+    """The picked edges of a shape, and what has become of them and of their faces by unification and by blends."""
 
     def __init__(
         self, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], side1_face: TopoDS_Face | None, *, follow: bool
@@ -137,6 +139,7 @@ class _PickedEdges:
         self._side1_numbers = {0 if side1_face is None else self._input.faces.find_number(side1_face)}
         self._replaced_faces: list[tuple[TopoDS_Shape, list[int]]] = []  # new ones, each with the numbers of its parts
         self._replaced_edges: list[tuple[TopoDS_Shape, list[int]]] = []
+        self._corner_edges: list[tuple[TopoDS_Edge, int]] = []  # each with the edge whose blend ends in it
         if side1_face is not None and not any(self._side1_numbers & set(self._list_faces(n)) for n in self.numbers):
             raise SelectionError(f"first= is not one of the faces at edge {numbers[0]}")
 
@@ -148,6 +151,64 @@ class _PickedEdges:
         """Return an edge of the input, or what has replaced it."""
         found = (edge for edge, numbers in reversed(self._replaced_edges) if number in numbers)
         return TopoDS.Edge_s(next(found, self._input.edges[number]))
+
+    def copy(self) -> PickedEdges:
+        """Return the same picks, to record blends of which this one knows nothing."""
+        twin = copy(self)
+        twin._solids, twin._corner_edges = list(self._solids), list(self._corner_edges)
+        twin._replaced_faces, twin._replaced_edges = list(self._replaced_faces), list(self._replaced_edges)
+        return twin
+
+    def record_rewriting(
+        self,
+        index: SolidIndex,
+        solid: TopoDS_Shape,
+        faces: Mapping[int, TopoDS_Face],
+        edges: Mapping[int, Sequence[TopoDS_Edge]],
+    ) -> SolidIndex:
+        """Record that a solid was rewritten: its new faces and the pieces of its edges, by the old ones' numbers."""
+        for kind, replaced, changes in (
+            (index.faces, self._replaced_faces, {number: (face,) for number, face in faces.items()}),
+            (index.edges, self._replaced_edges, edges),
+        ):
+            for number, new in changes.items():
+                numbers = self._find_input_numbers(kind[number])
+                replaced += [(one, numbers) for one in new if numbers and not one.IsSame(kind[number])]
+        rewritten = SolidIndex(solid)
+        self._solids = [one for one in self._solids if one is not index] + [rewritten]
+        return rewritten
+
+    def record_corner(self, edges: Sequence[TopoDS_Edge], number: int) -> None:
+        """Record edges in which the blend of an edge, by its number, ends, and around which others are to go on."""
+        self._corner_edges += [(edge, number) for edge in edges]
+
+    def find_chains_round_corners(self, numbers: Sequence[int]) -> list[FoundChain]:
+        """Return the chains along some edges of the input, as they are now, and around recorded corners.
+
+        Raises
+        ------
+        SelectionError
+            An edge is no joint of two faces any more.
+        SizeError
+            Nothing remains of one.
+        """
+        current = [self._find_current_edge(number) for number in numbers]
+        for number, edge in zip(numbers, current, strict=True):
+            if not any(edge in index.edges for index in self._solids):
+                raise SizeError(
+                    f"nothing remains of edge {number} between the blends at its ends: the size is too large",
+                    kind="too large",
+                    shape=f"edge {number}",
+                )
+        allowed = ShapeIndex.from_shapes([*current, *(edge for edge, _ in self._corner_edges)], TopAbs_EDGE)
+        picked, found, covered = [n for n in numbers if n in self.numbers], list[FoundChain](), set[int]()
+        for number in picked:
+            if number not in covered:
+                chain = self.find_chain(number, allowed.__contains__)
+                own = self.list_picks(chain.edges)
+                covered.update(own)
+                found.append(FoundChain(own, chain.length, chain))
+        return found
 
     def list_picks(self, edges: Sequence[TopoDS_Edge]) -> tuple[int, ...]:
         """Return the numbers of the picked edges that are among some edges, in ascending order."""
@@ -224,8 +285,10 @@ class _PickedEdges:
         """Return the numbers in the input of all edges that some edges are, or have replaced."""
         return [number for edge in edges for number in self._find_input_numbers(edge)]
 
-    def find_chain(self, number: int) -> Chain:
+    def find_chain(self, number: int, may_follow: Callable[[TopoDS_Edge], bool] | None = None) -> Chain:
         """Return the chain through a picked edge, with the sense and sides that its lowest picked edge gives it.
+
+        It goes on along edges for which ``may_follow`` holds; without it, along those that the picks may go on along.
 
         Raises
         ------
@@ -233,7 +296,7 @@ class _PickedEdges:
             It is not a joint of two faces; see :func:`cqblend.brep.selection.chain_building.find_sharp_sides`.
         """
         index, sides = find_sharp_sides(self._solids, self._find_current_edge(number), f"edge {number}")
-        trace = trace_chain(index, sides, self._may_follow)
+        trace = trace_chain(index, sides, may_follow or self._may_follow)
         start_number = self.list_picks([traced.use for traced in trace.edges])[0]
         start = self._find_current_edge(start_number)
         traced = trace.edges[trace.find_position(start)]
@@ -259,7 +322,8 @@ class _PickedEdges:
         self, edges: Sequence[TopoDS_Edge], faces: tuple[TopoDS_Face, TopoDS_Face]
     ) -> tuple[int, tuple[int, int]]:
         """Return the numbers of a cell's edge and faces: of the lowest picked edge in it, else of the lowest edge."""
-        number = min(self.list_picks(edges) or self._list_edge_numbers(edges))
+        at_corner = (number for corner, number in self._corner_edges if is_among(corner, edges))
+        number = min([*(self.list_picks(edges) or self._list_edge_numbers(edges)), *at_corner])
         own = self._list_faces(number)
         first, second = (
             next((n for n in own if n in self._find_input_numbers(face)), self.find_number(face)) for face in faces

@@ -13,6 +13,7 @@ import numpy as np
 from OCP.TopoDS import TopoDS
 
 from cqblend.blends.network.blend_plan import (
+    EdgeRole,
     EdgeUse,
     FacePlan,
     NewEdge,
@@ -236,8 +237,9 @@ class _BridgePlanner:
             first.plan_pcurve(section.make_pcurve(first.domain[1])),
             second.plan_pcurve(section.make_pcurve(second.domain[0])),
         )
-        order = int(self.cells[after].cell.smooth_ends[0])
-        return NewEdge("section", section.curve, section.span, corners, pcurves, order)
+        is_smooth = self.cells[after].cell.smooth_ends[0]
+        role: EdgeRole = "section" if is_smooth else "mitre"
+        return NewEdge(role, section.curve, section.span, corners, pcurves, int(is_smooth))
 
     def _plan_seam(self, corners: tuple[PlannedVertex, PlannedVertex]) -> NewEdge:
         """Plan the seam in which a bridge of one cell meets itself."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cqblend.blends.network.blend_plan import NewEdge, PlannedVertex
+from cqblend.blends.network.blend_plan import EdgeUse, NewEdge, PlannedVertex
 from cqblend.brep.selection.chains import Chain, Junction
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
 from cqblend.brep.shell_editing.strip_end import StripEnd
@@ -61,8 +61,8 @@ def _join_cells(
     for i, crossed in enumerate(junction.crossed):
         faces = (before.joint.sides[i].face, after.joint.sides[i].face)
         trims += [EdgeTrim(before, 1, smooth, junction.vertex, corners[i], faces) for smooth in crossed]
-    vertex = before.keep_vertex(junction.vertex)
+    use, vertex = EdgeUse(edge), before.keep_vertex(junction.vertex)
     return (
-        StripEnd((edge,), corners, (stop, stop), vertex, tuple(trims)),
-        StripEnd((edge,), corners, (start, start), vertex),
+        StripEnd((use,), corners, (stop, stop), vertex, tuple(trims)),
+        StripEnd((use,), corners, (start, start), vertex),
     )

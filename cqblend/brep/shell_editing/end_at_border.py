@@ -61,7 +61,7 @@ def end_at_border(placement: StripPlacement, end: int, border: BorderEnd) -> Str
             trims.append(EdgeTrim(placement, end, free, border.vertex, corner, (side.face,)))
             inner.append(())
     return StripEnd(
-        (edge,),
+        (EdgeUse(edge),),
         corners,
         (float(parameters[0]), float(parameters[1])),
         vertex,

@@ -82,7 +82,7 @@ def end_in_cap(placement: StripPlacement, end: int, t: float) -> StripEnd:
     use = EdgeUse(edge)
     boundary = (use, borders[1].reverse(), borders[0]) if end else (use.reverse(), borders[0].reverse(), borders[1])
     return StripEnd(
-        (edge,),
+        (use,),
         corners,
         cut.rail_parameters,
         foot,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from OCP.BRep import BRep_Tool
 
-from cqblend.blends.network.blend_plan import NewEdge, PlannedPcurve
+from cqblend.blends.network.blend_plan import EdgeUse, NewEdge, PlannedPcurve
 from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.strip_placement import StripPlacement
 from cqblend.brep.topology import locate_vertex
@@ -30,4 +30,5 @@ def end_in_point(placement: StripPlacement, end: int) -> StripEnd:
         raise TopologyError("the edge's vertex is too far from its faces for a blend to end there in a point")
     kept = placement.keep_vertex(vertex)
     across = PlannedPcurve(placement.surface, Curve.bezier([(at, 0.0), (at, 1.0)]))
-    return StripEnd((NewEdge("pole", None, (0.0, 1.0), (kept, kept), (across,)),), (kept, kept), (at, at), kept)
+    pole = NewEdge("pole", None, (0.0, 1.0), (kept, kept), (across,))
+    return StripEnd((EdgeUse(pole),), (kept, kept), (at, at), kept)

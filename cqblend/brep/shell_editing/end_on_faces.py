@@ -116,7 +116,7 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
             kind="too large",
         )
     added = FacePlan(number, added=(EdgeUse(edge, forward=stops_at_vertex),))
-    return StripEnd((edge,), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
+    return StripEnd((EdgeUse(edge),), corners, cut.rail_parameters, placement.keep_vertex(vertex), trims, (added,))
 
 
 def _grows(placement: StripPlacement, end: int, target: SupportFace, cut: StripCut) -> bool:
@@ -220,7 +220,7 @@ def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:
         if crossing.vertex is None
     )
     return StripEnd(
-        edges,
+        tuple(map(EdgeUse, edges)),
         (vertices[0], vertices[-1]),
         (path.pieces[0].cut.rail_parameters[0], path.pieces[-1].cut.rail_parameters[1]),
         placement.keep_vertex(placement.joint.spine.vertices[end]),

@@ -71,7 +71,7 @@ def plan_held_chain(placement: StripPlacement, held: HeldEdge) -> PlannedChain:
     free_path = [EdgeUse(edge) for edge in rail.edges]
     first, second = (held_path, free_path) if held.side == 0 else (free_path, held_path)
     if ends:
-        start, stop = EdgeUse(ends[0].edges[0]), EdgeUse(ends[1].edges[0])
+        (start,), (stop,) = ends[0].path, ends[1].path
     else:
         start = stop = EdgeUse(_plan_seam(placement, held, part.vertices[0]))
     beyond = index.faces.find_number(held.face_beyond)
@@ -154,7 +154,7 @@ def _end_on_face(placement: StripPlacement, held: HeldEdge, end: int) -> StripEn
     is_forward = _starts_at_side_1(between if held.side == 0 else shared[0], target.face, vertex)
     plan = FacePlan(number, {index.edges.find_number(between): ()}, (EdgeUse(edge, forward=is_forward),))
     vertices, parameters = (corners[0], corners[1]), cut.rail_parameters
-    return StripEnd((edge,), vertices, parameters, placement.keep_vertex(vertex), (trim,), (plan,))
+    return StripEnd((EdgeUse(edge),), vertices, parameters, placement.keep_vertex(vertex), (trim,), (plan,))
 
 
 def _starts_at_side_1(edge: TopoDS_Edge, face: TopoDS_Face, vertex: TopoDS_Vertex) -> bool:

@@ -12,22 +12,8 @@ from itertools import chain
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.Geom import (
-    Geom_Circle,
-    Geom_Curve,
-    Geom_CylindricalSurface,
-    Geom_Ellipse,
-    Geom_Line,
-    Geom_Plane,
-    Geom_SphericalSurface,
-    Geom_Surface,
-    Geom_SurfaceOfRevolution,
-    Geom_ToroidalSurface,
-)
-from OCP.Geom2d import Geom2d_Circle, Geom2d_Curve, Geom2d_Ellipse, Geom2d_Line
 from OCP.GeomAbs import GeomAbs_C0, GeomAbs_G1, GeomAbs_G2
 from OCP.GeomAPI import GeomAPI
-from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Ax22d, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape, TopoDS_Vertex
 
@@ -37,8 +23,8 @@ from cqblend.blends.network.blend_plan import (
     FacePlan,
     KeptEdge,
     NewEdge,
+    PatchPlan,
     PlannedEdge,
-    PlannedPcurve,
     PlannedSurface,
     PlannedVertex,
     SolidPlan,
@@ -46,13 +32,11 @@ from cqblend.blends.network.blend_plan import (
     SurfaceGeometry,
     reverse_path,
 )
-from cqblend.blends.network.strip_surface import PlaneCurve, RailCurve
-from cqblend.blends.sections.revolved_section import RevolvedSection
 from cqblend.brep.bodies import replace_body_faces
-from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.measurement.edge_sides import EdgeSide
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.edge_tolerance import EdgeDeviations, raise_edge_tolerances
+from cqblend.brep.shell_editing.planned_geometry import make_curve, make_pcurve, make_pcurves, make_surface
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import (
     BUILDER,
@@ -75,13 +59,6 @@ from cqblend.brep.topology import (
 )
 from cqblend.certificate import NewEdgeKind
 from cqblend.errors import TopologyError
-from cqblend.splines import Surface
-from cqblend.surfaces.circle import Circle, PlanarCircle
-from cqblend.surfaces.ellipse import Ellipse, PlanarEllipse
-from cqblend.surfaces.line import Line
-from cqblend.surfaces.quadrics import Cylinder, Plane
-from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
-from cqblend.surfaces.vectors import LocalFrame
 
 CONTINUITY_FLAGS = (GeomAbs_C0, GeomAbs_G1, GeomAbs_G2)
 """OCCT's flags of an edge, by the order of the continuity across it."""
@@ -118,14 +95,27 @@ class BuiltStrip:
 
 
 @dataclass(frozen=True)
+class BuiltPatch:
+    """A face of a corner in a rewritten solid, and those of its edges that bound no strip, each of one patch only."""
+
+    face: TopoDS_Face
+    plan: PatchPlan
+    edges: tuple[BuiltEdge, ...]
+
+
+@dataclass(frozen=True)
 class ProposedSolid:
-    """A rewritten solid or shell, not yet verified, and its strips in the order of the plan."""
+    """A rewritten solid or shell, not yet verified, and its strips and patches in the order of the plan."""
 
     solid: TopoDS_Shape
     strips: tuple[BuiltStrip, ...]
+    patches: tuple[BuiltPatch, ...]
     tolerance: float  # the largest of an edge that was made or cut (mm)
     free_edges: tuple[TopoDS_Edge, ...]  # new ones in the border of an open shell
     gone_faces: tuple[int, ...]  # consumed between two blends, or swallowed by one
+    removed_faces: tuple[int, ...]  # all faces of the input of which nothing remains
+    rebuilt_faces: Mapping[int, TopoDS_Face]  # by the numbers of those of the input that they replace
+    edge_pieces: Mapping[int, tuple[TopoDS_Edge, ...]]  # what remains of edges of the input that were cut, by number
 
 
 def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
@@ -148,9 +138,13 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         forward = parts.bound_face(strip.surface, boundary)
         blend_faces.append(forward if strip.is_mirrored else TopoDS.Face_s(forward.Reversed()))
         caps.append([parts.bound_face(cap.surface, cap.boundary) for cap in strip.caps])
-    new_faces = [*blend_faces, *chain.from_iterable(caps)]
+    patch_faces = [parts.bound_patch(patch) for patch in plan.patches]
+    new_faces = [*blend_faces, *patch_faces, *chain.from_iterable(caps)]
     deviations = raise_edge_tolerances([*rebuilt.values(), *new_faces], index)
     owners = _list_edge_owners(plan, rebuilt, blend_faces, caps)
+    for patch, face in zip(plan.patches, patch_faces, strict=True):
+        for use in patch.boundary:
+            owners.setdefault(use.edge, []).append(face)
     strips = []
     for strip, blend_face in zip(plan.strips, blend_faces, strict=True):
         first, second = (
@@ -161,7 +155,7 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
         for face, planned, edges in zip((first, second), strip.rails, rails, strict=True):
             for one, edge in zip(planned, edges, strict=True):
                 BUILDER.Continuity(edge, face, blend_face, CONTINUITY_FLAGS[one.order])
-        others = _list_other_edges(strip, blend_face, blend_faces, owners, deviations, parts)
+        others = _list_other_edges(strip, blend_face, [*blend_faces, *patch_faces], owners, deviations, parts)
         geometry = strip.surface.geometry
         poles = [None if edge is None else parts.build_edge(edge) for edge in strip.poles]
         held1, held2 = (any(isinstance(edge, EdgePiece) for edge in side) for side in strip.rails)
@@ -177,11 +171,26 @@ def apply_plan(index: SolidIndex, plan: SolidPlan) -> ProposedSolid:
                 (held1, held2),
             )
         )
+    patches = [
+        BuiltPatch(face, patch, _list_patch_edges(patch, face, owners, deviations, parts))
+        for patch, face in zip(plan.patches, patch_faces, strict=True)
+    ]
     solid = replace_body_faces(index.solid, rebuilt, plan.removed_faces, index.faces, new_faces)
     free = (edge for edge, faces in owners.items() if len(faces) == 1 and isinstance(edge, NewEdge))
     free_edges = tuple(parts.build_edge(edge) for edge in free if edge.role in ("end curve", "cap border"))
     gone = (*plan.consumed_faces, *plan.swallowed_faces)
-    return ProposedSolid(solid, tuple(strips), deviations.largest_tolerance, free_edges, gone)
+    changes = {number: planned for face_plan in plan.faces for number, planned in face_plan.pieces.items()}
+    return ProposedSolid(
+        solid,
+        tuple(strips),
+        tuple(patches),
+        deviations.largest_tolerance,
+        free_edges,
+        gone,
+        removed_faces=plan.removed_faces,
+        rebuilt_faces=rebuilt,
+        edge_pieces={number: parts.list_pieces(number, planned) for number, planned in changes.items()},
+    )
 
 
 def _find_partner(
@@ -222,13 +231,13 @@ def _list_other_edges(
     deviations: EdgeDeviations,
     parts: _PartBuilder,
 ) -> tuple[BuiltEdge, ...]:
-    """Return the edges of a blend face that are no rails, with their sides; sections only of the cell before."""
+    """Return the edges of a blend face that are no rails, with their sides; those between blends only of the first."""
     found = []
     for planned in strip.other_edges:
         if planned.role == "pole":
             continue
         edge, faces = parts.build_edge(planned), owners[planned]
-        if planned.role == "section" and not faces[0].IsSame(blend_face):
+        if planned.role in ("section", "mitre") and not faces[0].IsSame(blend_face):
             continue
         deviation = deviations.get(edge)
         end = next((k for k, edges in enumerate(strip.end_edges) if planned in edges), None)
@@ -239,9 +248,32 @@ def _list_other_edges(
         if first.IsSame(second):
             found.append(BuiltEdge("seam", ((first, edge), (second, reverse_edge(edge))), deviation))
             continue
-        kind: NewEdgeKind = "between" if is_among(second, blend_faces) else "end"
+        between: NewEdgeKind = "mitre" if planned.role == "mitre" else "between"
+        kind = between if is_among(second, blend_faces) else "end"
         BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         found.append(BuiltEdge(kind, ((first, edge), (second, edge)), deviation, end))
+    return tuple(found)
+
+
+def _list_patch_edges(
+    patch: PatchPlan,
+    face: TopoDS_Face,
+    owners: Mapping[PlannedEdge, Sequence[TopoDS_Face]],
+    deviations: EdgeDeviations,
+    parts: _PartBuilder,
+) -> tuple[BuiltEdge, ...]:
+    """Return the edges of a patch beside other patches, of the first of both only, and beside support faces."""
+    found = []
+    for use in patch.boundary:
+        planned, (first, second) = use.edge, owners[use.edge]
+        edge = parts.build_edge(planned)
+        BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
+        if not isinstance(planned, NewEdge) or planned.role not in ("spoke", "corner curve"):
+            continue
+        if planned.role == "spoke" and not first.IsSame(face):
+            continue
+        other = second if first.IsSame(face) else first
+        found.append(BuiltEdge(planned.role, ((face, edge), (other, edge)), deviations.get(edge)))
     return tuple(found)
 
 
@@ -267,7 +299,7 @@ class _PartBuilder:
         if isinstance(face, int):
             return TopoDS.Face_s(orient_forward(self.index.faces[face]))
         if face not in self._faces:
-            self._faces[face] = make_bare_face(_make_surface(face))
+            self._faces[face] = make_bare_face(make_surface(face))
         return self._faces[face]
 
     def build_edge(self, planned: PlannedEdge) -> TopoDS_Edge:
@@ -277,6 +309,14 @@ class _PartBuilder:
                 self._make_new_edge(planned) if isinstance(planned, NewEdge) else self._cut_edge(planned)
             )
         return self._edges[planned]
+
+    def list_pieces(self, number: int, planned: Sequence[PlannedEdge | KeptEdge]) -> tuple[TopoDS_Edge, ...]:
+        """Return what remains of an edge of the input, of all that takes its place."""
+        kept = (one for one in planned if isinstance(one, EdgePiece | KeptEdge) and one.number == number)
+        return tuple(
+            TopoDS.Edge_s(self.index.edges[number]) if isinstance(one, KeptEdge) else self.build_edge(one)
+            for one in kept
+        )
 
     def orient_edge(self, use: EdgeUse) -> TopoDS_Edge:
         """Return an edge as it is used."""
@@ -289,14 +329,20 @@ class _PartBuilder:
         BUILDER.Add(face, make_closed_wire(map(self.orient_edge, boundary)))
         return face
 
+    def bound_patch(self, patch: PatchPlan) -> TopoDS_Face:
+        """Return the face of a corner, as it is oriented in the solid."""
+        if patch.is_inverted:
+            return TopoDS.Face_s(self.bound_face(patch.surface, tuple(reverse_path(patch.boundary))).Reversed())
+        return self.bound_face(patch.surface, patch.boundary)
+
     def _make_new_edge(self, planned: NewEdge) -> TopoDS_Edge:
         first, last = map(self.build_vertex, planned.vertices)
         if planned.curve is None:
             (pcurve,) = planned.pcurves
-            return make_degenerate_edge(self.get_face(pcurve.face), first, _make_pcurve(pcurve.curve), planned.span)
-        edge = make_edge(_make_curve(planned.curve), (first, last), planned.span)
+            return make_degenerate_edge(self.get_face(pcurve.face), first, make_pcurve(pcurve.curve), planned.span)
+        edge = make_edge(make_curve(planned.curve), (first, last), planned.span)
         for pcurve in planned.pcurves:
-            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
+            attach_pcurves(edge, self.get_face(pcurve.face), *make_pcurves(pcurve))
         return edge
 
     def _cut_edge(self, planned: EdgePiece) -> TopoDS_Edge:
@@ -309,69 +355,8 @@ class _PartBuilder:
             plane = BRep_Tool.Surface_s(face)
             attach_pcurves(edge, face, GeomAPI.To2d_s(BRep_Tool.Curve_s(edge, 0.0, 0.0), plane.Pln()))
         for pcurve in planned.pcurves:
-            attach_pcurves(edge, self.get_face(pcurve.face), *_make_pcurves(pcurve))
+            attach_pcurves(edge, self.get_face(pcurve.face), *make_pcurves(pcurve))
         return edge
-
-
-def _make_curve(curve: RailCurve | Ellipse) -> Geom_Curve:
-    """Return a curve as one of OCCT's."""
-    if isinstance(curve, Line):
-        return Geom_Line(gp_Pnt(*curve.origin.tolist()), gp_Dir(*curve.direction.tolist()))
-    if isinstance(curve, Circle | Ellipse):
-        origin, x, _, z = _to_points(curve.frame)
-        position = gp_Ax2(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
-        return (
-            Geom_Circle(position, curve.radius) if isinstance(curve, Circle) else Geom_Ellipse(position, *curve.radii)
-        )
-    return spline_arrays.curve_from_arrays(*curve.to_bspline())
-
-
-def _make_surface(surface: PlannedSurface) -> Geom_Surface:
-    """Return a planned surface as one of OCCT's."""
-    geometry = surface.geometry
-    if isinstance(geometry, Surface):
-        return spline_arrays.surface_from_arrays(*geometry.to_bspline())
-    origin, x, y, z = _to_points(geometry.frame)
-    if isinstance(geometry, RevolvedSection):
-        return Geom_SurfaceOfRevolution(_make_curve(geometry.place_profile(0.0)), gp_Ax1(gp_Pnt(*origin), gp_Dir(*z)))
-    position = gp_Ax3(gp_Pnt(*origin), gp_Dir(*z), gp_Dir(*x))
-    if np.cross(x, y) @ z < 0:
-        position.YReverse()
-    if isinstance(geometry, RevolvedEllipse):
-        return Geom_ToroidalSurface(position, geometry.ellipse[0, 0], geometry.ellipse[1, 0])
-    if isinstance(geometry, Cylinder):
-        return Geom_CylindricalSurface(position, geometry.radius)
-    return Geom_Plane(position) if isinstance(geometry, Plane) else Geom_SphericalSurface(position, geometry.radius)
-
-
-def _to_points(frame: LocalFrame) -> tuple[list[float], ...]:
-    """Return origin and axes of a frame as lists."""
-    return frame.origin.tolist(), *frame.axes.tolist()
-
-
-def _make_pcurves(pcurve: PlannedPcurve) -> list[Geom2d_Curve]:
-    """Return the pcurves of the FORWARD and, at a seam, of the REVERSED use of an edge."""
-    return [_make_pcurve(curve) for curve in (pcurve.curve, pcurve.reversed_curve) if curve is not None]
-
-
-def _make_pcurve(curve: PlaneCurve) -> Geom2d_Curve:
-    """Return a curve in a parameter plane as one of OCCT's: a line where it is one that runs at unit speed."""
-    if isinstance(curve, PlanarCircle | PlanarEllipse):
-        centre, (x, y) = curve.centre.tolist(), curve.axes.tolist()
-        axes = gp_Ax22d(gp_Pnt2d(*centre), gp_Dir2d(*x), gp_Dir2d(*y))
-        if isinstance(curve, PlanarCircle):
-            return Geom2d_Circle(axes, curve.radius)
-        return Geom2d_Ellipse(axes, *curve.radii)
-    degree, knots, poles, weights = curve.to_bspline()
-    if degree == 1 and len(poles) == 2 and weights is None:
-        (low, high), step = curve.domain, poles[1] - poles[0]
-        slack = SHELL_EDIT_TOLERANCES.unit_speed * (np.abs(poles).max(axis=0) + high - low)
-        direction = np.where(np.abs(step) <= slack, 0.0, step)
-        length = float(np.linalg.norm(direction))
-        if abs(length - (high - low)) <= slack.max():
-            direction /= length
-            return Geom2d_Line(gp_Pnt2d(*(poles[0] - low * direction).tolist()), gp_Dir2d(*direction.tolist()))
-    return spline_arrays.curve2d_from_arrays(degree, knots, poles, weights)
 
 
 def _rebuild_face(plan: FacePlan, parts: _PartBuilder) -> TopoDS_Face:

@@ -22,6 +22,7 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.blends.rails.ribbon import dehomogenise_jets
+from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.shell_editing.realigned_spheres import plan_sphere_boundary
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
 from cqblend.brep.shell_editing.strip_placement import PlacedStrip, StripPlacement
@@ -147,12 +148,7 @@ def plan_rail_edge(
 ) -> NewEdge:
     """Plan the edge of rail ``i`` over a span of t, with pcurves on the support face and on the blend face."""
     side, curve = placement.sides[i], placement.get_rail_pcurve(i)
-    middle = curve(np.array([sum(span) / 2]))[0]
-    shift = np.zeros(2)
-    for axis, period in enumerate(side.face_primary.periods):
-        if period is not None:
-            periods = np.floor((middle[axis] - side.bounds[axis, 0]) / period + SHELL_EDIT_TOLERANCES.rail_end_at_seam)
-            shift[axis] = -period * periods
+    shift = find_window_shift(side, curve(np.array([sum(span) / 2]))[0])
     if isinstance(curve, Curve):
         curve = curve if span == placement.domain else curve.clip(*span)
         curve = curve + shift if shift.any() else curve
@@ -162,6 +158,16 @@ def plan_rail_edge(
     )
     order = placement.blend.ribbons[i].order
     return NewEdge("rail", placement.rail_curves[i], span, vertices, pcurves, min(order, 2))
+
+
+def find_window_shift(side: SupportFace, uv: Array) -> Array:
+    """Return the whole periods (2,) by which a point's own parameters (2,) are to be shifted into a face's window."""
+    shift = np.zeros(2)
+    for axis, period in enumerate(side.face_primary.periods):
+        if period is not None:
+            periods = np.floor((uv[axis] - side.bounds[axis, 0]) / period + SHELL_EDIT_TOLERANCES.rail_end_at_seam)
+            shift[axis] = -period * periods
+    return shift
 
 
 def find_seam_crossings(placement: PlacedStrip, i: int) -> Array:

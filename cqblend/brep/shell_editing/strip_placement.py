@@ -12,9 +12,11 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 from cqblend.blends.network.arc_strip import ArcStrip
 from cqblend.blends.network.blend_plan import PlannedPcurve, PlannedSurface, PlannedVertex
 from cqblend.blends.network.strip_surface import RailCurve, RevolvedStrip, SplineStrip, StripSurface
+from cqblend.blends.network.turned_strip import TurnedStrip
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.blends.sections.revolved_section import find_revolved_section
+from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.brep.conversion.analytic_pcurves import find_analytic_pcurve, find_circular_pcurve
 from cqblend.brep.conversion.support_face import SupportFace, build_rail_pcurve
 from cqblend.brep.selection.joint import Joint
@@ -159,10 +161,10 @@ def place_between(
 
 def _describe_strip(
     blend: BlendSurface, sides: tuple[SupportFace, SupportFace]
-) -> tuple[SplineStrip | RevolvedStrip | ArcStrip, RailPcurves]:
+) -> tuple[SplineStrip | RevolvedStrip | ArcStrip | TurnedStrip, RailPcurves]:
     """Return the surface of a strip and its rails on the support faces, around an axis if all of it is so."""
     if blend.arc is not None:
-        strip = ArcStrip(blend.arc)
+        strip = TurnedStrip(blend.arc) if isinstance(blend.arc, TurnedArcs) else ArcStrip(blend.arc)
         one, other = (
             None
             if ribbon.is_point

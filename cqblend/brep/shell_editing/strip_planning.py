@@ -5,15 +5,17 @@ the place of the blended edge in their wires. The blend face goes in on the same
 seams: rail and seam are split there. An open blend ends, at each end, on the face across the edge or in a flat cap: the
 end curve is solved point by point.
 
-The cells of a chain are planned together (:func:`plan_chain`): consecutive ones share an edge. All chains are then
-put together (:func:`merge_chains`): seams and neighbour edges that several of them cut are cut once, for all of them.
+The chains of a network are planned together (:func:`plan_network`), from their placed strips: first its *nodes*, at
+which the strips end, each for all the chains that meet there (:mod:`cqblend.brep.shell_editing.corner_ends`), then the
+cells between two nodes, of which consecutive ones share an edge. All chains are then put together
+(:func:`merge_chains`): seams and neighbour edges that several of them cut are cut once, for all of them.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from OCP.TopoDS import TopoDS_Vertex
@@ -23,15 +25,18 @@ from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
     NewEdge,
+    PatchPlan,
     PlannedVertex,
     SolidPlan,
     StripPlan,
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_chain
+from cqblend.brep.shell_editing.corner_ends import plan_corner
 from cqblend.brep.shell_editing.end_at_border import end_at_border
 from cqblend.brep.shell_editing.end_cap import end_in_cap, plan_edge_remainders
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -41,7 +46,7 @@ from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
-from cqblend.brep.shell_editing.strip_end import RailsTooShortError, StripEnd
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, RailsTooShortError, StripEnd, StripsTooShortError
 from cqblend.brep.shell_editing.strip_placement import CapStations, StripPlacement
 from cqblend.brep.topology import find_end_vertices, is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError
@@ -52,7 +57,8 @@ class PlannedChain:
     """The strips of one chain as planned for themselves: what they do to faces, and what they share with other chains.
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
-    ``cut_faces`` has as they are if there is no other chain.
+    ``cut_faces`` has as they are if there is no other chain. ``patches`` are faces of corners that it ends at: a
+    corner's are those of one of its chains.
     """
 
     strips: tuple[StripPlan, ...]
@@ -60,6 +66,7 @@ class PlannedChain:
     edge_trims: tuple[EdgeTrim, ...]
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
+    patches: tuple[PatchPlan, ...] = ()
 
     @property
     def cut_edges(self) -> frozenset[int]:
@@ -76,34 +83,137 @@ class ChainConflictError(CqblendError):
         self.cause = cause
 
 
-def plan_chain(placements: Sequence[StripPlacement], chain: Chain, caps: CapStations) -> PlannedChain:
-    """Plan to put the strips of a chain, one for each of its cells, in the place of its edges.
+@dataclass(frozen=True)
+class PlacedChain:
+    """A chain with its strips placed, one for each of its cells.
 
-    An open chain ends in flat caps at the given t of its first and its last cell, or naturally (None).
+    If open, it ends in flat caps at the given t of its first and its last cell, at a corner, or naturally (None).
+    """
+
+    chain: Chain
+    placements: Sequence[StripPlacement]
+    caps: CapStations = (None, None)
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The range that its strips reach over, from a t of the first cell to one of the last."""
+        low, high = (self.to_rail_parameter(end, self.placements[-end].domain[end]) for end in (0, 1))
+        return low, high
+
+    def to_rail_parameter(self, end: int, s: float) -> float:
+        """Return the t of the first cell (``end`` 0) or of the last (1) at the parameter s of its strip."""
+        return float(self.placements[-end].strip.to_rail_parameters(np.array([s]))[0])
+
+    def get_end(self, end: int) -> PlacedEnd:
+        """Return its start (0) or its stop (1)."""
+        return PlacedEnd(self.placements[-end], end)
+
+
+class FaultyChainError(CqblendError):
+    """One chain of a network, by its index, cannot be planned: ``cause`` is why."""
+
+    def __init__(self, chain: int, cause: CqblendError) -> None:
+        super().__init__(str(cause), kind=cause.kind)
+        self.chain = chain
+        self.cause = cause
+
+
+class ShortChainsError(CqblendError):
+    """Chains of a network, by their indices, must be made over longer ranges: see :class:`RailsTooShortError`."""
+
+    def __init__(self, needed: Mapping[int, tuple[float, float]]) -> None:
+        super().__init__(f"{len(needed)} chains are too short for what they end on")
+        self.needed_domains = needed
+
+
+def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] = ()) -> list[PlannedChain]:
+    """Plan to put the strips of all chains of a network in the place of their edges.
+
+    Where ends of chains meet in ``corners``, they are planned together; each other end for itself.
 
     Raises
     ------
-    RailsTooShortError
-        If the blend must reach further than its rails.
-    BlendEndError
-        If it cannot end so at one end.
+    ShortChainsError
+        If chains must reach further than their rails.
+    FaultyChainError
+        If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
+        its rails do not fit on the support faces.
+    """
+    ends, patches = _plan_corners(chains, corners)
+    short: dict[int, tuple[float, float]] = {}
+    for k, placed in enumerate(chains):
+        if placed.chain.closed:
+            continue
+        try:
+            low, high = (ends.get(ChainEnd(k, end)) or _plan_end(placed, end) for end in (0, 1))
+            check_reach(placed.placements, (low, high))
+        except RailsTooShortError as error:
+            short[k] = error.needed_domain
+        except CqblendError as error:
+            raise FaultyChainError(k, error) from error
+        else:
+            ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)] = low, high
+    if short:
+        raise ShortChainsError(short)
+    planned = []
+    for k, placed in enumerate(chains):
+        try:
+            outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
+            planned.append(replace(_plan_chain(placed, outer), patches=tuple(patches.get(k, ()))))
+        except CqblendError as error:
+            raise FaultyChainError(k, error) from error
+    return planned
+
+
+def _plan_corners(
+    chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]
+) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]]]:
+    """Return what the ends of chains that meet in corners end in, and the faces of corners, by their first chain."""
+    ends: dict[ChainEnd, StripEnd] = {}
+    patches: dict[int, list[PatchPlan]] = {}
+    short: dict[int, tuple[float, float]] = {}
+    for corner in corners:
+        try:
+            plan = plan_corner(corner, [chains[one.chain].get_end(one.end) for one in corner.ends])
+        except StripsTooShortError as error:
+            for one, s in zip(corner.ends, error.needed, strict=True):
+                placed = chains[one.chain]
+                low, high = short.get(one.chain, placed.domain)
+                t = placed.to_rail_parameter(one.end, s)
+                short[one.chain] = (low, max(high, t)) if one.end else (min(low, t), high)
+            continue
+        except CqblendError as error:
+            first = corner.ends[0]
+            raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
+        ends.update(zip(corner.ends, plan.ends, strict=True))
+        patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+    if short:
+        raise ShortChainsError(short)
+    return ends, patches
+
+
+def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
+    """Plan the strips of a chain between its two ends, which a closed one has not.
+
+    Raises
+    ------
     SizeError, TopologyError, GeometryError
         If the rails do not fit on the support faces.
     """
+    placements, chain = placed.placements, placed.chain
     if chain.closed and not chain.junctions:
         (placement,) = placements
         return _finish_chain(placement.index, [_plan_ring(placement)])
     joined = join_chain(placements, chain)
     starts, stops = [pair[1] for pair in joined], [pair[0] for pair in joined]
-    if chain.closed:
+    if outer is None:
         starts = [starts[-1], *starts[:-1]]
     else:
-        low, high = _plan_end(placements[0], 0, caps[0]), _plan_end(placements[-1], 1, caps[1])
-        check_reach(placements, (low, high))
+        low, high = outer
         _require_apart(low, high)
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
-    cell_caps[0][0], cell_caps[-1][1] = caps
+    cell_caps[0][0], cell_caps[-1][1] = placed.caps
     return _finish_chain(
         placements[0].index,
         [
@@ -182,9 +292,9 @@ def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps:
     first, second = rails
     boundary = (
         *map(EdgeUse, first.edges),
-        *map(EdgeUse, high.edges),
+        *high.path,
         *reverse_path([EdgeUse(edge) for edge in second.edges]),
-        *reverse_path([EdgeUse(edge) for edge in low.edges]),
+        *reverse_path(low.path),
     )
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ends), (first, second), ends)
 
@@ -275,7 +385,10 @@ def merge_chains(index: SolidIndex, chains: Sequence[PlannedChain]) -> SolidPlan
     except TopologyError as error:
         raise ChainConflictError(range(len(chains)), error) from error
     return SolidPlan(
-        tuple(strip for chain in chains for strip in chain.strips), faces, consumed_faces=tuple(sorted(shared.consumed))
+        tuple(strip for chain in chains for strip in chain.strips),
+        faces,
+        consumed_faces=tuple(sorted(shared.consumed)),
+        patches=tuple(patch for chain in chains for patch in chain.patches),
     )
 
 
@@ -288,6 +401,7 @@ def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidInde
         tuple(map(shared.replace_trim, chain.edge_trims)),
         tuple(map(shared.replace_crossings, crossings)),
         tuple(map(shared.replace_face, chain.cut_faces)),
+        chain.patches,
     )
 
 
@@ -337,8 +451,9 @@ def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 
-def _plan_end(placement: StripPlacement, end: int, cap: float | None) -> StripEnd:
-    """End the blend: in a flat cap at t = ``cap``, in a point, on the face across the edge, or in the border."""
+def _plan_end(placed: PlacedChain, end: int) -> StripEnd:
+    """End a chain: in a flat cap, in a point, on the faces across the edge, or in the border."""
+    placement, cap = placed.placements[-end], placed.caps[end]
     try:
         if cap is not None:
             return end_in_cap(placement, end, cap)

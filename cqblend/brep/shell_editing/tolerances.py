@@ -86,6 +86,18 @@ class ShellEditTolerances:
     refit_deviation: float = 1e-6
     """mm: a pcurve whose image is further than this from the edge's curve is fitted again."""
 
+    equal_depth: float = 1e-6
+    """mm: the strips of a mitre whose rails arrive at the sharp edge this near to each other are equally deep."""
+
+    at_mitre: float = 1e-7
+    """mm: rails on one face cross where they are this near to each other."""
+
+    longest_overrun: float = 50.0
+    """Relative to the width of a strip: how far past its end, at most, its rail is looked for that crosses another."""
+
+    mitre_start_samples: int = 33
+    """Number of points across a strip among which the first guess is looked for of where a mitre arrives at a wall."""
+
     shared_rail_samples: int = 17
     """Points at which two rails are compared that may be one."""
 
@@ -109,6 +121,22 @@ class ShellEditTolerances:
 
     clearance_samples: int = 65
     """Points of an edge or a rail by which their distances are measured for messages."""
+
+    resting_ball: float = 1e-12
+    """Relative to the radius, or to the largest coordinate: by how much places in which a ball would have to be, to
+    touch all faces of a corner, may differ."""
+
+    least_ball_side: float = 0.05
+    """Length of the mean direction from a resting ball's centre to its contacts, from which on they are on one side."""
+
+    ball_axes: int = 12
+    """Directions that are tried for the axis of a sphere."""
+
+    ball_arc_spans: int = 4
+    """Spans from which on an arc is fitted in the parameters of a sphere."""
+
+    ball_arc_fit: float = 1e-12
+    """rad: largest error of that fit."""
 
     foot_count: int = 257
     """Number of points of an edge that are projected to a face to fit its pcurve again."""

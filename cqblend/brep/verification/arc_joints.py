@@ -13,8 +13,9 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 from cqblend.blends.quality.arc_proof import prove_arc_side
 from cqblend.blends.quality.smoothness_proof import Proof
 from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
-from cqblend.blends.sections.arc_section import ArcSection
+from cqblend.blends.sections.arc_section import ArcSection, BallSurface
 from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
 from cqblend.brep.measurement.pole_contact import measure_pole_contact
@@ -26,15 +27,17 @@ from cqblend.surfaces.revolved_surfaces import RevolvedEllipse
 from cqblend.surfaces.vectors import cross_product, measure_lengths
 
 
-def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> Proof:
+def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection | TurnedArcs) -> Proof:
     """Prove how a blend face on the surface of a ball's arcs meets both of its support faces, along all its rails.
 
     ``arc`` is that surface as it was planned.
     """
-    surface = read_support_face(strip.blend_face, arc.surface.jet(arc.start[None])[0]).face_primary
+    surface = read_support_face(
+        strip.blend_face, arc.surface.jet(arc.map_to_surface(np.zeros(1), np.full(1, 0.5)))[0]
+    ).face_primary
     if not isinstance(surface, Cylinder | Sphere | RevolvedEllipse):
         raise TypeError(f"a blend by arcs is no {type(surface).__name__}")
-    built = replace(arc, surface=surface)
+    built = _put_on_surface(arc, surface)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
         face, edges, pole = strip.trimmed_faces[end], strip.rail_edges[end], strip.poles[end]
@@ -50,9 +53,18 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection) -> 
     return prove_rail(0) | prove_rail(1)
 
 
+def _put_on_surface(arc: ArcSection | TurnedArcs, surface: BallSurface) -> ArcSection | TurnedArcs:
+    """Return the same arcs on a surface that differs from theirs by rounding."""
+    if isinstance(arc, ArcSection):
+        return replace(arc, surface=surface)
+    if not isinstance(surface, Sphere):
+        raise TypeError(f"arcs of a ball that turns in place are on no {type(surface).__name__}")
+    return replace(arc, surface=surface)
+
+
 def _measure_rail(
     blend: BlendSurface,
-    arc: ArcSection,
+    arc: ArcSection | TurnedArcs,
     end: Literal[0, 1],
     faces: tuple[TopoDS_Face, TopoDS_Face],
     edge: TopoDS_Edge,

@@ -191,7 +191,7 @@ def _measure_bending_energy(blend: BlendSurface, strip: BuiltStrip | None) -> fl
     outline, arc = sample_outline(strip.blend_face), blend.arc
     if arc is not None:
         s, v = arc.map_from_surface(outline.reshape(-1, 2))
-        outline = np.stack([arc.map_to_parameters(s), arc.map_to_arc_parameter(v)], axis=-1).reshape(outline.shape)
+        outline = arc.map_to_spline(s, v).reshape(outline.shape)
     elif isinstance(strip.geometry, RevolvedSection):
         outline[..., 0] = strip.geometry.map_to_parameters(outline[..., 0].ravel()).reshape(outline.shape[:2])
     return bending_energy(blend.surface, outline)

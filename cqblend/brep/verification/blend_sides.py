@@ -38,18 +38,21 @@ _START_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Shares of the range of an edge at which feet of points are looked for first."""
 
 
-def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> list[ReplacementProblem]:
+def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool | None]) -> list[ReplacementProblem]:
     """Return a problem for all new faces where the volume changed in the wrong direction.
 
     Where all points of a new face that are looked at lie on the wanted side of the old solid, it is taken to be right;
     of the others the change of volume is measured, together with that of new faces that changed the same wires. If
-    these are to change it in different directions, nothing can be said. A shell has no volume: there, all points must
-    lie so. ``grows`` tells whether material is to be added, by all new faces or by each.
+    these are to change it in different directions, or it is not known of one, nothing can be said. A shell has no
+    volume: there, all points must lie so. ``grows`` tells whether material is to be added, by all new faces or by each,
+    None of one of which that is not known.
     """
     everything = tuple(range(len(replaced.new_faces)))
     wanted = [grows] * len(everything) if isinstance(grows, bool) else list(grows)
     faces = zip(replaced.new_faces, wanted, strict=True)
-    doubtful = [i for i, (face, grow) in enumerate(faces) if not _is_on_wanted_side(replaced, face, grow)]
+    doubtful = [
+        i for i, (face, grow) in enumerate(faces) if grow is not None and not _is_on_wanted_side(replaced, face, grow)
+    ]
     if everything and not doubtful:
         return []
     if not replaced.bounds_solid:
@@ -67,7 +70,8 @@ def find_wrong_sides(replaced: ReplacedFaces, grows: bool | Sequence[bool]) -> l
     problems = []
     for between, together in groups:
         directions = {wanted[i] for i in together} if together else {grows}
-        line = _check_volume_change(between, directions == {True}) if len(directions) == 1 else None
+        is_known = len(directions) == 1 and None not in directions
+        line = _check_volume_change(between, directions == {True}) if is_known else None
         if line:
             shapes = tuple(replaced.new_faces[i] for i in together)
             problems.append(ReplacementProblem(line, Check.VOLUME, together, shapes))

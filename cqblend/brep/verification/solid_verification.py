@@ -197,7 +197,7 @@ def check_solid(
     after: TopoDS_Shape,
     new_faces: Sequence[TopoDS_Face],
     *,
-    grows: bool | Sequence[bool] | None = None,
+    grows: bool | Sequence[bool | None] | None = None,
     tolerance: float = 1e-5,
     index_before: ShapeIndex | None = None,
     free_edges: Sequence[TopoDS_Edge] = (),
@@ -215,7 +215,7 @@ def check_solid(
         The solids, or shells. What ``after`` took over from ``before`` must be the same topological objects.
     new_faces : sequence of TopoDS_Face
         The faces that were added, the blends: of all blended edges at once.
-    grows : bool or sequence of bool, optional
+    grows : bool or sequence of bool or None, optional
         Whether material was added (concave edges) or removed, by all new faces or by each; None if that is not known.
     tolerance : float
         Largest tolerance in mm that a new edge or vertex may have.

@@ -188,6 +188,35 @@ def test_without_ends_the_energy_leaves_other_conditions_natural(name, basis):
     assert errors[1] < errors[0] / 10
 
 
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+@pytest.mark.parametrize("name", ["2, Laplace", "4, double", "4, beam"])
+def test_spans_and_terms_are_as_many_as_the_tolerance_takes(name, tolerance):
+    """Against the sine series, away from the sides only, where that converges."""
+    equation, waves = SYMBOLS[name], open_waves()
+    v = np.linspace(0.2, 0.8, 7)
+    blend = blend_of(waves, [equation] * 3, OPEN, tolerance=tolerance)
+    wanted = simply_supported(waves, equation, ALONG, v, count=60)
+    assert np.abs(blend.solution(ALONG[:, None], v) - wanted).max() <= tolerance
+    assert np.abs(blend.surface(ALONG[:, None], v) - wanted).max() <= 2 * tolerance
+    assert blend.solution.change <= tolerance
+
+
+def test_a_larger_tolerance_takes_fewer_unknowns():
+    counts = []
+    for tolerance in (1e-2, 1e-3, 1e-4):
+        solution = blend_of(open_waves(), [SYMBOLS["4, double"]] * 3, OPEN, tolerance=tolerance).solution
+        counts.append(solution.terms * solution.basis.count)
+    assert counts[0] < counts[1] < counts[2] / 2
+
+
+def test_what_is_asked_for_is_not_refined():
+    data = open_waves(), [SYMBOLS["4, double"]] * 3, OPEN
+    solution = blend_of(*data, terms=5, modes=9, tolerance=1e-3).solution
+    assert (solution.terms, solution.basis.spans, solution.change) == (5, 9, 0.0)
+    assert blend_of(*data, terms=5, tolerance=1e-3).solution.terms == 5
+    assert blend_of(*data, modes=9, tolerance=1e-3).solution.basis.spans == 9
+
+
 @pytest.mark.parametrize(
     "name",
     ["2, Laplace", "4, double", "4, complex", "4, distinct", "4, beam", "6, triple", "6, complex", "6, distinct"],

@@ -16,7 +16,7 @@ from cqblend.brep.shell_editing.strip_planning import ChainConflictError, _merge
 from cqblend.brep.topology import ShapeIndex
 from cqblend.errors import TopologyError
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.chain_draft import ChainDrafts
+from cqblend.solid_blends.network_draft import NetworkDrafts
 from cqblend.solid_blends.section_methods import choose_section_method
 from cqblend.solid_blends.strip_context import StripContext
 
@@ -26,7 +26,7 @@ def plan(body: cq.Shape, edges, radius: float):
     selection = select_chains(body.wrapped, [edge.wrapped for edge in edges], None, None, follow=False)
     chains = [network[0].chain for network in selection.networks]
     contexts = [ChainContext(one, tuple(StripContext(cell, method) for cell in one.cells)) for one in chains]
-    drafts = [ChainDrafts(context).make_first() for context in contexts]
+    drafts = [draft for context in contexts for draft in NetworkDrafts([context]).make_first()]
     index = drafts[0].context.index
     return index, merge_chains(index, [draft.planned for draft in drafts])
 

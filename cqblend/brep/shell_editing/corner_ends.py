@@ -1,0 +1,46 @@
+"""Corners of a network: where the ends of several chains meet, and end in what they have in common there.
+
+A corner is a node of the network, planned from the placed strips of all its chains at once, after every strip has been
+made and before the cells between two nodes are planned. For each way to put a corner together there is one function
+from the ends that meet to a :class:`CornerPlan`: what each of them ends in. Edges that two share are one object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from cqblend.brep.selection.blend_corners import BlendCorner, CornerMethod
+from cqblend.brep.shell_editing.ball_corner import rest_ball
+from cqblend.brep.shell_editing.corner_patches import CornerPlan, patch_crossing_rails, patch_set_back_ends
+from cqblend.brep.shell_editing.mitred_ends import mitre_ends
+from cqblend.brep.shell_editing.strip_end import PlacedEnd
+
+
+def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan a corner by its method, from the ends that meet there, counter-clockwise seen from outside of the solid.
+
+    The ends may lie past those of the strips as they are: the rails must then be made longer.
+
+    Raises
+    ------
+    StripsTooShortError
+        If the strips must reach further to meet.
+    SizeError, TopologyError, GeometryError
+        If the strips do not meet there as the method has it.
+    """
+    if corner.method == "setback":
+        return patch_set_back_ends(ends, corner.setbacks or (None,) * len(ends))
+    return _PLANNERS[corner.method](ends)
+
+
+def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan two strips that end in each other."""
+    first, second = ends
+    return CornerPlan(mitre_ends(first, second))
+
+
+_PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {
+    "ball": rest_ball,
+    "cross": patch_crossing_rails,
+    "mitre": _plan_mitre,
+}

@@ -1,0 +1,213 @@
+"""Drafts of a network: the strips of all its chains made, placed and planned together, with the ends that can be built.
+
+Strips are made over ranges that are long enough for what they end on, which is known when they are placed: what is too
+short is made longer. Corners, where ends of chains meet, are planned from the strips of all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from cqblend.blends.sections.blend_surface import BlendSurface
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
+from cqblend.brep.selection.joint import Joint
+from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.strip_placement import StripPlacement, place_strip
+from cqblend.brep.shell_editing.strip_planning import FaultyChainError, PlacedChain, ShortChainsError, plan_network
+from cqblend.brep.topology import is_among
+from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
+from cqblend.solid_blends.chain_context import ChainContext
+from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend, lengthen_domain
+from cqblend.solid_blends.end_plan import EndAttempts, EndMethod
+from cqblend.solid_blends.size_feasibility import check_chain_size
+from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
+
+
+@dataclass(frozen=True)
+class _MadeStrips:
+    """The blends of the cells of a chain, and where they go."""
+
+    blends: tuple[BlendSurface, ...]
+    placements: tuple[StripPlacement, ...]
+
+
+class NetworkDrafts:
+    """The drafts of a network's chains, one set after the other: the next one is made if the one before fails.
+
+    ``corners`` are where ends of the chains meet; ``natural_ends`` are natural, whatever was asked for.
+    """
+
+    def __init__(
+        self,
+        chains: Sequence[ChainContext],
+        corners: Sequence[BlendCorner] = (),
+        natural_ends: Sequence[ChainEnd] = (),
+    ) -> None:
+        self.chains = tuple(chains)
+        self.corners = tuple(corners)
+        methods: dict[ChainEnd, EndMethod] = {end: corner.method for corner in corners for end in corner.ends}
+        methods |= dict.fromkeys(natural_ends, "natural")
+        self._trials = [
+            EndTrials(context, (methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))))
+            for k, context in enumerate(chains)
+        ]
+        self._made: dict[tuple[int, tuple[float, float], bool], _MadeStrips] = {}
+        self._without_arcs: set[int] = set()
+
+    @property
+    def attempts(self) -> tuple[EndAttempts, ...]:
+        """Which ends of each chain were tried."""
+        return tuple(trials.attempts for trials in self._trials)
+
+    def make_first(self) -> tuple[ChainDraft, ...]:
+        """Return the first draft of every chain.
+
+        Raises
+        ------
+        CqblendError
+            Why there is none.
+        """
+        for context in self.chains:
+            check_chain_size(context)
+        for k in range(len(self.chains)):
+            self._advance(k, None)
+        return self._make_drafts()
+
+    def make_next(self, failure: CqblendError) -> tuple[ChainDraft, ...]:
+        """Return the next drafts, after those before turned out to fail.
+
+        Raises
+        ------
+        CqblendError
+            If there are none: the first failure.
+        """
+        ended: list[CqblendError] = []
+        for k in range(len(self.chains)):
+            try:
+                self._advance(k, failure)
+            except CqblendError as error:
+                ended.append(error)
+        if len(ended) == len(self.chains):
+            raise ended[0]
+        return self._make_drafts()
+
+    def _advance(self, k: int, failure: CqblendError | None) -> None:
+        """Take the next ends of a chain."""
+        try:
+            self._trials[k].advance(failure)
+        except CqblendError as error:
+            raise self._name_chain(k, error) from error
+
+    def _name_chain(self, k: int, error: CqblendError) -> CqblendError:
+        """Return an error that names the chain that it is about, if there are several."""
+        named = error.shape or len(self.chains) == 1
+        return error if named else error.with_details(shape=self.chains[k].name)
+
+    def _make_drafts(self) -> tuple[ChainDraft, ...]:
+        """Return drafts with the present ends, or with the next ones that can be built."""
+        while True:
+            try:
+                return self._draft_present_ends()
+            except FaultyChainError as fault:
+                if not isinstance(fault.cause, BlendEndError | SizeError | TopologyError | VerificationError):
+                    raise self._name_chain(fault.chain, fault.cause) from fault
+                self._advance(fault.chain, fault.cause)
+
+    def _draft_present_ends(self) -> tuple[ChainDraft, ...]:
+        """Return drafts with the present ends of all chains.
+
+        Raises
+        ------
+        FaultyChainError
+            Because of which chain there are none.
+        """
+        plans = [trials.plan for trials in self._trials]
+        domains = [(0.0, 1.0) if plan is None else plan.rail_range for plan in plans]
+        short_ends: dict[int, int] = {}
+        for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
+            made = self._make_all_strips(domains, short_ends)
+            placed = [
+                PlacedChain(context.chain, strips.placements, (None, None) if plan is None else plan.cap_stations)
+                for context, strips, plan in zip(self.chains, made, plans, strict=True)
+            ]
+            try:
+                planned = plan_network(placed, self.corners)
+            except ShortChainsError as short:
+                for k, needed in short.needed_domains.items():
+                    short_ends[k] = 0 if needed[0] < domains[k][0] else 1
+                    domains[k] = lengthen_domain(domains[k], needed)
+                continue
+            return tuple(
+                ChainDraft(context, strips.blends, one, plan)
+                for context, strips, one, plan in zip(self.chains, made, planned, plans, strict=True)
+            )
+        k, end = next(iter(short_ends.items()))
+        nothing = TopologyError("the blend runs on beside the faces there without ever meeting them")
+        raise FaultyChainError(k, BlendEndError(end, nothing))
+
+    def _make_all_strips(
+        self, domains: Sequence[tuple[float, float]], short_ends: Mapping[int, int]
+    ) -> list[_MadeStrips]:
+        """Return the strips of all chains, with sections of one kind where two of them nearly go on in each other.
+
+        There, arcs of a ball and other sections that differ from them by little would not meet in one curve.
+        """
+        while True:
+            made = [self._make_strips(k, domain, short_ends.get(k)) for k, domain in enumerate(domains)]
+            are_arcs = [all(blend.arc is not None for blend in strips.blends) for strips in made]
+            unlike = {
+                chain
+                for pair in self._continued_pairs
+                if len({are_arcs[k] for k in pair}) > 1
+                for chain in pair
+                if are_arcs[chain]
+            }
+            if not unlike:
+                return made
+            self._without_arcs |= unlike
+
+    @cached_property
+    def _continued_pairs(self) -> list[tuple[int, int]]:
+        """The chains that meet in each mitre at which their edges nearly go on in each other."""
+        pairs = []
+        for corner in self.corners:
+            if corner.method == "mitre":
+                first, second = corner.ends
+                following = self._get_joint(first).find_continuing_edge(first.end)
+                if following is not None and is_among(following, self._get_joint(second).spine.edges):
+                    pairs.append((first.chain, second.chain))
+        return pairs
+
+    def _get_joint(self, end: ChainEnd) -> Joint:
+        """Return the joint of the cell at an end of a chain."""
+        return self.chains[end.chain].end_joints[end.end]
+
+    def _make_strips(self, k: int, domain: tuple[float, float], short_end: int | None) -> _MadeStrips:
+        """Return the strips of chain ``k`` over at least a range, from a t of the first cell to one of the last.
+
+        ``short_end`` is the end, 0 or 1, because of which they must be longer than they were, if they must.
+
+        Raises
+        ------
+        FaultyChainError
+            If that is not possible.
+        """
+        arcs = k not in self._without_arcs
+        if (k, domain, arcs) not in self._made:
+            context = self.chains[k]
+            try:
+                blends = tuple(context.make_blends(domain, arcs=arcs))
+                for cell, blend in zip(context.cells, blends, strict=True):
+                    check_blend(cell, blend)
+            except CqblendError as error:
+                if short_end is not None and isinstance(error, GeometryError | SizeError):
+                    named = error.with_details(before="it meets no face that it could end on: ")
+                    raise FaultyChainError(k, BlendEndError(short_end, named)) from error
+                raise FaultyChainError(k, error) from error
+            cells = zip(context.cells, blends, strict=True)
+            self._made[k, domain, arcs] = _MadeStrips(
+                blends, tuple(place_strip(cell.joint, blend) for cell, blend in cells)
+            )
+        return self._made[k, domain, arcs]

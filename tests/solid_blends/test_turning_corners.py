@@ -1,0 +1,129 @@
+"""Corners of three blended edges, of which one is blended first: the others go on in a cell around its end.
+
+Where all have one radius the ball stands still there, however oblique the faces are to each other.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import cadquery as cq
+import numpy as np
+import pytest
+
+import cqblend
+
+RADIUS = 1.0
+
+
+def make_tetrahedron() -> cq.Solid:
+    corners = [cq.Vector(*point) for point in ((0, 0, 0), (20, 0, 0), (6, 17, 0), (8, 6, 15))]
+    faces = [
+        cq.Face.makeFromWires(cq.Wire.makePolygon([corners[k] for k in loop], close=True))
+        for loop in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))
+    ]
+    return cq.Solid.makeSolid(cq.Shell.makeShell(faces))
+
+
+def make_tilted_box() -> cq.Shape:
+    above = cq.Workplane().box(60, 60, 20).rotate((0, 0, 0), (1, 0, 0), 15).translate((0, 0, 14))
+    return cq.Workplane().box(20, 14, 20).cut(above).val()
+
+
+BODIES = {
+    "tetrahedron": make_tetrahedron,
+    "wedge": lambda: cq.Solid.makeWedge(20, 15, 12, 5, 4, 14, 9),
+    "tilted box": make_tilted_box,
+    "tapered prism": lambda: cq.Workplane().polygon(5, 20).extrude(10, taper=12).val(),
+}
+
+
+def choose_first_edges(body: cq.Shape) -> list[cq.Edge]:
+    """Return edges without common vertices, one at each vertex: those that stand up most steeply, or opposite ones."""
+    first: list[cq.Edge] = []
+    for edge in sorted(body.Edges(), key=lambda edge: -abs(edge.tangentAt(0.5).z)):
+        if not any(one.isSame(other) for near in first for one in near.Vertices() for other in edge.Vertices()):
+            first.append(edge)
+    return first
+
+
+def find_rest(body: cq.Shape, edges: Sequence[cq.Edge]) -> list[cq.Edge]:
+    """Return the edges of a body that lie on some straight ones, in part."""
+    found = []
+    for edge in edges:
+        middle = cq.Vertex.makeVertex(*edge.positionAt(0.5).toTuple())
+        found.append(next(one for one in body.Edges() if one.geomType() == "LINE" and one.distance(middle) < 1e-9))
+    return found
+
+
+def blend_all_edges(body: cq.Shape, radius: float, **options: object) -> tuple[cq.Shape, cqblend.BlendResult]:
+    first = choose_first_edges(body)
+    rest = [edge for edge in body.Edges() if not any(edge.isSame(one) for one in first)]
+    rounded = cqblend.blend_edges(body, first, radius).shape
+    result = cqblend.blend_edges(rounded, find_rest(rounded, rest), radius, **options)
+    return result.shape, result
+
+
+def measure_swept_volume(body: cq.Shape, radius: float) -> float:
+    """Return the volume that a ball sweeps inside of a convex polyhedron, by Steiner's formula.
+
+    The polyhedron of the ball's centres has the faces moved inwards by the radius; at its edges and corners the body is
+    made of sectors of cylinders and spheres.
+    """
+    planes = [
+        (np.array(f.normalAt().toTuple()), np.array(f.Center().toTuple()) @ f.normalAt().toTuple())
+        for f in body.Faces()
+    ]
+    corners: dict[tuple[int, ...], np.ndarray] = {}
+    for vertex in body.Vertices():
+        point = np.array(vertex.toTuple())
+        at = tuple(k for k, (normal, offset) in enumerate(planes) if abs(normal @ point - offset) < 1e-9)
+        normals = np.stack([planes[k][0] for k in at])
+        corners[at] = np.linalg.solve(normals, [planes[k][1] - radius for k in at])
+    volume = area = bend = 0.0
+    for k, (normal, offset) in enumerate(planes):
+        points = np.stack([point for at, point in corners.items() if k in at])
+        middle = points.mean(axis=0)
+        x = points[0] - middle
+        x /= np.linalg.norm(x)
+        y = np.cross(normal, x)
+        points = points[np.argsort(np.arctan2((points - middle) @ y, (points - middle) @ x))]
+        loop = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0) @ normal / 2
+        area += loop
+        volume += loop * (offset - radius) / 3
+    for edge in body.Edges():
+        middle = np.array(edge.Center().toTuple())
+        first, second = (k for k, (normal, offset) in enumerate(planes) if abs(normal @ middle - offset) < 1e-9)
+        one, other = (point for at, point in corners.items() if first in at and second in at)
+        bend += np.linalg.norm(one - other) * np.arccos(planes[first][0] @ planes[second][0])
+    return volume + area * radius + bend * radius**2 / 2 + 4 / 3 * np.pi * radius**3
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_ball_of_one_radius_leaves_pieces_of_spheres_at_oblique_corners(name):
+    body = BODIES[name]()
+    shape, result = blend_all_edges(body, RADIUS)
+    assert shape.isValid()
+    assert cqblend.verify(shape).ok
+    assert shape.Volume() == pytest.approx(measure_swept_volume(body, RADIUS), rel=1e-12)
+    kinds = Counter(face.geomType() for face in result.faces)
+    assert kinds["SPHERE"] == len(body.Vertices())
+    assert set(kinds) == {"SPHERE", "CYLINDER"}
+    assert result.certificate.angle < 1e-11
+    assert result.certificate.gap < 1e-11
+    between = [edge for edge in result.certificate.edges if edge.kind == "between"]
+    assert max(edge.angle for edge in between) < 1e-13
+    assert max(edge.gap for edge in between) < 1e-12
+    assert result.certificate.proof.angle < 1e-7
+
+
+def test_corners_survive_step_and_a_later_cut(tmp_path):
+    shape, _ = blend_all_edges(make_tilted_box(), RADIUS)
+    path = tmp_path / "corners.step"
+    cq.exporters.export(cq.Workplane(shape), str(path))
+    read = cq.importers.importStep(str(path)).val()
+    assert read.isValid()
+    assert read.Volume() == pytest.approx(shape.Volume(), rel=1e-11)
+    tool = cq.Workplane().box(8, 8, 60).translate((10, 7, 0)).val()
+    assert shape.cut(tool).Volume() + shape.intersect(tool).Volume() == pytest.approx(shape.Volume(), rel=1e-9)
