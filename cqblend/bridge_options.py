@@ -17,18 +17,17 @@ from cqblend.argument_checks import (
     check_positive,
     refuse_ignored_options,
 )
+from cqblend.blend_numbers import PDE_ORDERS, check_bulge
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
     CONTINUITIES,
     EXACT_FORM_IS_EXACT,
     FORMS,
     G0_HAS_NO_CROSS_FIELD,
-    PDE_ORDERS,
     TANGENTS,
     ContinuityName,
     FormWanted,
     TangentsName,
-    check_bulge,
 )
 from cqblend.errors import InputError, shown
 

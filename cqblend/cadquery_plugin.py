@@ -6,7 +6,7 @@ what they need when they are called.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -47,6 +47,8 @@ def blend(
     tolerance: float = BLEND_DEFAULTS.tolerance,
     angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
+    corner: str = BLEND_DEFAULTS.corner,
+    setback: float | Mapping[Any, float] | None = None,
     first: Any = None,
     on_error: str = BLEND_DEFAULTS.on_error,
     hold: Any = None,

@@ -10,7 +10,7 @@ import pytest
 import cqblend
 from cqblend import __main__ as cli
 from cqblend import cadquery_plugin
-from cqblend.blend_options import CONTINUITIES, ENDS, FORMS, ON_ERROR, BlendOptions
+from cqblend.blend_options import CONTINUITIES, CORNERS, ENDS, FORMS, ON_ERROR, BlendOptions
 from cqblend.bridge_options import BridgeOptions
 from cqblend.option_records import document_options
 from cqblend.unroll_options import Direction, Method, UnrollOptions
@@ -57,7 +57,7 @@ def test_signatures_have_the_options_of_the_record(record, function):
             # a, b and lam follow from --potential, and so may section
             {"section", "a", "b", "lam", "tangents", "bulge", "parameters", "terms", "tolerance", "angular_tolerance",
              "first"},
-            {"continuity": CONTINUITIES, "ends": ENDS, "form": FORMS, "on_error": ON_ERROR},
+            {"continuity": CONTINUITIES, "ends": ENDS, "corner": CORNERS, "form": FORMS, "on_error": ON_ERROR},
         ),
         (
             "unroll",

@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres
+from cqblend.blend_options import CornerWanted
+from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres, order_all_ends
 from cqblend.errors import UnsupportedError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -31,29 +33,36 @@ class RoundedCorner:
 
 @dataclass(frozen=True)
 class NetworkStages:
-    """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners."""
+    """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners.
+
+    ``has_patches`` tells whether there are corners with faces of their own.
+    """
 
     stages: tuple[tuple[int, ...], ...]
     corners: tuple[RoundedCorner, ...]
+    has_patches: bool = False
 
     def list_corners(self, stage: int) -> list[RoundedCorner]:
         """Return the corners around which chains of a stage go on."""
         return [corner for corner in self.corners if corner.others[0].chain in self.stages[stage]]
 
 
-def plan_stages(chains: Sequence[ChainContext]) -> NetworkStages:
-    """Return the stages of the chains of a network.
+def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -> NetworkStages:
+    """Return the stages of the chains of a network, by the ``corner`` that is wanted where all edges are blended.
 
     Raises
     ------
     UnsupportedError
-        If four or more of them meet at a vertex, or corners demand orders that exclude each other.
+        If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
     meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
+    patched = [meeting for meeting in meetings if meeting.takes_patches(corner)]
+    meetings = [meeting for meeting in meetings if meeting not in patched]
     for meeting in meetings:
         if len(meeting.ends) > 3:
             raise UnsupportedError(
-                f"{len(meeting.ends)} of the edges meet at {meeting.name}, and corners of more than three are not built"
+                f"{len(meeting.ends)} of the edges meet at {meeting.name}, and others, too: corners of more than three "
+                "are built where all edges are blended"
             )
     triples = [meeting for meeting in meetings if len(meeting.ends) == 3]
     corners = tuple(
@@ -61,6 +70,7 @@ def plan_stages(chains: Sequence[ChainContext]) -> NetworkStages:
         for meeting, k in zip(triples, _choose_first_ends(triples), strict=True)
     )
     joined = [(corner.others[0].chain, corner.others[1].chain) for corner in corners]
+    joined += [(one.chain, other.chain) for meeting in patched for one, other in pairwise(meeting.ends)]
     before = [(corner.first.chain, other.chain) for corner in corners for other in corner.others]
     pairs = [meeting for meeting in meetings if len(meeting.ends) == 2]
     mitres = find_mitres([context.chain for context in chains])
@@ -75,7 +85,7 @@ def plan_stages(chains: Sequence[ChainContext]) -> NetworkStages:
     together = [(corner.ends[0].chain, corner.ends[1].chain) for corner in mitres]
     levels = _find_levels(len(chains), [*joined, *together], before) or levels
     stages = (tuple(k for k, level in enumerate(levels) if level == stage) for stage in range(max(levels) + 1))
-    return NetworkStages(tuple(stages), corners)
+    return NetworkStages(tuple(stages), corners, bool(patched))
 
 
 def _find_meetings(chains: Sequence[ChainContext]) -> Mapping[int, list[ChainEnd]]:
@@ -122,6 +132,12 @@ class _Meeting:
         free = [k for k, is_loop in enumerate(loops) if not is_loop]
         largest = max(self.sizes[k] for k in free)
         return [k for k in free if self.sizes[k] >= largest * (1 - SOLID_BLEND_TOLERANCES.equal_sizes)]
+
+    def takes_patches(self, corner: CornerWanted) -> bool:
+        """Whether the blends are put together by patches: all edges are blended, and more than three, or so wanted."""
+        if len(self.ends) <= (3 if corner == "auto" else 2):
+            return False
+        return order_all_ends([context.chain for context in self.chains], self.ends) is not None
 
     @property
     def order(self) -> tuple[int, int]:

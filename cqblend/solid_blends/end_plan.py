@@ -7,7 +7,7 @@ the vertex, or, only where that is asked for, some way before it. Where the size
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -51,6 +51,11 @@ class EndPlan:
     methods: tuple[EndMethod, EndMethod]
     cap_stations: CapStations
     rail_range: tuple[float, float]
+
+    def settle_corners(self, methods: tuple[CornerMethod | None, CornerMethod | None]) -> EndPlan:
+        """Return the plan with the methods by which corners at both ends have been put together."""
+        first, last = (found or own for found, own in zip(methods, self.methods, strict=True))
+        return replace(self, methods=(first, last))
 
     @classmethod
     def natural_at_both_ends(cls, domain: tuple[float, float]) -> EndPlan:

@@ -140,7 +140,9 @@ class NetworkDrafts:
                     domains[k] = lengthen_domain(domains[k], needed)
                 continue
             return tuple(
-                ChainDraft(context, strips.blends, one, plan)
+                ChainDraft(
+                    context, strips.blends, one, None if plan is None else plan.settle_corners(one.corner_methods)
+                )
                 for context, strips, one, plan in zip(self.chains, made, planned, plans, strict=True)
             )
         k, end = next(iter(short_ends.items()))

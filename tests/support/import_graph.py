@@ -32,6 +32,7 @@ ROOMS = (
     ("blends.network",),
     ("blends.pde", "blends.potential"),
     ("blends.quality",),
+    ("blend_numbers",),
     ("blend_options", "certificate"),
     ("bridge_options",),
     ("patterns.outline",),

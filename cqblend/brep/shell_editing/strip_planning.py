@@ -32,7 +32,7 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
-from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd, CornerMethod
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_chain
@@ -58,7 +58,7 @@ class PlannedChain:
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
     ``cut_faces`` has as they are if there is no other chain. ``patches`` are faces of corners that it ends at: a
-    corner's are those of one of its chains.
+    corner's are those of one of its chains. ``corner_methods`` tell how corners at both ends are put together.
     """
 
     strips: tuple[StripPlan, ...]
@@ -67,6 +67,7 @@ class PlannedChain:
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
     patches: tuple[PatchPlan, ...] = ()
+    corner_methods: tuple[CornerMethod | None, CornerMethod | None] = (None, None)
 
     @property
     def cut_edges(self) -> frozenset[int]:
@@ -139,7 +140,7 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
         If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
         its rails do not fit on the support faces.
     """
-    ends, patches = _plan_corners(chains, corners)
+    ends, patches, methods = _plan_corners(chains, corners)
     short: dict[int, tuple[float, float]] = {}
     for k, placed in enumerate(chains):
         if placed.chain.closed:
@@ -159,7 +160,9 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
     for k, placed in enumerate(chains):
         try:
             outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
-            planned.append(replace(_plan_chain(placed, outer), patches=tuple(patches.get(k, ()))))
+            at_corners = methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))
+            own = tuple(patches.get(k, ()))
+            planned.append(replace(_plan_chain(placed, outer), patches=own, corner_methods=at_corners))
         except CqblendError as error:
             raise FaultyChainError(k, error) from error
     return planned
@@ -167,10 +170,11 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
 
 def _plan_corners(
     chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]
-) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]]]:
-    """Return what the ends of chains that meet in corners end in, and the faces of corners, by their first chain."""
+) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]], dict[ChainEnd, CornerMethod]]:
+    """Return what ends of chains that meet in corners end in, faces of corners by their first chain, and methods."""
     ends: dict[ChainEnd, StripEnd] = {}
     patches: dict[int, list[PatchPlan]] = {}
+    methods: dict[ChainEnd, CornerMethod] = {}
     short: dict[int, tuple[float, float]] = {}
     for corner in corners:
         try:
@@ -187,9 +191,10 @@ def _plan_corners(
             raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
         ends.update(zip(corner.ends, plan.ends, strict=True))
         patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+        methods |= dict.fromkeys(corner.ends, plan.method)
     if short:
         raise ShortChainsError(short)
-    return ends, patches
+    return ends, patches, methods
 
 
 def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
@@ -402,6 +407,7 @@ def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidInde
         tuple(map(shared.replace_crossings, crossings)),
         tuple(map(shared.replace_face, chain.cut_faces)),
         chain.patches,
+        chain.corner_methods,
     )
 
 
