@@ -171,6 +171,12 @@ class NetworkTolerances:
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""
 
+    order_trials: int = 4000
+    """How many choices are tried to find an order in which edges that meet in corners can be blended."""
+
+    matching_trials: int = 400
+    """How many choices are tried to find edges that are first at all of these corners, so that there are few stages."""
+
 
 @dataclass(frozen=True)
 class BridgeTolerances:
