@@ -208,7 +208,7 @@ def _settle_section(
     ``pole`` is that of the cell beyond the end, if it has one.
     """
     cell, end = place
-    own = _dictate_section(chain[cell], end, pole) if given is None else _take_section(chain[cell], end, given)
+    own = dictate_section(chain[cell], end, pole) if given is None else take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
 
@@ -285,7 +285,7 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
     return light
 
 
-def _dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None) -> WantedEnd:
+def dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None = None) -> WantedEnd:
     """Return the natural section of a cubic cell at one end, beyond which there may be a pole.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
@@ -319,7 +319,7 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
     return first, second
 
 
-def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
+def take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
     natural = cell.estimate_natural_end(end)
     products = [float(one.rates[0] @ own.rates[0]) for one, own in zip(given.jets, natural, strict=True)]

@@ -98,6 +98,11 @@ class Joint:
         return bool(compute_inward_directions(self.edge_sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
 
     @property
+    def is_closed(self) -> bool:
+        """Whether its edges close."""
+        return self.spine.closed
+
+    @property
     def extent(self) -> float:
         """The diagonal of the solid's bounding box (mm)."""
         return self.index.extent

@@ -56,6 +56,10 @@ class SolidIndex:
         """The vertices, numbered."""
         return ShapeIndex(self.solid, TopAbs_VERTEX)
 
+    def get_map(self, part: TopoDS_Shape) -> ShapeIndex:
+        """Return the numbers of the parts of the same kind as a face, an edge or a vertex."""
+        return {TopAbs_FACE: self.faces, TopAbs_EDGE: self.edges, TopAbs_VERTEX: self.vertices}[part.ShapeType()]
+
     @cached_property
     def faces_at_edge(self) -> AncestorMap:
         """The faces at each edge."""
