@@ -49,8 +49,9 @@ def join_sizes(
     InputError
         Sizes differ where two parts meet, and there is no taper, or not enough room for it; or as :func:`check_law`.
     """
-    if all(size is sizes[0] or size == sizes[0] for size in sizes):
-        return sizes[0]
+    first = sizes[0]
+    if first is not None and all(size is first or size == first for size in sizes):
+        return first
     count, steps = len(sizes), list[tuple[float, int]]()  # where sizes differ, and the part before
 
     def evaluate_part(k: int, t: FloatArray) -> FloatArray:

@@ -48,8 +48,12 @@ class NetworkStages:
         return [corner for corner in self.corners if corner.others[0].chain in self.stages[stage]]
 
 
-def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -> NetworkStages:
+def plan_stages(
+    chains: Sequence[ChainContext], corner: CornerWanted = "auto", *, patches_only: bool = False
+) -> NetworkStages:
     """Return the stages of the chains of a network, by the ``corner`` that is wanted where all edges are blended.
+
+    With ``patches_only``, blends go round one another only where not all edges of a vertex are blended.
 
     Raises
     ------
@@ -57,7 +61,8 @@ def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -
         If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
     meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
-    patched = [meeting for meeting in meetings if meeting.takes_patches(corner)]
+    least = 4 if corner == "auto" and not patches_only else 3
+    patched = [meeting for meeting in meetings if len(meeting.ends) >= least and meeting.is_all_around]
     meetings = [meeting for meeting in meetings if meeting not in patched]
     for meeting in meetings:
         if len(meeting.ends) > 3:
@@ -137,7 +142,7 @@ class _Meeting:
         return Meeting(
             (items[0], items[1], items[2]),
             tuple(items[k] for k in leaders if items.count(items[k]) == 1),
-            can_go_together=self._is_all_around(),
+            can_go_together=self.is_all_around,
         )
 
     def round(self, leader: int) -> RoundedCorner:
@@ -146,13 +151,8 @@ class _Meeting:
         one, other = (end for end in self.ends if end.chain != leader)
         return RoundedCorner(first, (one, other))
 
-    def takes_patches(self, corner: CornerWanted) -> bool:
-        """Whether the blends are put together by patches: all edges are blended, and more than three, or so wanted."""
-        if len(self.ends) <= (3 if corner == "auto" else 2):
-            return False
-        return self._is_all_around()
-
-    def _is_all_around(self) -> bool:
+    @property
+    def is_all_around(self) -> bool:
         """Whether the ends are all edges of the vertex."""
         return order_all_ends([context.chain for context in self.chains], self.ends) is not None
 

@@ -12,11 +12,11 @@ from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
     Stations,
-    project_to_intersection,
     solve_ball_contacts,
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.contacts_beyond import solve_balls_near, solve_setbacks_near
 from cqblend.blends.contacts.turning_contacts import RoundFace, StandingBall, find_round_face
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.network.chain_cell import CellPole
@@ -119,11 +119,19 @@ class _HermiteAtJoint(SectionAtJoint):
         ball, sizes = self._standing_ball, self.method.sizes
         return cache_contacts(lambda t, _: face.solve_contacts(t, np.broadcast_to(sizes.measure(t)[0], t.shape), ball))
 
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
+        if self.method.request.radius is not None:
+            return solve_balls_near(sides, stations, sizes[0], expected, is_convex=self.joint.is_convex)
+        return solve_setbacks_near(sides, stations, (sizes[0], sizes[1]), expected)
+
     @cached_property
     def round_face(self) -> RoundFace | None:
         """The round face that the ball of the blend goes around, with little room, if there is one."""
         joint, sizes = self.joint, self.method.sizes
-        if self.method.request.radius is None or joint.spine.closed or any(self.fading_ends) or any(sizes.vanishes):
+        if self.method.request.radius is None or joint.spine.closed or joint.faces_at_edge is not None:
+            return None
+        if any(self.fading_ends) or any(sizes.vanishes):
             return None
         return find_round_face(joint.sides, self._locate_on_surfaces, self.method.size, self.method.targets.position)
 
@@ -158,9 +166,7 @@ class _HermiteAtJoint(SectionAtJoint):
     def _locate_on_surfaces(self, t: Array) -> Stations:
         """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
-        if any(self.fading_ends):
-            return joint.locate_stations(t)
-        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+        return joint.locate_stations(t) if any(self.fading_ends) else joint.locate_on_surfaces(t)
 
     def _measure_both_sizes(self, t: Array) -> Array:
         """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""
