@@ -23,6 +23,7 @@ from cqblend import __version__
 from cqblend.blend_options import (
     BLEND_DEFAULTS,
     CONTINUITIES,
+    CORNERS,
     ENDS,
     FORMS,
     ON_ERROR,
@@ -258,6 +259,10 @@ def _build_parser() -> argparse.ArgumentParser:
     )
     blend.add_argument("--ends", choices=ENDS, default=BLEND_DEFAULTS.ends, help=f"of open edges; {_DEFAULT_HELP}")
     blend.add_argument(
+        "--corner", choices=CORNERS, default=BLEND_DEFAULTS.corner, help=f"where all edges are blended; {_DEFAULT_HELP}"
+    )
+    blend.add_argument("--setback", type=float, metavar="S", help="how far before it blends end, with --corner=setback")
+    blend.add_argument(
         "--on-error", choices=ON_ERROR, default=BLEND_DEFAULTS.on_error, help=f"for edges that fail; {_DEFAULT_HELP}"
     )
     hold_help = "hold a rail on the edge nearest to this point, mm; may be repeated"
@@ -444,10 +449,11 @@ class _ProgressPrinter:
 
 def _run_demo(options: argparse.Namespace) -> None:
     from cqblend import demo
+    from cqblend.atomic_files import make_folder
     from cqblend.brep.step_files import write_step
 
     step, picture = options.output / "teapot.step", options.output / "teapot.png"
-    _make_folder(options.output)
+    make_folder(options.output)
     _check_step_path(step)
     with _announce_step("blending the spout of the Utah teapot onto its body"):
         pot = demo.sharp()
@@ -471,13 +477,6 @@ def _check_step_path(path: Path) -> None:
     from cqblend.atomic_files import check_target
 
     check_target(path, _STEP_SUFFIXES, "STEP files")
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"the folder {folder} cannot be made: {error.strerror}") from error
 
 
 @contextmanager

@@ -83,3 +83,17 @@ def remove_unfinished(folder: File, process: int) -> None:
     with suppress(OSError):
         for temporary in folder.glob(f"{UNFINISHED_PREFIX}-{process}-*"):
             temporary.unlink()
+
+
+def make_folder(folder: File) -> None:
+    """Make a folder, and those that it is in, unless it is there.
+
+    Raises
+    ------
+    InputError
+        If that is not possible.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"the folder {folder} cannot be made: {error.strerror}") from error

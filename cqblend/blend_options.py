@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import partial
-from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from cqblend.argument_checks import (
@@ -24,25 +23,30 @@ from cqblend.argument_checks import (
     is_default,
     refuse_ignored_options,
 )
-from cqblend.errors import InputError, SizeError, shown
+from cqblend.blend_numbers import (
+    OPTION_LIMITS,
+    Size,
+    build_relation,
+    check_bulge,
+    check_pde_orders,
+    check_size,
+)
+from cqblend.errors import InputError, shown
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
     from cqblend.blends.potential.relations import Conic
-    from cqblend.sizes.size_law import SizeLaw
 
 GivenSize: TypeAlias = float | Callable[[Any], Any] | Mapping[Any, Any]
 """A size as a caller gives it: a number (mm), a function of t in [0, 1], or one of these for each of several edges."""
-
-Size: TypeAlias = "float | SizeLaw"
-"""A size after `BlendOptions.to_request`: a number (mm), or a law along the edge that is no number."""
 
 ContinuityName = Literal["G0", "G1", "G2", "G3"]
 TangentsName = Literal["parametric", "perpendicular", "chord"]
 SectionName = Literal["auto", "arc", "hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["natural", "flat", "auto"]
+CornerWanted = Literal["auto", "ball", "cross", "setback"]
 OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
@@ -50,50 +54,17 @@ TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 SECTIONS: tuple[SectionName, ...] = ("auto", "arc", "hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 ENDS: tuple[EndWanted, ...] = ("natural", "flat", "auto")
+CORNERS: tuple[CornerWanted, ...] = ("auto", "ball", "cross", "setback")
 ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
 
 _TANGENTS_LATER = ("guide", "combination")
 """Cross directions that `cqblend.hermite_blend` has, and `cqblend.blend_edges` does not have yet."""
-
-PDE_ORDERS = (2, 4, 6)
-"""Orders of partial differential equations that can be solved."""
 
 G0_HAS_NO_CROSS_FIELD = "on a blend that is G0 on both sides, which has no cross derivatives"
 """Completes "an option has no effect .."."""
 
 EXACT_FORM_IS_EXACT = 'on form="exact", which keeps rails and tangent planes to rounding'
 """Completes "an option has no effect .."."""
-
-
-@dataclass(frozen=True, slots=True)
-class OptionLimits:
-    """Bounds of what is accepted as an option."""
-
-    min_size: float = 1e-6
-    """Smallest radius, width or offset, mm: ten times OCCT's default tolerance. A smaller blend is no larger than the
-    tolerance of its edge."""
-
-    max_size: float = 1e9
-    """Largest radius, width or offset, mm: above it, neighbouring doubles differ by more than OCCT's default tolerance,
-    1e-7 mm."""
-
-    min_bulge: float = 1e-12
-    """Smallest bulge: with a smaller one, the cross derivatives are lost in the rounding of the poles."""
-
-    max_bulge: float = 1e6
-    """Largest bulge; a section turns back on itself long before."""
-
-    max_terms: int = 100
-    """Largest number of terms of a solution across the blend; more than any blend takes."""
-
-    max_modes: int = 500
-    """Largest number of modes of a solution along the blend; more than any blend takes."""
-
-    max_collocation_points: int = 500
-    """Largest number of collocation points in either direction."""
-
-
-OPTION_LIMITS = OptionLimits()
 
 
 _OF_PDE, _OF_POTENTIAL = {"section": "pde"}, {"section": "potential"}
@@ -158,7 +129,8 @@ class BlendOptions:
         Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as (4, 4, 6) is as its lowest; `continuity`, if
         given, must agree.
     parameters : optional
-        Of the pde section: shape parameters of the equations, as in `cqblend.pde_blend`.
+        Of the pde section: shape parameters of the equations, as in `cqblend.pde_blend`. Functions are of t, from 0 to
+        1 by length along all edges that are blended in one, as sizes are.
     terms : int, default "auto"
         Of the pde section: number of terms of the solution across the blend, as in `cqblend.pde_blend`; ``"auto"`` for
         as many as it takes.
@@ -175,6 +147,15 @@ class BlendOptions:
         ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
         pair is for the start and the end of the edge, in its own orientation; of a chain, in that of the picked edge
         with the lowest index. Where the size is 0, it ends in a point.
+    corner : {"auto", "ball", "cross", "setback"}, default "auto"
+        How blends are put together at a vertex all of whose edges are blended, three or more: ``"ball"``, by a sphere
+        between arcs, where one ball touches all faces there; ``"cross"``, by patches between blends that end where
+        their rails cross; ``"setback"``, by patches between blends that end before that, and curves that round off the
+        corners of the faces; ``"auto"``, at three edges by blends that go on around each other, elsewhere by the first
+        of those that fits. Patches are as smooth with all around as blends are along their rails.
+    setback : float or mapping, optional
+        Of ``corner="setback"``: the distance from the vertex at which blends end, along their edges, mm; a mapping has
+        one for each of some picked edges. By default it follows from the widths and the angles of the faces.
     first : a face, optional
         The face that counts as side 1; by default the one with the lower index in the shape, of a chain the one at the
         picked edge with the lowest index. The side that it is on is side 1 all along the chain.
@@ -212,6 +193,8 @@ class BlendOptions:
     tolerance: float = 1e-7
     angular_tolerance: float = 1e-5
     ends: str | tuple[str, str] = "natural"
+    corner: str = "auto"
+    setback: float | Mapping[Any, float] | None = None
     first: Any = None
     on_error: str = "raise"
     hold: Any = None
@@ -243,7 +226,7 @@ class BlendOptions:
         relation = None
         if section == "potential":
             self._refuse_given(section, "radius", "width", "taper", "tangents", "bulge", "steer")
-            relation = _build_relation(self.a, self.b, self.lam)
+            relation = build_relation(self.a, self.b, self.lam)
         else:
             self._refuse_given(section, "a", "b", "lam")
             if section == "arc":
@@ -252,7 +235,7 @@ class BlendOptions:
                 given = "neither" if self.radius is None else "both"
                 raise InputError(f"give exactly one of radius and width, not {given}")
         edge_sizes = self._check_edge_sizes()
-        radius = None if edge_sizes or self.radius is None else _check_size("radius", self.radius)
+        radius = None if edge_sizes or self.radius is None else check_size("radius", self.radius)
         if self.hold is not None:
             self._check_hold(section, radius)
         continuity, orders = self._check_continuity(section)
@@ -274,7 +257,7 @@ class BlendOptions:
             )
         return BlendRequest(
             radius=radius,
-            width=None if edge_sizes or self.width is None else check_pair("width", self.width, _check_size),
+            width=None if edge_sizes or self.width is None else check_pair("width", self.width, check_size),
             edge_sizes=edge_sizes,
             taper=None if self.taper is None else check_positive("taper", self.taper),
             continuity=continuity,
@@ -291,6 +274,8 @@ class BlendOptions:
             tolerance=check_positive("tolerance", self.tolerance),
             angular_tolerance=check_positive("angular_tolerance", self.angular_tolerance),
             ends=check_pair("ends", self.ends, partial(check_choice, built=ENDS), each="end of the edge"),
+            corner=check_choice("corner", self.corner, CORNERS),
+            setbacks=self._check_setbacks(),
             first=self.first,
             on_error=check_choice("on_error", self.on_error, ON_ERROR),
             hold=() if self.hold is None else tuple(self.hold),
@@ -312,6 +297,20 @@ class BlendOptions:
         if "flat" in (self.ends if isinstance(self.ends, tuple | list) else (self.ends,)):
             raise InputError("with hold, the blend ends where the held edge does: ends cannot be flat")
 
+    def _check_setbacks(self) -> "tuple[EdgeSetback, ...]":
+        """Return the setbacks of single edges, or that of all."""
+        if self.setback is None:
+            return ()
+        if self.corner != "setback":
+            raise InputError('setback is an option of corner="setback": leave it out')
+        if not isinstance(self.setback, Mapping):
+            return (EdgeSetback(None, check_positive("setback", self.setback)),)
+        rule = "setback is a number, or a mapping from edges to numbers"
+        items = call_user_function(rule, list, call_user_function(rule, self.setback.items))
+        if not items:
+            raise InputError("setback has no numbers: as a mapping, it has one for each of some edges")
+        return tuple(EdgeSetback(edge, check_positive("setback", value)) for edge, value in items)
+
     def _check_edge_sizes(self) -> "tuple[EdgeSizes, ...]":
         """Return the sizes of single edges, if radius or width is a mapping from edges."""
         name, given = ("radius", self.radius) if self.width is None else ("width", self.width)
@@ -324,7 +323,7 @@ class BlendOptions:
         if not items:
             raise InputError(f"{name} must be a number, not {shown(given)}: as a mapping, it has a size for each edge")
         return tuple(
-            EdgeSizes(edge, (_check_size(name, size),) if name == "radius" else check_pair(name, size, _check_size))
+            EdgeSizes(edge, (check_size(name, size),) if name == "radius" else check_pair(name, size, check_size))
             for edge, size in items
         )
 
@@ -382,6 +381,13 @@ class EdgeSizes(NamedTuple):
     sizes: "tuple[Size, ...]"
 
 
+class EdgeSetback(NamedTuple):
+    """The setback (mm) of the blend of one picked edge, or, if there is no edge, of all."""
+
+    edge: "TopoDS_Edge | None"
+    distance: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlendRequest:
     """The options of a blend after `BlendOptions.to_request`: checked, and each in one form.
@@ -394,6 +400,11 @@ class BlendRequest:
     ----------
     edge_sizes : tuple of EdgeSizes
         The sizes of single edges, in place of radius or width, which are None then.
+    share : tuple of float
+        The t, of all edges that are blended in one, at the start and at the end of what this request is for, where
+        parameters are functions of it.
+    setbacks : tuple of EdgeSetback
+        The setbacks of single edges, or of all.
     relation : Conic or None
         How far side 1 and side 2 are moved together, mm; None for sections other than potential.
     """
@@ -416,79 +427,10 @@ class BlendRequest:
     tolerance: float
     angular_tolerance: float
     ends: tuple[EndWanted, EndWanted]
+    corner: CornerWanted
+    setbacks: tuple[EdgeSetback, ...]
     first: "TopoDS_Face | None"
     on_error: OnError
     hold: "tuple[TopoDS_Edge, ...]"
     chain: bool
-
-
-def _build_relation(a: object, b: object, lam: Any) -> "Conic":
-    """Return the relation of a potential section; each of a and b is the other one if it is left out."""
-    from cqblend.blends.potential.relations import Conic  # which takes NumPy: ``import cqblend`` does not
-
-    if a is None and b is None:
-        raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
-    first = (
-        _check_size_range("b", check_positive("b", b)) if a is None else _check_size_range("a", check_positive("a", a))
-    )
-    second = first if b is None else _check_size_range("b", check_positive("b", b))
-    return Conic(first, second, 0.0 if lam is None else lam)
-
-
-def check_bulge(name: str, value: object) -> float:
-    """Return a factor on cross derivatives that neither vanish in rounding nor exceed all that a section can take.
-
-    Raises
-    ------
-    InputError
-        If it is not a number from `OptionLimits.min_bulge` to `OptionLimits.max_bulge`.
-    """
-    bulge, least, most = check_positive(name, value), OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge
-    if not least <= bulge <= most:
-        raise InputError(f"{name} must be from {least:g} to {most:g}, not {bulge:g}")
-    return bulge
-
-
-def check_pde_orders(order: object) -> tuple[int, int, int]:
-    """Return the orders of partial differential equations for x, y and z: one for all, or three.
-
-    Raises
-    ------
-    InputError
-        If one is not 2, 4 or 6.
-    """
-    given = tuple(order) if isinstance(order, list | tuple) else (order,) * 3
-    if len(given) != 3 or not all(isinstance(n, Integral) and n in PDE_ORDERS for n in given):
-        raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
-    return int(given[0]), int(given[1]), int(given[2])
-
-
-_RADIUS_PAIR_MESSAGE = (
-    "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
-    "give width={0} for rails that far from the edge on side 1 and side 2, or radius=cqblend.linear{0} for a radius "
-    "that varies along the edge"
-)
-
-
-def _check_size(name: str, value: object) -> "Size":
-    """Return a length that an edge can be blended with, as a float, or as a law if it varies."""
-    if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
-        raise InputError(_RADIUS_PAIR_MESSAGE.format(shown(value)))
-    if not callable(value):
-        return _check_size_range(name, check_positive(name, value))
-    from cqblend.sizes.law_checks import check_law  # which takes NumPy: ``import cqblend`` does not
-
-    law = check_law(name, value)
-    for size in (law,) if isinstance(law, float) else (law.smallest, law.largest):
-        _check_size_range(name, size)
-    return law
-
-
-def _check_size_range(name: str, size: float) -> float:
-    """Return a size (mm) that is neither too small nor too large for any shape."""
-    least, most = OPTION_LIMITS.min_size, OPTION_LIMITS.max_size
-    if size < least:
-        raise SizeError(f"{name} {size:g} mm is below {least:g} mm, ten times OCCT's tolerance; scale the model up")
-    if size > most:
-        raise InputError(f"{name} {size:g} mm is above {most:g} mm, where doubles are coarser than OCCT's tolerance")
-    return size
+    share: tuple[float, float] = (0.0, 1.0)

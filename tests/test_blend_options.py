@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import cqblend
-from cqblend.blend_options import OPTION_LIMITS, BlendOptions
+from cqblend.blend_numbers import OPTION_LIMITS
+from cqblend.blend_options import BlendOptions
 from cqblend.errors import InputError, SizeError, UnsupportedError
 from cqblend.sizes.size_law import SizeLaw
 

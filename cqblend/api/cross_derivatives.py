@@ -22,7 +22,8 @@ from cqblend.argument_checks import (
     refuse_ignored_options,
     to_float_array,
 )
-from cqblend.blend_options import BLEND_DEFAULTS, G0_HAS_NO_CROSS_FIELD, check_bulge
+from cqblend.blend_numbers import check_bulge
+from cqblend.blend_options import BLEND_DEFAULTS, G0_HAS_NO_CROSS_FIELD
 from cqblend.blends.rails.direction_fit import DirectionFit, fit_ribbons_on_rails
 from cqblend.blends.rails.rail import FIELDS, FieldName, Rail
 from cqblend.blends.rails.regularity import sample_stations

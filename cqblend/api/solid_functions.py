@@ -89,6 +89,8 @@ def blend_edges(
     tolerance: float = BLEND_DEFAULTS.tolerance,
     angular_tolerance: float = BLEND_DEFAULTS.angular_tolerance,
     ends: str | tuple[str, str] = BLEND_DEFAULTS.ends,
+    corner: str = BLEND_DEFAULTS.corner,
+    setback: float | Mapping[Any, float] | None = None,
     first: Any = None,
     on_error: str = BLEND_DEFAULTS.on_error,
     hold: Any = None,
@@ -155,10 +157,10 @@ def blend_with_options(shape: Any, edges: Any, options: BlendOptions) -> BlendRe
     """Do what :func:`blend_edges` does, with the options in a record."""
     request = _to_request(options)
     native = resolve_shape(shape)
-    return _wrap_result(native, blend_shape(to_topods(native), collect_edges(edges), request))
+    return wrap_result(native, blend_shape(to_topods(native), collect_edges(edges), request))
 
 
-def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
+def wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
     """Return a blended shape in the library of the input."""
     return BlendResult(
         shape=wrap_like(native, blended.shape),
@@ -168,7 +170,7 @@ def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
 
 
 def _to_request(options: BlendOptions) -> BlendRequest:
-    """Check options in which `first` is a face, `hold` edges, and edges that have sizes are edges, of any library."""
+    """Check options in which `first` is a face, `hold` edges, and keys of mappings are edges, of any library."""
     first = None if options.first is None else to_topods_face(options.first, "first")
     hold = None if options.hold is None else collect_held_edges(options.hold)
     converted = replace(options, first=first, hold=hold)
@@ -176,6 +178,8 @@ def _to_request(options: BlendOptions) -> BlendRequest:
         converted = replace(converted, radius=convert_size_keys("radius", options.radius))
     if isinstance(options.width, Mapping):
         converted = replace(converted, width=convert_size_keys("width", options.width))
+    if isinstance(options.setback, Mapping):
+        converted = replace(converted, setback=convert_size_keys("setback", options.setback))
     return converted.to_request()
 
 
@@ -302,7 +306,7 @@ def insert_blend(shape: Any, edges: Any, blend: BlendSurface, *, first: Any = No
         )
     native = resolve_shape(shape)
     side1_face = None if first is None else to_topods_face(first, "first")
-    return _wrap_result(native, insert_into_shape(to_topods(native), collect_edges(edges), blend, side1_face))
+    return wrap_result(native, insert_into_shape(to_topods(native), collect_edges(edges), blend, side1_face))
 
 
 def continuity(shape: Any, edge: Any) -> "Continuity":

@@ -18,7 +18,7 @@ from cqblend.brep.bodies import replace_body
 from cqblend.brep.selection.picked_edges import select_chains
 from cqblend.brep.verification.brep_check import is_valid
 from cqblend.certificate import Certificate, SkippedEdges
-from cqblend.errors import CqblendError, SizeError
+from cqblend.errors import CqblendError, InputError, SizeError
 from cqblend.solid_blends.blend_contexts import BlendContexts
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.held_context import HeldStripContext
@@ -76,6 +76,10 @@ def blend_shape(
             networks.append(StagedNetwork(found, contexts))
         except CqblendError as error:
             leave_out([number for one in found for number in one.edges], error, None)
+    if request.corner != "auto" and networks and not any(network.plan.has_patches for network in networks):
+        raise InputError(
+            f"corner={request.corner!r} has no effect: at no vertex are all edges picked, three or more; leave it out"
+        )
     while True:
         try:
             blend = blend_in_stages(networks, selection)
@@ -88,7 +92,9 @@ def blend_shape(
         result = replace_body(result, before, after)
     certificate = Certificate.merge([one for network in networks for one in blend.certificates[network]])
     meant = sum(one.length for found in selection.networks for one in found)
-    uncovered = meant - sum(network.length for network in networks) + blend.uncovered
+    blended = [network.found for network in networks]
+    left_out = [found for found in selection.networks if found not in blended]
+    uncovered = sum(one.length for found in left_out for one in found) + blend.uncovered
     return BlendedShape(
         result,
         tuple(face for network in networks for face in blend.faces[network]),

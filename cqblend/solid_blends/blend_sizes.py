@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cqblend.blend_options import BlendRequest, EdgeSizes, Size
+from cqblend.blend_numbers import Size
+from cqblend.blend_options import BlendRequest, EdgeSizes
 from cqblend.errors import InputError
 from cqblend.sizes.size_law import SizeLaw
 from cqblend.splines.bernstein import Array

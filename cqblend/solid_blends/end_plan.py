@@ -7,14 +7,14 @@ the vertex, or, only where that is asked for, some way before it. Where the size
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
 import numpy as np
 
 from cqblend.blend_options import EndWanted
-from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
+from cqblend.blends.contacts.contact_solver import ContactSolver
 from cqblend.brep.selection.blend_corners import CORNER_METHODS, CornerMethod
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -51,6 +51,11 @@ class EndPlan:
     methods: tuple[EndMethod, EndMethod]
     cap_stations: CapStations
     rail_range: tuple[float, float]
+
+    def settle_corners(self, methods: tuple[CornerMethod | None, CornerMethod | None]) -> EndPlan:
+        """Return the plan with the methods by which corners at both ends have been put together."""
+        first, last = (found or own for found, own in zip(methods, self.methods, strict=True))
+        return replace(self, methods=(first, last))
 
     @classmethod
     def natural_at_both_ends(cls, domain: tuple[float, float]) -> EndPlan:
@@ -165,7 +170,7 @@ def plan_ends(contexts: tuple[StripContext, StripContext], methods: tuple[EndMet
             domain.append(float(end))
             continue
         try:
-            at = float(end) if context.method.sizes.laws else 0.5
+            at = float(end) if context.method.sizes.laws else sum(context.window) / 2
             reach = float(solve(np.array([at])).cross_lengths.max())
             if method == "natural" or method in CORNER_METHODS:
                 caps.append(None)
@@ -230,8 +235,7 @@ def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, offse
             break
         t = np.array([end + step if end == 0 else end - step])
         try:
-            stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
-            joint.check_end_cap(solve(t), stations, end)
+            joint.check_end_cap(solve(t), joint.locate_on_surfaces(t), end)
             return float(t[0])
         except CqblendError as failure:
             error = error or failure

@@ -12,14 +12,16 @@ from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
     Stations,
-    project_to_intersection,
     solve_ball_contacts,
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.contacts_beyond import solve_balls_near, solve_setbacks_near
 from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
+from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
+from cqblend.blends.pde.varying_equation import replace_argument
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.relations import Conic
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
@@ -113,13 +115,25 @@ class _HermiteAtJoint(SectionAtJoint):
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
+        if self.method.request.radius is not None:
+            return solve_balls_near(sides, stations, sizes[0], expected, is_convex=self.joint.is_convex)
+        return solve_setbacks_near(sides, stations, (sizes[0], sizes[1]), expected)
+
     @cached_property
     def turning_ball(self) -> TurningBall | None:
         """The ball of the blend, if it turns in place all along the joint."""
         joint, radius = self.joint, self.method.request.radius
-        if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
+        is_beside = joint.faces_at_edge is None
+        if is_beside and isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
             return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
         return None
+
+    @property
+    def pole(self) -> CellPole | None:
+        ball = self.turning_ball
+        return None if ball is None else CellPole(1 - ball.round_side, ball.deviation)
 
     @property
     def turn(self) -> float | None:
@@ -139,9 +153,7 @@ class _HermiteAtJoint(SectionAtJoint):
     def _locate_on_surfaces(self, t: Array) -> Stations:
         """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
-        if any(self.fading_ends):
-            return joint.locate_stations(t)
-        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+        return joint.locate_stations(t) if any(self.fading_ends) else joint.locate_on_surfaces(t)
 
     def _measure_both_sizes(self, t: Array) -> Array:
         """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""
@@ -223,10 +235,19 @@ class _PdeAtJoint(_HermiteAtJoint):
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         method, request = self.method, self.method.request
         options = request.form, request.tolerance, request.angular_tolerance
-        settings = PdeSettings(method.equation_orders, request.parameters, request.terms)
+        parameters = replace_argument(request.parameters, partial(self._locate_on_chain, ribbons[0].c.domain))
+        settings = PdeSettings(method.equation_orders, parameters, request.terms)
         return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed, joined=ribbons[0].joined))[
             0
         ]
+
+    def _locate_on_chain(self, domain: tuple[float, float], w: Array) -> Array:
+        """Return the t (n,) of all that is blended in one at w (n,) of this joint, whose rails run over ``domain``."""
+        if self.joint.spine.closed:
+            w = domain[0] + (domain[1] - domain[0]) * w / (2 * np.pi)
+        first, last = self.method.request.share
+        t = first + (last - first) * w
+        return np.where((t < 0) | (t > 1), t - np.floor(t), t)
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cqblend.blend_options import BlendRequest, Size
+from cqblend.blend_numbers import Size
+from cqblend.blend_options import BlendRequest
+from cqblend.blends.pde.varying_equation import has_functions
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.topology import find_end_vertices
@@ -112,29 +114,33 @@ class _SizedChain:
 
 
 def check_edge_sizes(request: BlendRequest, shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge]) -> None:
-    """Check that sizes of single edges are those of picked edges of a shape.
+    """Check that sizes and setbacks of single edges are those of picked edges of a shape.
 
     Raises
     ------
     InputError
         One belongs to another edge, or two to the same edge.
     """
-    if not request.edge_sizes:
+    given = [("size", one.edge) for one in request.edge_sizes]
+    given += [("setback", one.edge) for one in request.setbacks if one.edge is not None]
+    if not given:
         return
     find_number = SolidIndex(shape).edges.find_number
-    picked, sized = {find_number(edge) for edge in edges}, set[int]()
-    for one in request.edge_sizes:
-        number = find_number(one.edge)
+    picked, seen = {find_number(edge) for edge in edges}, set[tuple[str, int]]()
+    for kind, edge in given:
+        number = find_number(edge)
         if number not in picked:
             what = f"edge {number}, which is not picked" if number else "an edge that does not belong to the shape"
-            raise InputError(f"a size is given for {what}: a mapping has sizes of the edges that are blended")
-        if number in sized:
-            raise InputError(f"two sizes are given for edge {number}")
-        sized.add(number)
+            raise InputError(f"a {kind} is given for {what}: a mapping has {kind}s of the edges that are blended")
+        if (kind, number) in seen:
+            raise InputError(f"two {kind}s are given for edge {number}")
+        seen.add((kind, number))
 
 
 def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> list[BlendRequest]:
     """Return the request of each cell of a chain: its radius or widths are numbers, or laws of the cell's own t.
+
+    So is its share of the chain, where sizes or other functions of t vary.
 
     ``picked`` are the numbers of those edges of the chain that were picked.
 
@@ -155,10 +161,15 @@ def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> 
                     f"edge {number} is part of a longer one, whose faces were united, but has another size"
                 )
     elif not any(isinstance(size, SizeLaw) for size in sizes):
-        return [request] * len(chain.cells)
+        if not has_functions(request.parameters):
+            return [request] * len(chain.cells)
+        return [replace(request, share=span) for span in sized.locate_cells()]
     whole = [size.close() if isinstance(size, SizeLaw) and chain.closed else size for size in sizes]
     return [
-        replace_sizes(request, [size.restrict(*span) if isinstance(size, SizeLaw) else size for size in whole])
+        replace_sizes(
+            replace(request, share=span),
+            [size.restrict(*span) if isinstance(size, SizeLaw) else size for size in whole],
+        )
         for span in sized.locate_cells()
     ]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
-from cqblend.brep.selection.blend_corners import ChainEnd, find_mitres
+from cqblend.brep.selection.blend_corners import ChainEnd, CornerMethod, find_blended_corners, find_mitres
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.picked_edges import FoundChain, PickedEdges, Selection
 from cqblend.brep.selection.solid_index import SolidIndex
@@ -58,7 +58,7 @@ class StagedNetwork:
             if one.chain is not None:
                 chains.append(contexts.get_chain(one.chain, one.edges))
         self.chains = tuple(chains)
-        self.plan: NetworkStages = plan_stages(self.chains)
+        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner)
         if len(self.plan.stages) > 1 and any(contexts.list_held_edges(one.chain) for one in chains):
             raise UnsupportedError(f"{self.name} meets other picked edges at a corner, and a rail is held on an edge")
 
@@ -71,11 +71,6 @@ class StagedNetwork:
     def name(self) -> str:
         """What messages call it: its first edge."""
         return self.chains[0].name
-
-    @property
-    def length(self) -> float:
-        """The length (mm) of all edges that were meant."""
-        return sum(one.length for one in self.found)
 
     @cached_property
     def first_draft(self) -> DraftedNetwork:
@@ -99,10 +94,23 @@ class StagedNetwork:
         return self._draft_chains([self._get_context(one.chain, one.edges) for one in found if one.chain is not None])
 
     def _draft_chains(self, chains: Sequence[ChainContext]) -> DraftedNetwork:
-        """Return the draft of some of its chains, with mitres where two of them meet."""
+        """Return the draft of some of its chains, with mitres where two of them meet, and patches where all do."""
         own = [context.chain for context in chains]
         first_ends = [ChainEnd(k, end) for k, chain in enumerate(own) for end in self.find_first_ends(chain)]
-        return DraftedNetwork(self.edges, chains, find_mitres(own), first_ends)
+        wanted = self.contexts.request.corner
+        methods: tuple[CornerMethod, ...] = ("ball", "cross", "setback") if wanted == "auto" else (wanted,)
+        corners = [*find_mitres(own), *find_blended_corners(own, methods, self._list_setbacks(own))]
+        return DraftedNetwork(self.edges, chains, corners, first_ends)
+
+    def _list_setbacks(self, chains: Sequence[Chain]) -> dict[int, float]:
+        """Return the setbacks that are asked for, by the index of the chain."""
+        found: dict[int, float] = {}
+        for k, chain in enumerate(chains):
+            lookup = chain.cells[0].lookup_number
+            for one in self.contexts.request.setbacks:
+                if one.edge is None or (lookup is not None and lookup(one.edge) in chain.edge_numbers):
+                    found[k] = one.distance
+        return found
 
     def _check_corner(self, corner: RoundedCorner, found: Sequence[FoundChain]) -> None:
         """Raise UnsupportedError if two chains do not go on in one another round a corner."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import cadquery as cq
 import numpy as np
 import pytest
-from cornered_solids import blend_corners, find_edges_at, make_pyramid
+from cornered_solids import check_corners, find_edges_at, make_pyramid
 
-from cqblend.errors import CqblendError, GeometryError, SizeError
+import cqblend
+from cqblend.errors import CqblendError, GeometryError, InputError, SizeError, UnsupportedError
 
 
 def make_box() -> cq.Shape:
@@ -42,16 +43,23 @@ QUADS = {"pyramid 4": 1}
 """Patches where rails cross, if there are not as many as edges."""
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_a_ball_at_rest_leaves_one_sphere(name):
+def blend_at(name: str, corner: str, **options):
+    """Blend all edges at the vertex of a body, and return that, the edges and the result."""
     make, point, radius = BODIES[name]
     body = make()
     edges = find_edges_at(body, point)
-    result = blend_corners(body, edges, "ball", radius=radius).check()
-    (patch,) = result.patches
+    return body, edges, cqblend.blend_edges(body, edges, radius, corner=corner, **options)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_ball_at_rest_leaves_one_sphere(name):
+    body, edges, result = blend_at(name, "ball")
+    (patch,) = check_corners(result, 1)
     assert patch.geomType() == "SPHERE"
     assert len(patch.Edges()) == len(edges)
-    native = body.fillet(radius, edges) if len(edges) == 3 else None
+    assert len(result.faces) == len(edges) + 1
+    assert [one.kind for one in result.certificate.ends].count("ball") == len(edges)
+    native = body.fillet(BODIES[name][2], edges) if len(edges) == 3 else None
     if native is not None and native.isValid():
         assert result.shape.Volume() == pytest.approx(native.Volume(), rel=1e-7)
 
@@ -60,32 +68,45 @@ def test_a_ball_at_rest_leaves_one_sphere(name):
     ("name", "section"), [*((name, "auto") for name in BODIES), ("box", "hermite"), ("quarter cylinder", "hermite")]
 )
 def test_patches_where_rails_cross(name, section):
-    make, point, radius = BODIES[name]
-    body = make()
-    edges = find_edges_at(body, point)
-    result = blend_corners(body, edges, "cross", radius=radius, section=section).check()
-    assert len(result.patches) == QUADS.get(name, len(edges))
+    _, edges, result = blend_at(name, "cross", section=section)
+    check_corners(result, QUADS.get(name, len(edges)))
+    assert [one.kind for one in result.certificate.ends].count("cross") == len(edges)
 
 
 @pytest.mark.parametrize("name", ["box", "pyramid 4", "hollow box", "pocket"])
 def test_patches_where_ends_are_set_back(name):
-    make, point, radius = BODIES[name]
-    body = make()
-    edges = find_edges_at(body, point)
-    result = blend_corners(body, edges, "setback", radius=radius).check()
-    assert len(result.patches) == 2 * len(edges)
+    _, edges, result = blend_at(name, "setback")
+    check_corners(result, 2 * len(edges))
+    assert [one.kind for one in result.certificate.ends].count("setback") == len(edges)
+
+
+@pytest.mark.parametrize("corner", ["cross", "setback"])
+@pytest.mark.parametrize("sizes", [(2.0, 2.0, 1.0), (1.0, 2.0, 3.0)])
+def test_unequal_sizes_at_a_box_corner(sizes, corner):
+    body = make_box()
+    edges = find_edges_at(body, (10, 10, 10))
+    result = cqblend.blend_edges(body, edges, dict(zip(edges, sizes, strict=True)), corner=corner)
+    check_corners(result, 3 if corner == "cross" else 6)
+
+
+def test_sizes_too_unequal_for_rails_to_cross_take_setbacks():
+    body = make_box()
+    edges = find_edges_at(body, (10, 10, 10))
+    sizes = dict(zip(edges, (0.5, 0.5, 4.0), strict=True))
+    check_corners(cqblend.blend_edges(body, edges, sizes, corner="setback"), 6)
+    with pytest.raises(GeometryError, match="the patches of the corner fold"):
+        cqblend.blend_edges(body, edges, sizes, corner="cross")
 
 
 def test_the_sphere_of_a_box_corner_is_an_octant():
-    body = make_box()
-    result = blend_corners(body, find_edges_at(body, (10, 10, 10)), "ball", radius=2.0)
-    assert result.patches[0].Area() == pytest.approx(np.pi * 4 / 2, rel=1e-9)
+    _, _, result = blend_at("box", "ball")
+    assert result.faces[-1].Area() == pytest.approx(np.pi * 4 / 2, rel=1e-9)
 
 
 def test_all_edges_of_a_box_take_eight_balls():
     body = make_box()
-    result = blend_corners(body, body.Edges(), "ball", radius=2.0).check()
-    assert len(result.patches) == 8
+    result = cqblend.blend_edges(body, body.Edges(), 2.0, corner="ball")
+    check_corners(result, 8)
     rounded = 16**3 + 6 * 2 * 16**2 + 12 * np.pi * 16 + 4 / 3 * np.pi * 8
     assert result.shape.Volume() == pytest.approx(rounded, rel=1e-9)
     later = cq.Workplane(result.shape).cut(cq.Workplane().box(5, 5, 40)).val()
@@ -93,35 +114,74 @@ def test_all_edges_of_a_box_take_eight_balls():
     assert later.Volume() == pytest.approx(rounded - 500, rel=1e-9)
 
 
+def test_four_edges_at_an_apex_are_blended_without_being_asked_how():
+    _, edges, result = blend_at("pyramid 4", "auto")
+    (patch,) = check_corners(result, 1)
+    assert patch.geomType() == "SPHERE"
+    text = str(result.certificate)
+    assert text.count("an edge between two blends has gap") == len(edges)
+
+
+def test_where_no_ball_fits_rails_cross():
+    body = make_pyramid(4)
+    edges = find_edges_at(body, (0, 0, 6))
+    result = cqblend.blend_edges(body, edges, dict(zip(edges, (0.8, 0.9, 0.8, 0.7), strict=True)))
+    check_corners(result, 1)
+    assert {one.kind for one in result.certificate.ends} == {"cross", "natural"}
+    with pytest.raises(GeometryError, match="no ball rests in the corner: the blends there are not arcs of one radius"):
+        cqblend.blend_edges(body, edges, dict(zip(edges, (0.8, 0.9, 0.8, 0.7), strict=True)), corner="ball")
+
+
 def test_a_mixed_corner_is_set_back():
     outline = [(0, 0), (20, 0), (20, 10), (10, 10), (10, 20), (0, 20)]
     body = cq.Workplane().polyline(outline).close().extrude(15).val()
     edges = find_edges_at(body, (10, 10, 15))
-    result = blend_corners(body, edges, "setback", radius=1.5).check()
-    assert len(result.patches) == 6
+    check_corners(cqblend.blend_edges(body, edges, 1.5, corner="setback"), 6)
     with pytest.raises(GeometryError, match="some of its edges are convex, others concave"):
-        blend_corners(body, edges, "ball", radius=1.5)
+        cqblend.blend_edges(body, edges, 1.5, corner="ball")
 
 
-@pytest.mark.parametrize("method", ["ball", "setback"])
-def test_an_acute_wedge(method):
+@pytest.mark.parametrize(("corner", "patches"), [("ball", 1), ("setback", 6)])
+def test_an_acute_wedge(corner, patches):
     outline = [(0, 0), (20, 0), (20, 20 * np.tan(np.radians(17)))]
     body = cq.Workplane("XZ").polyline(outline).close().extrude(15).val()
-    blend_corners(body, find_edges_at(body, (0, 0, 0)), method, radius=0.4).check()
+    check_corners(cqblend.blend_edges(body, find_edges_at(body, (0, 0, 0)), 0.4, corner=corner), patches)
 
 
 def test_setbacks_are_as_asked():
     body = make_box()
     edges = find_edges_at(body, (10, 10, 10))
-    result = blend_corners(body, edges, "setback", {0: 3.0, 1: 4.0, 2: 5.0}, radius=1.0).check()
-    lengths = sorted(max(edge.Length() for edge in strip.Edges()) for strip in result.strips)
-    assert np.allclose(lengths, [15.0, 16.0, 17.0])
+    setbacks = dict(zip(edges, (3.0, 4.0, 5.0), strict=True))
+    result = cqblend.blend_edges(body, edges, 1.0, corner="setback", setback=setbacks)
+    check_corners(result, 6)
+    lengths = [max(edge.Length() for edge in face.Edges()) for face in result.faces[:3]]
+    assert np.allclose(sorted(lengths), [15.0, 16.0, 17.0])
     with pytest.raises(SizeError, match=r"setback 0\.9 ends where the rails have crossed already, 1 mm") as caught:
-        blend_corners(body, edges, "setback", {1: 0.9}, radius=1.0)
+        cqblend.blend_edges(body, edges, 1.0, corner="setback", setback=0.9)
     assert caught.value.kind == "setback"
+
+
+def test_setbacks_of_other_edges_are_refused():
+    body = make_box()
+    edges = find_edges_at(body, (10, 10, 10))
+    others = find_edges_at(body, (-10, -10, -10))
+    with pytest.raises(InputError, match=r"a setback is given for edge .*, which is not picked"):
+        cqblend.blend_edges(body, edges, 1.0, corner="setback", setback={others[0]: 3.0})
 
 
 def test_edges_that_are_too_short_for_setbacks_are_named():
     body = cq.Workplane().box(20, 20, 3).val()
     with pytest.raises(CqblendError, match="the patches of the corner take"):
-        blend_corners(body, find_edges_at(body, (10, 10, 1.5)), "setback", radius=1.4)
+        cqblend.blend_edges(body, find_edges_at(body, (10, 10, 1.5)), 1.4, corner="setback")
+
+
+def test_a_corner_that_there_is_not_is_refused():
+    body = make_box()
+    with pytest.raises(InputError, match="corner='ball' has no effect"):
+        cqblend.blend_edges(body, find_edges_at(body, (10, 10, 10))[:1], 1.0, corner="ball")
+
+
+def test_more_than_three_edges_beside_sharp_ones_are_refused():
+    body = make_pyramid(5)
+    with pytest.raises(UnsupportedError, match=r"4 of the edges meet .*, and others, too"):
+        cqblend.blend_edges(body, find_edges_at(body, (0, 0, 6))[:4], 0.5)

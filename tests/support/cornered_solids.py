@@ -1,8 +1,6 @@
-"""Solids with blended corners whose way to be put together is given, and how smooth they are, measured by OCCT's D1."""
+"""Solids with blended corners, and how smooth they are, measured by OCCT's D1."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import cadquery as cq
 import numpy as np
@@ -12,70 +10,29 @@ from OCP.TopAbs import TopAbs_REVERSED
 from OCP.TopoDS import TopoDS
 
 import cqblend
-from cqblend.blend_options import BlendOptions
-from cqblend.brep.selection.blend_corners import find_blended_corners
-from cqblend.brep.selection.picked_edges import select_chains
-from cqblend.solid_blends.blend_contexts import BlendContexts
-from cqblend.solid_blends.solid_rewriting import (
-    DraftedNetwork,
-    FaultyNetworkError,
-    certify_corner_patch,
-    certify_strip,
-    rewrite_solid,
-)
 
 SAMPLES = np.linspace(0.0, 1.0, 41)
 
-
-@dataclass
-class CorneredSolid:
-    """A rewritten solid, its blend faces along edges and at corners, and their records."""
-
-    shape: cq.Shape
-    strips: list[cq.Face]
-    patches: list[cq.Face]
-    certificates: list
-    patch_records: list
-
-    def check(self) -> CorneredSolid:
-        """Check that it is sound, and that every edge of a patch is as smooth as rounding allows."""
-        assert self.shape.isValid()
-        new = [*self.strips, *self.patches]
-        assert cqblend.verify(self.shape.wrapped, [face.wrapped for face in new]).problems == ()
-        assert max(one.angle for one in self.certificates) <= 1e-11
-        for face in self.patches:
-            for edge in face.Edges():
-                gap, angle = measure_edge(self.shape, edge)
-                assert gap <= 2e-11
-                assert angle <= 1e-10
-        assert all(edge.angle <= 1e-10 for edge in self.patch_records)
-        return self
+SMOOTH_KINDS = ("between", "spoke", "corner curve")
 
 
-def blend_corners(body: cq.Shape, edges, method: str, setbacks=None, **options) -> CorneredSolid:
-    """Blend edges of a solid, all corners of which are put together by one method where all edges are blended.
+def check_corners(result, patches: int, angle: float = 1e-10) -> list[cq.Face]:
+    """Check that a blend with corners is sound, and as smooth as rounding allows at every edge of its patches.
 
-    ``setbacks`` are those asked for, by the index of the edge.
+    Returns the faces of corners, which are as many as expected: the last ones of the result.
     """
-    request = BlendOptions(**options).to_request()
-    contexts = BlendContexts(request)
-    picked = [edge.wrapped for edge in edges]
-    selection = select_chains(body.wrapped, picked, request.first, contexts.estimate_reach, follow=request.chain)
-    (found,) = selection.networks
-    chains = [contexts.get_chain(one.chain, one.edges) for one in found]
-    corners = find_blended_corners([chain.chain for chain in chains], method, setbacks)
-    try:
-        network = DraftedNetwork([number for one in found for number in one.edges], chains, corners)
-        done = rewrite_solid(network.index, [network])
-    except FaultyNetworkError as fault:
-        raise fault.cause from fault
-    return CorneredSolid(
-        cq.Shape.cast(done.proposal.solid),
-        [cq.Face(one.strip.blend_face) for one in done.strips],
-        [cq.Face(one.patch.face) for one in done.patches],
-        [certify_strip(one, done.proposal.tolerance, ()) for one in done.strips],
-        [edge for one in done.patches for edge in certify_corner_patch(one).edges],
-    )
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, list(result.faces)).problems == ()
+    assert result.certificate.angle <= max(angle, 1e-11)
+    records = [one for one in result.certificate.edges if one.kind in SMOOTH_KINDS]
+    assert records
+    assert all(one.angle <= angle for one in records)
+    found = list(result.faces[len(result.faces) - patches :])
+    for edge in (edge for face in found for edge in face.Edges()):
+        gap, turned = measure_edge(result.shape, edge)
+        assert gap <= max(2e-11, 0.1 * angle)
+        assert turned <= angle
+    return found
 
 
 def find_edges_at(body: cq.Shape, point) -> list[cq.Edge]:

@@ -50,6 +50,23 @@ class SectionEnd:
         slopes = bernstein.evaluate_basis(degree - 1, 1 - v, v).T
         return np.stack([basis @ values, slopes @ (degree * np.diff(values, axis=0)), basis @ rates])
 
+    def shear(self, amounts: tuple[float, float]) -> tuple[EndJets, EndJets]:
+        """Return jets whose rates are changed so that sections move within their own tangents, by side.
+
+        The derivative H_t along the cell becomes H_t + m(v) H_v, m linear, so that tangent planes stay as they are.
+        Rails get kinks, by these ``amounts`` of their cross derivatives. Both sides are of order 1.
+        """
+        rows = tabulate_hermite((2, 2), (2, 2), 3) @ np.concatenate([one.values[:2] for one in self.jets])
+        bends = 6 * np.diff(rows, 2, axis=0)  # H_vv at both ends
+        first, second = (
+            EndJets(
+                one.values,
+                one.rates + np.stack([amount * one.values[1], amount * bend - sum(amounts) * one.values[1]]),
+            )
+            for one, amount, bend in zip(self.jets, amounts, bends, strict=True)
+        )
+        return first, second
+
     def find_common_direction(self, roughness: float = 0.0) -> Array | None:
         """Return the unit vector (3,) to which all rates are parallel; None if there is none.
 
@@ -93,10 +110,10 @@ def measure_arc_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismat
             first.values[1] @ second.values[1],
         )
         angle = max(angle, float(np.arctan2(sine, cosine)))
-    return SectionMismatch(gap, angle, _bound_rounding(before))
+    return SectionMismatch(gap, angle, bound_rounding(before))
 
 
-def _bound_rounding(section: SectionEnd) -> tuple[float, float]:
+def bound_rounding(section: SectionEnd) -> tuple[float, float]:
     """Return what is rounding in a section, by its distance from the origin: a distance (mm) and an angle (rad)."""
     distance = NETWORK_TOLERANCES.section_rounding * max(float(np.abs(one.values[0]).max()) for one in section.jets)
     return (
@@ -116,4 +133,4 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
     angles = np.arctan2(sine, cosine)[is_regular]
     gap = float(measure_lengths(first[0] - second[0]).max())
-    return SectionMismatch(gap, float(angles.max()), _bound_rounding(before))
+    return SectionMismatch(gap, float(angles.max()), bound_rounding(before))

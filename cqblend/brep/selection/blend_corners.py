@@ -30,34 +30,43 @@ class ChainEnd:
 class BlendCorner:
     """A vertex where ends of chains meet, by its number in the solid, and how their blends are put together there.
 
-    ``ends`` go around the vertex counter-clockwise, seen from outside of the solid. ``setbacks`` are the distances (mm)
-    from the vertex at which these stop, as asked for, None where a rule of thumb tells; all of them if there are none.
+    ``ends`` go around the vertex counter-clockwise, seen from outside of the solid. Where the ``method`` does not fit,
+    the ``alternatives`` are tried. ``setbacks`` are the distances (mm) from the vertex at which ends stop, as asked
+    for, None where a rule of thumb tells; that of all if there are none.
     """
 
     vertex: int
     ends: tuple[ChainEnd, ...]
     method: CornerMethod
+    alternatives: tuple[CornerMethod, ...] = ()
     setbacks: tuple[float | None, ...] = ()
 
 
 def find_blended_corners(
-    chains: Sequence[Chain], method: CornerMethod, setbacks: Mapping[int, float] | None = None
+    chains: Sequence[Chain], methods: Sequence[CornerMethod], setbacks: Mapping[int, float] | None = None
 ) -> list[BlendCorner]:
-    """Return the corners of a network at which every edge is blended, three at least, to be put together by one method.
+    """Return the corners of a network at which every edge is blended, three at least.
 
-    ``setbacks`` are those (mm) that were asked for, by the index of the chain.
+    ``methods`` are tried in this order; ``setbacks`` are those (mm) that were asked for, by the index of the chain.
     """
     asked = setbacks or {}
+    first, *others = methods
     corners = []
     for vertex, ends in group_ends(chains).items():
-        joint = chains[ends[0].chain].cells[-ends[0].end]
-        around = joint.index.edges_at_vertex(joint.spine.vertices[ends[0].end])
-        edges = [edge for edge in around if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge))]
-        ring = order_ends(chains, ends) if len(ends) == len(edges) > 2 else None
+        ring = order_all_ends(chains, ends)
         if ring is not None:
             given = tuple(asked.get(one.chain) for one in ring)
-            corners.append(BlendCorner(vertex, ring, method, given if any(one is not None for one in given) else ()))
+            setbacks_here = given if any(one is not None for one in given) else ()
+            corners.append(BlendCorner(vertex, ring, first, tuple(others), setbacks_here))
     return corners
+
+
+def order_all_ends(chains: Sequence[Chain], ends: Sequence[ChainEnd]) -> tuple[ChainEnd, ...] | None:
+    """Return ends of chains at one vertex as :func:`order_ends` does; None if they are not all of its edges, or two."""
+    joint = chains[ends[0].chain].cells[-ends[0].end]
+    around = joint.index.edges_at_vertex(joint.spine.vertices[ends[0].end])
+    edges = [edge for edge in around if not BRep_Tool.Degenerated_s(TopoDS.Edge_s(edge))]
+    return order_ends(chains, ends) if len(ends) == len(edges) > 2 else None
 
 
 def order_ends(chains: Sequence[Chain], ends: Sequence[ChainEnd]) -> tuple[ChainEnd, ...] | None:

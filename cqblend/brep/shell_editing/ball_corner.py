@@ -94,7 +94,7 @@ def _plan_sphere(
     first = strips[0].placement
     number = first.index.vertices.find_number(first.joint.spine.vertices[strips[0].end])
     spines = tuple(strip.placement.spine_numbers[-strip.end] for strip in strips)
-    return CornerPlan(tuple(ends), (PatchPlan(number, spines, surface, tuple(boundary), is_inverted),))
+    return CornerPlan("ball", tuple(ends), (PatchPlan(number, spines, surface, tuple(boundary), is_inverted),))
 
 
 def _place_sphere(centre: Array, radius: float, points: Array) -> Sphere:

@@ -17,10 +17,13 @@ from cqblend.brep.shell_editing.mitred_ends import mitre_ends
 from cqblend.brep.shell_editing.mitred_strip import pair_strips
 from cqblend.brep.shell_editing.strip_end import PlacedEnd
 from cqblend.brep.shell_editing.turned_ends import turn_ends
+from cqblend.errors import GeometryError, SizeError
 
 
 def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
-    """Plan a corner by its method, from the ends that meet there, counter-clockwise seen from outside of the solid.
+    """Plan a corner by the first of its methods that fits, from the ends that meet there.
+
+    They go around the vertex counter-clockwise, seen from outside of the solid.
 
     The ends may lie past those of the strips as they are: the rails must then be made longer.
 
@@ -29,11 +32,22 @@ def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
     StripsTooShortError
         If the strips must reach further to meet.
     SizeError, TopologyError, GeometryError
-        If the strips do not meet there as the method has it.
+        If the strips do not meet there as the methods have it: why the last one fails.
     """
-    if corner.method == "setback":
+    methods = (corner.method, *corner.alternatives)
+    for method in methods[:-1]:
+        try:
+            return _plan_by_method(method, corner, ends)
+        except (GeometryError, SizeError):
+            continue
+    return _plan_by_method(methods[-1], corner, ends)
+
+
+def _plan_by_method(method: CornerMethod, corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan a corner by one method."""
+    if method == "setback":
         return patch_set_back_ends(ends, corner.setbacks or (None,) * len(ends))
-    return _PLANNERS[corner.method](ends)
+    return _PLANNERS[method](ends)
 
 
 def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:

@@ -60,11 +60,11 @@ def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> CornerPlan:
     crossings = cross_all_rails(strips)
     pcurves = list_crossing_sections(strips, crossings)
     if not _reach_sections(strips, pcurves):
-        return CornerPlan(_list_bare_ends(strips, pcurves))
+        return CornerPlan("cross", _list_bare_ends(strips, pcurves))
     dim = choose_dimension(strips, on_faces=False)
     sides = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     vertices = [PlannedVertex(crossings[k - 1].point) for k in range(len(strips))]
-    return _Hole(sides, vertices).plan_corner()
+    return CornerPlan("cross", *_Hole(sides, vertices).plan_faces())
 
 
 def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | None]) -> CornerPlan:
@@ -79,13 +79,14 @@ def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | No
     require_faces_between(strips)
     pcurves = list_setback_sections(strips, cross_all_rails(strips), setbacks)
     if not _reach_sections(strips, pcurves):
-        return CornerPlan(_list_bare_ends(strips, pcurves))
+        return CornerPlan("setback", _list_bare_ends(strips, pcurves))
     dim = choose_dimension(strips, on_faces=True)
     sections = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     sides: list[HoleSide] = []
     for one, other in zip(sections, [*sections[1:], sections[0]], strict=True):
         sides += [one, make_face_curve_side(one, other, dim)]
-    return _Hole(sides, [PlannedVertex(side.side.evaluate_ends()[0]) for side in sides]).plan_corner()
+    vertices = [PlannedVertex(side.side.evaluate_ends()[0]) for side in sides]
+    return CornerPlan("setback", *_Hole(sides, vertices).plan_faces())
 
 
 def _reach_sections(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> bool:
@@ -118,8 +119,8 @@ class _Hole:
         self.vertices = tuple(vertices)
         self.strips = [side.strip for side in sides if isinstance(side, SectionSide)]
 
-    def plan_corner(self) -> CornerPlan:
-        """Fill the hole, and plan its patches and edges.
+    def plan_faces(self) -> tuple[tuple[StripEnd, ...], tuple[PatchPlan, ...]]:
+        """Fill the hole; return what the strips around it end in, and its patches.
 
         Raises
         ------
@@ -138,7 +139,7 @@ class _Hole:
                     plans = (_plan_face(following, paths[(k + 1) % len(self.sides)]),)
                 corners = self.vertices[k], self.vertices[(k + 1) % len(self.sides)]
                 ends.append(_make_end(side, paths[k], corners, plans))
-        return CornerPlan(tuple(ends), patches)
+        return tuple(ends), patches
 
     @property
     def radius(self) -> float:

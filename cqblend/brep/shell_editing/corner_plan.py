@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cqblend.blends.network.blend_plan import PatchPlan
+from cqblend.brep.selection.blend_corners import CornerMethod
 from cqblend.brep.shell_editing.strip_end import StripEnd
 
 
@@ -12,5 +13,6 @@ from cqblend.brep.shell_editing.strip_end import StripEnd
 class CornerPlan:
     """What the ends of chains that meet in a corner end in, in their order, and the faces between them."""
 
+    method: CornerMethod
     ends: tuple[StripEnd, ...]
     patches: tuple[PatchPlan, ...] = ()

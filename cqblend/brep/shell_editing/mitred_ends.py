@@ -50,8 +50,8 @@ def mitre_ends(first: MitredStrip, second: MitredStrip) -> CornerPlan:
     if arms[0] @ arms[1] <= 0:
         raise TopologyError("the two blends arrive at the sharp edge there on both sides of its end")
     if np.linalg.norm(arms[0]) <= np.linalg.norm(arms[1]):
-        return CornerPlan(_Mitre(strips, crossing, on_walls).end_strips())
-    return CornerPlan(_Mitre(strips[::-1], crossing[::-1], on_walls[::-1]).end_strips()[::-1])
+        return CornerPlan("mitre", _Mitre(strips, crossing, on_walls).end_strips())
+    return CornerPlan("mitre", _Mitre(strips[::-1], crossing[::-1], on_walls[::-1]).end_strips()[::-1])
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.blends.network.edge_networks import group_networks
-from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
+from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd, CornerMethod
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.shell_editing.cell_junctions import join_chain
@@ -43,6 +43,7 @@ from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
 from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
+from cqblend.brep.shell_editing.lost_parts import LostParts, find_lost_parts, list_kept_vertices
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
@@ -58,7 +59,7 @@ class PlannedChain:
 
     ``own_faces`` are the changes that concern no other chain, but for ``edge_trims`` and ``crossings`` of seams, which
     ``cut_faces`` has as they are if there is no other chain. ``patches`` are faces of corners that it ends at: a
-    corner's are those of one of its chains.
+    corner's are those of one of its chains. ``corner_methods`` tell how corners at both ends are put together.
     """
 
     strips: tuple[StripPlan, ...]
@@ -67,6 +68,7 @@ class PlannedChain:
     crossings: tuple[SeamCrossings, ...]
     cut_faces: tuple[FacePlan, ...]
     patches: tuple[PatchPlan, ...] = ()
+    corner_methods: tuple[CornerMethod | None, CornerMethod | None] = (None, None)
 
     @property
     def cut_edges(self) -> frozenset[int]:
@@ -139,7 +141,7 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
         If a chain cannot be planned: because of a :class:`BlendEndError`, if it cannot end so at one end, or because
         its rails do not fit on the support faces.
     """
-    ends, patches = _plan_corners(chains, corners)
+    ends, patches, methods = _plan_corners(chains, corners)
     short: dict[int, tuple[float, float]] = {}
     for k, placed in enumerate(chains):
         if placed.chain.closed:
@@ -159,7 +161,9 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
     for k, placed in enumerate(chains):
         try:
             outer = None if placed.chain.closed else (ends[ChainEnd(k, 0)], ends[ChainEnd(k, 1)])
-            planned.append(replace(_plan_chain(placed, outer), patches=tuple(patches.get(k, ()))))
+            at_corners = methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))
+            own = tuple(patches.get(k, ()))
+            planned.append(replace(_plan_chain(placed, outer), patches=own, corner_methods=at_corners))
         except CqblendError as error:
             raise FaultyChainError(k, error) from error
     return planned
@@ -167,10 +171,11 @@ def plan_network(chains: Sequence[PlacedChain], corners: Sequence[BlendCorner] =
 
 def _plan_corners(
     chains: Sequence[PlacedChain], corners: Sequence[BlendCorner]
-) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]]]:
-    """Return what the ends of chains that meet in corners end in, and the faces of corners, by their first chain."""
+) -> tuple[dict[ChainEnd, StripEnd], dict[int, list[PatchPlan]], dict[ChainEnd, CornerMethod]]:
+    """Return what ends of chains that meet in corners end in, faces of corners by their first chain, and methods."""
     ends: dict[ChainEnd, StripEnd] = {}
     patches: dict[int, list[PatchPlan]] = {}
+    methods: dict[ChainEnd, CornerMethod] = {}
     short: dict[int, tuple[float, float]] = {}
     for corner in corners:
         try:
@@ -187,9 +192,10 @@ def _plan_corners(
             raise FaultyChainError(first.chain, BlendEndError(first.end, error)) from error
         ends.update(zip(corner.ends, plan.ends, strict=True))
         patches.setdefault(corner.ends[0].chain, []).extend(plan.patches)
+        methods |= dict.fromkeys(corner.ends, plan.method)
     if short:
         raise ShortChainsError(short)
-    return ends, patches
+    return ends, patches, methods
 
 
 def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) -> PlannedChain:
@@ -214,13 +220,12 @@ def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) ->
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = placed.caps
-    return _finish_chain(
-        placements[0].index,
-        [
-            _plan_cell(placement, ends, (cap[0], cap[1]))
-            for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
-        ],
-    )
+    lost = None if chain.divides is None else find_lost_parts(placements, chain, joined, (starts, stops), placed.caps)
+    cells = [
+        _plan_cell(placement, ends, (cap[0], cap[1]), lost)
+        for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
+    ]
+    return _finish_chain(placements[0].index, cells, lost)
 
 
 def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
@@ -274,12 +279,15 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ()), (first, second))
 
 
-def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps: CapStations) -> _PlannedCell:
-    """Plan a strip between two ends."""
+def _plan_cell(
+    placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps: CapStations, lost: LostParts | None
+) -> _PlannedCell:
+    """Plan a strip between two ends; ``lost`` is what goes under its chain, if that is divided."""
     low, high = ends
-    removed = SpineRemoval(
-        plan_edge_remainders(placement, (low, high), caps),
-        _list_removed_vertices(placement, caps),
+    removed = (
+        SpineRemoval(plan_edge_remainders(placement, (low, high), caps), _list_removed_vertices(placement, caps))
+        if lost is None
+        else SpineRemoval({}, lost.vertices)
     )
     rails = []
     for i in (0, 1):
@@ -325,16 +333,24 @@ def _list_edges(rail: TrimmedRail, role: EdgeRole) -> tuple[NewEdge, ...]:
     return tuple(edge for edge in rail.edges if edge.role == role)
 
 
-def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedChain:
-    """Return the plan of a chain, with the seams and the neighbour edges that it cuts."""
+def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell], lost: LostParts | None = None) -> PlannedChain:
+    """Return the plan of a chain, with the seams and the neighbour edges that it cuts.
+
+    The first of its strips takes the place of faces that are lost under the chain.
+    """
     own: list[FacePlan] = []
     for cell in cells:
         own += [rail.face_plan for rail in cell.rails]
         own += [plan for end in cell.ends for plan in end.face_plans]
     trims = tuple(trim for cell in cells for end in cell.ends for trim in end.edge_trims)
+    strips = [cell.strip for cell in cells]
+    if lost is not None:
+        own += lost.face_plans
+        trims += lost.edge_trims
+        strips[0] = replace(strips[0], removed_faces=(*strips[0].removed_faces, *lost.faces))
     crossings = tuple(rail.crossings for cell in cells for rail in cell.rails if rail.crossings is not None)
     cuts = tuple(cut_shared_edges(index, trims, crossings))
-    return PlannedChain(tuple(cell.strip for cell in cells), tuple(own), trims, crossings, cuts)
+    return PlannedChain(tuple(strips), tuple(own), trims, crossings, cuts)
 
 
 def cut_shared_edges(
@@ -402,6 +418,7 @@ def _use_shared_rails(chain: PlannedChain, shared: SharedRails, index: SolidInde
         tuple(map(shared.replace_crossings, crossings)),
         tuple(map(shared.replace_face, chain.cut_faces)),
         chain.patches,
+        chain.corner_methods,
     )
 
 
@@ -442,12 +459,8 @@ def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
 
 
 def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
-    """Return the vertices of the blended edges but for those at an end with a flat cap, or in a point."""
-    kept = [
-        vertex
-        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
-        if cap is not None or placement.ends_in_point(end)
-    ]
+    """Return the vertices of the blended edges that go."""
+    kept = list_kept_vertices(placement, caps)
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 

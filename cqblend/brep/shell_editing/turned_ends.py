@@ -160,7 +160,7 @@ class _Turn:
             _make_end(second, sections[1], (corners[1], pole)),
         )
         patch = PatchPlan(number, spines, self.surface, boundary)
-        return CornerPlan(ends, (patch,))
+        return CornerPlan("turn", ends, (patch,))
 
     def _plan_arc(self, corners: tuple[PlannedVertex, PlannedVertex]) -> NewEdge:
         """Plan the edge between the common face and the turned one."""
