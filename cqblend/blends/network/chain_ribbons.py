@@ -100,7 +100,7 @@ def fit_chain_ribbons(
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     for k, end in ((0, 0), (-1, 1)):
         if settled[end] and light[k] is None:
-            wanted[k][end] = _dictate_section(chain[k], end)
+            wanted[k][end] = dictate_section(chain[k], end)
     mismatches: list[SectionMismatch] = []
     roughness = [0.0] * len(chain)
     for before, after in links:
