@@ -117,17 +117,21 @@ def _blend_selected(
             networks.append(StagedNetwork(found, contexts))
         except CqblendError as error:
             leave_out([number for one in found for number in one.edges], error, None)
-    if request.corner != "auto" and networks and not any(network.plan.has_patches for network in networks):
-        raise InputError(
-            f"corner={request.corner!r} has no effect: at no vertex are all edges picked, three or more; leave it out"
-        )
+    if request.corner != "auto" and networks and not any(network.plan.obeys_corner for network in networks):
+        wanted = "two of three edges picked" if request.corner == "mitre" else "all edges picked, three or more"
+        raise InputError(f"corner={request.corner!r} has no effect: at no vertex are {wanted}; leave it out")
     while True:
         try:
             blend = blend_in_stages(networks, selection)
             break
         except StagedNetworkError as fault:
+            other = fault.network.make_alternative(fault)
+            if other is not None:
+                networks[networks.index(fault.network)] = other
+                continue
             networks.remove(fault.network)
-            leave_out(fault.network.edges, fault.cause, fault.chain)
+            first = fault.network.failure or fault
+            leave_out(fault.network.edges, first.cause, first.chain)
     result = selection.shape
     for before, after in blend.bodies:
         result = replace_body(result, before, after)
