@@ -136,6 +136,9 @@ class NetworkDrafts:
                 planned = plan_network(placed, self.corners)
             except ShortChainsError as short:
                 for k, needed in short.needed_domains.items():
+                    if k in short.exact:
+                        domains[k] = needed
+                        continue
                     short_ends[k] = 0 if needed[0] < domains[k][0] else 1
                     domains[k] = lengthen_domain(domains[k], needed)
                 continue

@@ -13,8 +13,8 @@ from cqblend.brep.selection.blend_corners import BlendCorner, CornerMethod
 from cqblend.brep.shell_editing.ball_corner import rest_ball
 from cqblend.brep.shell_editing.corner_patches import CornerPlan, patch_crossing_rails, patch_set_back_ends
 from cqblend.brep.shell_editing.mitred_ends import mitre_ends
-from cqblend.brep.shell_editing.strip_end import PlacedEnd
-from cqblend.errors import GeometryError, SizeError
+from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripsTooShortError
+from cqblend.errors import DegreeError, GeometryError, SizeError
 
 
 def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
@@ -35,7 +35,9 @@ def plan_corner(corner: BlendCorner, ends: Sequence[PlacedEnd]) -> CornerPlan:
     for method in methods[:-1]:
         try:
             return _plan_by_method(method, corner, ends)
-        except (GeometryError, SizeError):
+        except StripsTooShortError:
+            raise
+        except (GeometryError, SizeError, DegreeError):
             continue
     return _plan_by_method(methods[-1], corner, ends)
 
