@@ -269,17 +269,20 @@ def _measure_roughness(body: Body, edge: TopoDS_Edge) -> float:
 # -- what is left of the edges
 
 
-def check_removal(body: Body, blended: Blended, edge: TopoDS_Edge) -> Iterator[str]:
-    """Yield what is left of an edge of the old body."""
-    """Yield where something of an edge is left."""
+def check_removal(body: Body, blended: Blended, edge: TopoDS_Edge, clear: float = 0.0) -> Iterator[str]:
+    """Yield where something of an edge of the old body is left.
+
+    Up to a distance in mm from its ends nobody looks: where convex and concave edges meet, the new surface crosses
+    them.
+    """
     number = body.find_number(edge)
     if map_parts(blended.after, TopAbs_EDGE).Contains(edge):
         yield f"edge {number} is still there"
         return
     length = measure_length(edge)
     for share in ((np.arange(STATIONS) + 0.5) / STATIONS).tolist():
-        station = find_station(body, edge, share)
-        if station is not None and not _has_moved_off(blended, station, length * min(share, 1 - share)):
+        station, to_end = find_station(body, edge, share), length * min(share, 1 - share)
+        if station is not None and to_end > clear and not _has_moved_off(blended, station, to_end):
             yield f"edge {number} is left at t = {share:.3f}"
             return
 

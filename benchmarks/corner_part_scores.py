@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -36,12 +36,12 @@ SHARE = 1 / 8
 COLUMNS = ("part", "edges", "radius, mm", "verdict", "faces", "native", "native faces", "s", "native s", "why")
 
 
-def tabulate(timeout: float, folder: Path, name: str = "", jobs: int = 1) -> Iterator[Table]:
-    """Yield the table of all parts whose name contains something; tell on stderr of each."""
+def tabulate(timeout: float, folder: Path, names: Sequence[str] = ("",), jobs: int = 1) -> Iterator[Table]:
+    """Yield the table of all parts whose names contain one of some words; tell on stderr of each."""
     makers = [*PARTS, *FEATURES, *HARD_FEATURES]
     drawn = [(maker.__name__.replace("_", " "), maker) for maker in makers]
     read = [(path.stem, lambda path=path: read_part(path)) for path in list_small_files(folder)]
-    chosen = [(title, maker) for title, maker in (*drawn, *read) if name in title]
+    chosen = [(title, maker) for title, maker in (*drawn, *read) if any(name in title for name in names)]
 
     def run(one: tuple[str, object]) -> list[str | float]:
         row = try_part(one[0], one[1](), timeout)  # type: ignore[operator]
@@ -59,9 +59,10 @@ def list_small_files(folder: Path) -> list[Path]:
 
 
 def read_part(path: Path) -> CornerPart:
-    """Read a part and pick all of its edges."""
+    """Read a part and pick all edges of it at which faces meet at an angle."""
     body = cq.importers.importStep(str(path)).val()
-    return CornerPart(body, body.Edges(), SHARE * min(edge.Length() for edge in list_sharp_edges(body)))
+    edges = list_sharp_edges(body)
+    return CornerPart(body, edges, SHARE * min(edge.Length() for edge in edges))
 
 
 def try_part(name: str, part: CornerPart, timeout: float) -> list[str | float]:
@@ -76,7 +77,7 @@ def try_part(name: str, part: CornerPart, timeout: float) -> list[str | float]:
     def blend() -> Made:
         sizes = part.radius if isinstance(part.radius, (int, float)) else dict(zip(part.edges, part.radii, strict=True))
         result = cqblend.blend_edges(part.body, part.edges, sizes)
-        if not result.certificate.coverage == 1:
+        if abs(result.certificate.coverage - 1) > 1e-12:
             raise AssertionError(f"the certificate has a coverage of {result.certificate.coverage}")
         promise = EXACT if result.certificate.form == "exact" else 1e-5
         return Made(result.shape.wrapped, [face.wrapped for face in result.faces], promise)
@@ -104,12 +105,12 @@ def try_part(name: str, part: CornerPart, timeout: float) -> list[str | float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Blend edges that meet at corners of everyday parts.")
-    parser.add_argument("name", nargs="?", default="", help="only parts whose name contains this")
+    parser.add_argument("names", nargs="*", default=[""], help="only parts whose names contain one of these")
     parser.add_argument("--cases", type=Path, default=DEFAULTS.cases, help="folder with STEP parts")
     parser.add_argument("--timeout", type=float, default=DEFAULTS.timeout, help="s, of one attempt")
     parser.add_argument("--jobs", type=int, default=1, help="attempts at the same time")
     options = parser.parse_args()
-    for table in tabulate(options.timeout, options.cases, options.name, options.jobs):
+    for table in tabulate(options.timeout, options.cases, options.names, options.jobs):
         print(table)
 
 

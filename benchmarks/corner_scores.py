@@ -52,6 +52,8 @@ GRID = 4
 """Points each way of a face at which it is compared with the old body."""
 REACH = 6.0
 """Distance from a vertex within which there may be sharp edges of blends that end there, in radii."""
+CLEAR = 2.0
+"""Distance from a vertex within which something of an edge may be left, in radii."""
 SAME_VOLUME = 1e-7
 """Share of the volume by which a body may differ after a STEP file."""
 
@@ -77,7 +79,8 @@ def score_corners(blended: Blended, limits: Limits, expected: Volume | None = No
         *check_step(blended.after),
         *_check_volume(blended.after, expected),
     ]
-    missing = [problem for edge in blended.edges for problem in check_removal(old.body, blended, edge)]
+    clear = CLEAR * blended.radius
+    missing = [problem for edge in blended.edges for problem in check_removal(old.body, blended, edge, clear)]
     missing += _check_sharp_edges(old, joints, blended.radius)
     smooth = [joint for joint in joints if joint.middle < SHARP]
     return CornerScore(
@@ -296,8 +299,8 @@ def check_crossings(shape: TopoDS_Shape) -> Iterator[str]:
     """Yield whether faces of a body cross each other, by OCCT's Boolean operations; slow."""
     analyzer = BOPAlgo_ArgumentAnalyzer()
     analyzer.SetShape1(shape)
-    analyzer.ArgumentTypeMode(True)
-    analyzer.SelfInterMode(True)
+    analyzer.ArgumentTypeMode = True
+    analyzer.SelfInterMode = True
     analyzer.Perform()
     if analyzer.HasFaulty():
         yield "OCCT's Boolean operations find that the body crosses itself"

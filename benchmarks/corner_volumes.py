@@ -26,7 +26,7 @@ from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedDataMapOfShapeListOfShape, TopTools_IndexedMapOfShape
 
 from benchmarks.chain_sizes import estimate_volume_change
-from benchmarks.tangent_chains import Chain
+from benchmarks.tangent_chains import Chain, measure_length
 from benchmarks.touching_balls import Array, Body, find_station
 
 EXACT = 1e-9
@@ -56,10 +56,13 @@ def expect_volume(shape: TopoDS_Shape, edges: Sequence[TopoDS_Edge], radius: flo
     change = doubt = 0.0
     for edge, station in zip(edges, stations, strict=True):
         assert station is not None
-        one, off = estimate_volume_change(body, Chain((edge,), True), radius)
         half = station.angle / 2
         width = radius / math.tan(half)
         area = radius * width - radius**2 * (math.pi / 2 - half)
+        if all(isinstance(face.surface, Geom_Plane) for face in body.find_faces_at(edge)):
+            one, off = station.sense * area * measure_length(edge), 0.0
+        else:
+            one, off = estimate_volume_change(body, Chain((edge,), True), radius)
         change, doubt = change + one, doubt + off + CORNER * area * width
     return Volume(float(properties.Mass()) + change, doubt)
 

@@ -129,7 +129,8 @@ class BlendOptions:
         Orders 2, 4 (the default) and 6 are G0, G1 and G2, a mix such as (4, 4, 6) is as its lowest; `continuity`, if
         given, must agree.
     parameters : optional
-        Of the pde section: shape parameters of the equations, as in `cqblend.pde_blend`.
+        Of the pde section: shape parameters of the equations, as in `cqblend.pde_blend`. Functions are of t, from 0 to
+        1 by length along all edges that are blended in one, as sizes are.
     terms : int, default "auto"
         Of the pde section: number of terms of the solution across the blend, as in `cqblend.pde_blend`; ``"auto"`` for
         as many as it takes.
@@ -399,6 +400,9 @@ class BlendRequest:
     ----------
     edge_sizes : tuple of EdgeSizes
         The sizes of single edges, in place of radius or width, which are None then.
+    share : tuple of float
+        The t, of all edges that are blended in one, at the start and at the end of what this request is for, where
+        parameters are functions of it.
     setbacks : tuple of EdgeSetback
         The setbacks of single edges, or of all.
     relation : Conic or None
@@ -429,3 +433,4 @@ class BlendRequest:
     on_error: OnError
     hold: "tuple[TopoDS_Edge, ...]"
     chain: bool
+    share: tuple[float, float] = (0.0, 1.0)

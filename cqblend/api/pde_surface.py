@@ -20,9 +20,9 @@ from cqblend.argument_checks import check_angle, check_choice, check_count, chec
 from cqblend.blend_numbers import OPTION_LIMITS, check_pde_orders
 from cqblend.blend_options import BLEND_DEFAULTS, FORMS
 from cqblend.blends.pde.boundary_data import Boundary, DataRibbon
-from cqblend.blends.pde.equations import ShapeParameters
 from cqblend.blends.pde.pde_settings import BASIS_NAMES, PdeSettings, SideSetup
 from cqblend.blends.pde.solution import EndSections, Solution
+from cqblend.blends.pde.varying_equation import VaryingParameters
 from cqblend.blends.quality.creases import CreaseLimit, check_creases
 from cqblend.blends.rails.rail import Rail
 from cqblend.blends.rails.ribbon import is_periodic
@@ -90,7 +90,7 @@ def pde_blend(
     side2: Rail | Boundary,
     *,
     order: int | Sequence[int] = 4,
-    parameters: ShapeParameters = None,
+    parameters: VaryingParameters = None,
     terms: int | str = "auto",
     basis: str = "auto",
     modes: int | str = "auto",
@@ -128,7 +128,12 @@ def pde_blend(
     parameters
         Shape parameters (a, b), (a, b, c) or (a, b, c, d), or three such tuples for x, y and z. A number s stands for
         the powers of :math:`\partial_v^2 + s^2 \partial_w^2`: the larger, the less of the rails' shape reaches the
-        middle. None is that with the s for which v and w count in lengths: Laplace's equation and its powers.
+        middle. None is that with the s for which v and w count in lengths: Laplace's equation and its powers. Any of
+        them may be a smooth function of arrays of w, above 0 (for those between the first and the last, not below): it
+        stands inside the derivatives along, :math:`\sum_i (c_i(w) f_{v^{n-2i} w^i})_{w^i} = 0`. A function s(w) alone
+        stands for the powers of Laplace's operator on a strip of width s(w), :math:`c_i = \binom{n/2}{i} s^{2i+1-n}`,
+        and "local" is that with the distance of the rails at w: where the distance varies much, sections then do not
+        fold.
     terms : int or "auto"
         Polynomials across beyond those that carry the boundary data; by default as many as the solution takes within
         `tolerance`, on open rails as many as keep the degree across at 9.

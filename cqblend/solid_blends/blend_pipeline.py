@@ -92,7 +92,9 @@ def blend_shape(
         result = replace_body(result, before, after)
     certificate = Certificate.merge([one for network in networks for one in blend.certificates[network]])
     meant = sum(one.length for found in selection.networks for one in found)
-    uncovered = meant - sum(network.length for network in networks) + blend.uncovered
+    blended = [network.found for network in networks]
+    left_out = [found for found in selection.networks if found not in blended]
+    uncovered = sum(one.length for found in left_out for one in found) + blend.uncovered
     return BlendedShape(
         result,
         tuple(face for network in networks for face in blend.faces[network]),

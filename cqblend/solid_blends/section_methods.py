@@ -19,7 +19,9 @@ from cqblend.blends.contacts.contact_solver import (
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
 from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
+from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.pde.pde_settings import PdeSettings, SideSetup
+from cqblend.blends.pde.varying_equation import replace_argument
 from cqblend.blends.potential.offset_edge_sweep import EdgeSweep, sweep_from_edge
 from cqblend.blends.potential.relations import Conic
 from cqblend.blends.potential.swept_section import SweptSection, loosen_until_feasible, make_ribbon_targets
@@ -120,6 +122,11 @@ class _HermiteAtJoint(SectionAtJoint):
         if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
             return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
         return None
+
+    @property
+    def pole(self) -> CellPole | None:
+        ball = self.turning_ball
+        return None if ball is None else CellPole(1 - ball.round_side, ball.deviation)
 
     @property
     def turn(self) -> float | None:
@@ -223,10 +230,19 @@ class _PdeAtJoint(_HermiteAtJoint):
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:
         method, request = self.method, self.method.request
         options = request.form, request.tolerance, request.angular_tolerance
-        settings = PdeSettings(method.equation_orders, request.parameters, request.terms)
+        parameters = replace_argument(request.parameters, partial(self._locate_on_chain, ribbons[0].c.domain))
+        settings = PdeSettings(method.equation_orders, parameters, request.terms)
         return settings.blend_ribbons(ribbons, *options, SideSetup(self.joint.spine.closed, joined=ribbons[0].joined))[
             0
         ]
+
+    def _locate_on_chain(self, domain: tuple[float, float], w: Array) -> Array:
+        """Return the t (n,) of all that is blended in one at w (n,) of this joint, whose rails run over ``domain``."""
+        if self.joint.spine.closed:
+            w = domain[0] + (domain[1] - domain[0]) * w / (2 * np.pi)
+        first, last = self.method.request.share
+        t = first + (last - first) * w
+        return np.where((t < 0) | (t > 1), t - np.floor(t), t)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from cqblend.blend_options import BlendRequest
 from cqblend.blends.contacts.contact_solver import ContactSolver
+from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.sections.blend_surface import BlendSurface, find_fold
@@ -126,6 +127,11 @@ class SectionAtJoint(ABC):
     @property
     def turn(self) -> float | None:
         """The angle (rad) by which the ball of the blend turns, if it turns in place all along the joint."""
+        return None
+
+    @property
+    def pole(self) -> CellPole | None:
+        """The point about which the ball then turns."""
         return None
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from cqblend.blend_numbers import Size
 from cqblend.blend_options import BlendRequest
+from cqblend.blends.pde.varying_equation import has_functions
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.topology import find_end_vertices
@@ -139,6 +140,8 @@ def check_edge_sizes(request: BlendRequest, shape: TopoDS_Shape, edges: Sequence
 def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> list[BlendRequest]:
     """Return the request of each cell of a chain: its radius or widths are numbers, or laws of the cell's own t.
 
+    So is its share of the chain, where sizes or other functions of t vary.
+
     ``picked`` are the numbers of those edges of the chain that were picked.
 
     Raises
@@ -158,10 +161,15 @@ def assign_sizes(request: BlendRequest, chain: Chain, picked: Sequence[int]) -> 
                     f"edge {number} is part of a longer one, whose faces were united, but has another size"
                 )
     elif not any(isinstance(size, SizeLaw) for size in sizes):
-        return [request] * len(chain.cells)
+        if not has_functions(request.parameters):
+            return [request] * len(chain.cells)
+        return [replace(request, share=span) for span in sized.locate_cells()]
     whole = [size.close() if isinstance(size, SizeLaw) and chain.closed else size for size in sizes]
     return [
-        replace_sizes(request, [size.restrict(*span) if isinstance(size, SizeLaw) else size for size in whole])
+        replace_sizes(
+            replace(request, share=span),
+            [size.restrict(*span) if isinstance(size, SizeLaw) else size for size in whole],
+        )
         for span in sized.locate_cells()
     ]
 

@@ -72,11 +72,6 @@ class StagedNetwork:
         """What messages call it: its first edge."""
         return self.chains[0].name
 
-    @property
-    def length(self) -> float:
-        """The length (mm) of all edges that were meant."""
-        return sum(one.length for one in self.found)
-
     @cached_property
     def first_draft(self) -> DraftedNetwork:
         """The draft of its first stage, which does not depend on other networks."""

@@ -14,6 +14,7 @@ import numpy as np
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.network.chain_cell import CellRails
+from cqblend.blends.rails.cross_directions import chord_field, perpendicular_field
 from cqblend.blends.rails.cubic_ribbons import fit_cubic_ribbons
 from cqblend.blends.rails.line_and_arc_ribbons import (
     ArcLayout,
@@ -49,7 +50,13 @@ class StripContext:
     @cached_property
     def targets(self) -> RibbonTargets:
         """What the ribbons are to be."""
-        return replace(self.method.targets, fades=True) if any(self.vanishes) else self.method.targets
+        targets = self.method.targets
+        if self.section.pole is not None:  # the ball's arcs are great circles
+            first, second = (
+                chord_field if field is perpendicular_field else field for field in self.method.targets.fields
+            )
+            targets = replace(targets, fields=(first, second))
+        return replace(targets, fades=True) if any(self.vanishes) else targets
 
     @cached_property
     def section(self) -> SectionAtJoint:
@@ -147,6 +154,7 @@ class StripContext:
             joint.spine.length,
             self.fit_light_rails,
             self.fit_turning_rails,
+            self.section.pole,
             method.sizes.locate_corners,
             joint.rank,
         )

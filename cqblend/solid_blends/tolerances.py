@@ -85,9 +85,6 @@ class SolidBlendTolerances:
     equal_sizes: float = 1e-6
     """Relative: sizes of blends that meet at a corner are taken as equal if they differ by less."""
 
-    matching_trials: int = 400
-    """How many choices are tried to find which edges to blend first at corners, so that there are few stages."""
-
 
 @dataclass(frozen=True)
 class SizeSearch:

@@ -127,3 +127,69 @@ def test_corners_survive_step_and_a_later_cut(tmp_path):
     assert read.Volume() == pytest.approx(shape.Volume(), rel=1e-11)
     tool = cq.Workplane().box(8, 8, 60).translate((10, 7, 0)).val()
     assert shape.cut(tool).Volume() + shape.intersect(tool).Volume() == pytest.approx(shape.Volume(), rel=1e-9)
+
+
+def assert_smooth(result: cqblend.BlendResult, angle: float, between: float) -> None:
+    """Check what OCCT measures along rails, and between blends: there, rounding is divided by how near a pole is."""
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape).ok
+    assert result.certificate.angle < angle
+    joints = [edge for edge in result.certificate.edges if edge.kind == "between"]
+    assert max(edge.angle for edge in joints) < between
+    assert max(edge.gap for edge in joints) < 1e-9
+
+
+def test_polynomial_sections_join_at_the_point_of_an_oblique_face():
+    _, result = blend_all_edges(make_tilted_box(), RADIUS, section="hermite")
+    assert_smooth(result, 1e-11, 1e-8)
+    assert result.certificate.proof.angle < 1e-9
+
+
+@pytest.mark.parametrize("radius", [4 * (1 - 1e-9), 4 * (1 - 1e-7), 4 * (1 - 1e-6)])
+def test_radii_that_differ_by_less_than_rails_do_make_one_point(radius):
+    box = cq.Workplane().box(20, 14, 10)
+    rounded = cqblend.blend_edges(box.val(), box.edges("|Z").vals(), 4).shape
+    top = next(face for face in rounded.Faces() if face.Center().z > 4.99)
+    result = cqblend.blend_edges(rounded, top.Edges(), radius)
+    assert_smooth(result, 1e-11, 1e-10)
+    assert result.certificate.proof.angle < 1e-9
+    exact = cqblend.blend_edges(rounded, top.Edges(), 4, section="hermite").shape.Volume()
+    assert result.shape.Volume() == pytest.approx(exact, rel=1e-6)
+
+
+def make_cut_cylinder() -> cq.Shape:
+    above = cq.Workplane().box(60, 60, 20).rotate((0, 0, 0), (1, 0, 0), 20).translate((0, 0, 24))
+    beside = cq.Workplane().box(30, 60, 60).translate((20, 0, 0))
+    return cq.Workplane().circle(10).extrude(20).cut(above).cut(beside).val()
+
+
+def make_curved_prism() -> cq.Shape:
+    corners = [(-10, -8), (10, -8), (10, 8), (-10, 8)]
+    middles = [(0, -10), (12, 0), (0, 6), (-8, 0)]
+    outline = cq.Workplane().moveTo(*corners[0])
+    for middle, corner in zip(middles, [*corners[1:], corners[0]], strict=True):
+        outline = outline.spline([middle, corner], includeCurrent=True)
+    return outline.close().extrude(10).val()
+
+
+def make_block_with_a_curved_top() -> cq.Shape:
+    points = [
+        [cq.Vector(x, y, 5 + np.sin(x / 12) + np.cos(y / 9)) for y in np.linspace(-13, 13, 5)]
+        for x in np.linspace(-16, 16, 5)
+    ]
+    top = cq.Face.makeSplineApprox(points, tol=1e-3, minDeg=3, maxDeg=3)
+    parts = cq.Workplane().box(24, 18, 30).translate((0, 0, 10)).val().split(top).Solids()
+    return min(parts, key=lambda part: part.Center().z)
+
+
+@pytest.mark.parametrize(
+    ("make", "angle"),
+    [(make_cut_cylinder, 1e-5), (make_curved_prism, 1e-11), (make_block_with_a_curved_top, 1e-5)],
+)
+def test_all_edges_of_curved_bodies_are_blended(make, angle):
+    # where an earlier blend is compact, it is off its faces by up to 1e-5 rad, and so are the cells beyond
+    body = make()
+    result = cqblend.blend_edges(body, body.Edges(), RADIUS)
+    assert_smooth(result, angle, max(angle, 1e-10))
+    assert result.shape.Volume() == pytest.approx(body.fillet(RADIUS, body.Edges()).Volume(), rel=1e-4)
+    assert max(rail.bend for rail in result.certificate.rails) < 0.05 * RADIUS

@@ -75,7 +75,7 @@ class ContactTolerances:
     quadratic_step: float = 1e-8
     quadratic_residual: float = 1e-6
     round_share: float = 0.25
-    turning_share: float = 3e-3
+    turning_share: float = 2e-2
     turning_probes: int = 9
     turning_stations: int = 33
     longest_projection_step: float = 0.1

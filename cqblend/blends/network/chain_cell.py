@@ -45,6 +45,14 @@ def _locate_no_corners(domain: Domain) -> Array:
 
 
 @dataclass(frozen=True)
+class CellPole:
+    """The side, 0 or 1, on which all contacts of a cell are one point, and how far that is off the ball (mm)."""
+
+    side: int
+    deviation: float
+
+
+@dataclass(frozen=True)
 class CellRails:
     """What one cell of a chain brings.
 
@@ -63,6 +71,8 @@ class CellRails:
         What makes ribbons in lighter forms, if these may be exact.
     fit_turning
         What makes light ribbons about a ball that turns in place, between which nothing but its arcs is smooth.
+    pole
+        Where the ball turns about one point, if it does.
     locate_corners
         What returns the parameters in a range at which contacts are known to be no more than C1.
     rank
@@ -75,6 +85,7 @@ class CellRails:
     length: float
     fit_light: LightFit | None = None
     fit_turning: LightFit | None = None
+    pole: CellPole | None = None
     locate_corners: Callable[[Domain], Array] = _locate_no_corners
     rank: int = 0
 
@@ -291,9 +302,10 @@ class ChainCell:
         rails = self.rails
         corners = rails.locate_corners(self.domain)
         if wanted == (None, None):
-            return fit_cubic_ribbons(
+            ribbons = fit_cubic_ribbons(
                 rails.primaries, rails.solve, self.domain, rails.targets, closed=False, corners=corners
             )
+            return self._record_deviation(ribbons)
         shifts, moves = self._bend_contacts(wanted)
         targets = self._turn_targets(wanted, shifts, moves)
         contacts = replace(self._natural, shifts=shifts, moves=moves)
@@ -302,10 +314,17 @@ class ChainCell:
         ribbons = fit_cubic_ribbons(
             rails.primaries, contacts, self.domain, targets, closed=False, corners=corners, ends=ends
         )
-        return (
-            replace(ribbons[0], bend=self._measure_bend(0, shifts, moves[0])),
-            replace(ribbons[1], bend=self._measure_bend(1, shifts, moves[1])),
-        )
+        bends = self._measure_bend(0, shifts, moves[0]), self._measure_bend(1, shifts, moves[1])
+        return self._record_deviation((replace(ribbons[0], bend=bends[0]), replace(ribbons[1], bend=bends[1])))
+
+    def _record_deviation(self, ribbons: tuple[Ribbon, Ribbon]) -> tuple[Ribbon, Ribbon]:
+        """Return ribbons of which that of a pole tells how far it is off the ball, if it is more than rails are."""
+        pole = self.rails.pole
+        if pole is None or pole.deviation <= self.rails.targets.position:
+            return ribbons
+        recorded = list(ribbons)
+        recorded[pole.side] = replace(ribbons[pole.side], bend=max(pole.deviation, ribbons[pole.side].bend))
+        return recorded[0], recorded[1]
 
     def _measure_bend(self, side: int, shifts: tuple[Fades, Fades], moves: Fades) -> float:
         """Return the largest distance (mm) by which moves bring a rail off its natural course; 0 within tolerance."""

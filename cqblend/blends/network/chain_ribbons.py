@@ -18,9 +18,18 @@ import numpy as np
 
 from cqblend.blends.network.chain_cell import CellEnd, CellRails, ChainCell, WantedEnd
 from cqblend.blends.network.junction_stations import Crossings, locate_junction
+from cqblend.blends.network.pole_cells import (
+    bend_for_pole,
+    can_join_pole,
+    locate_pole,
+    move_rail_end,
+    pin_pole,
+    take_section_at_pole,
+)
 from cqblend.blends.network.shared_section import (
     SectionEnd,
     SectionMismatch,
+    bound_rounding,
     measure_arc_mismatch,
     measure_mismatch,
 )
@@ -79,18 +88,19 @@ def fit_chain_ribbons(
     if for_arcs is not None:
         return for_arcs
     light = _choose_light_cells(chain, links)
+    poles = _place_poles(chain, links, light)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
     mismatches: list[SectionMismatch] = []
     roughness = [0.0] * len(chain)
     for before, after in links:
         first, second = light[before], light[after]
         start, stop = (None if first is None else first.sections[1]), (None if second is None else second.sections[0])
-        if start is None and (stop is not None or cells[before].rank <= cells[after].rank):
-            start = _settle_section(chain, wanted, (before, 1), stop)
+        if start is None and (stop is not None or _dictates(chain, before, after)):
+            start = _settle_section(chain, wanted, (before, 1), stop, poles.get((before, 1)))
         if stop is None:
-            stop = _settle_section(chain, wanted, (after, 0), start)
+            stop = _settle_section(chain, wanted, (after, 0), start, poles.get((after, 0)))
         if start is None:
-            start = _settle_section(chain, wanted, (before, 1), stop)
+            start = _settle_section(chain, wanted, (before, 1), stop, poles.get((before, 1)))
         mismatches.append(_compare_sections(start, stop, chain[before].ends[1].gap))
         given = chain[before].ends[1].roughness + chain[before].ends[1].gap / start.width
         for k in (before, after):
@@ -130,15 +140,75 @@ def _fit_for_arcs(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) 
     return ChainRibbons(tuple(joined), tuple(mismatches), for_arcs=True)
 
 
+@dataclass(frozen=True)
+class _NeighbourPole:
+    """The pole of the cell beyond an end of another one: on which side, 0 or 1, and where (3,)."""
+
+    side: int
+    point: Array
+
+
+def _place_poles(
+    chain: list[ChainCell], links: Sequence[tuple[int, int]], light: list[_LightCell | None]
+) -> dict[tuple[int, int], _NeighbourPole]:
+    """Bring the poles of cubic cells to where light neighbours end; return the poles beside the ends of other cells.
+
+    A light cell that cannot have its end there, or share a section with such a cell, becomes cubic. Keys are a cell and
+    one of its ends.
+    """
+    poles: dict[tuple[int, int], _NeighbourPole] = {}
+    for k, cell in enumerate(chain):
+        pole = cell.rails.pole
+        if pole is None:
+            continue
+        beside = [(before, 1) for before, after in links if after == k]
+        beside += [(after, 0) for before, after in links if before == k]
+        own = light[k]
+        if own is not None and all(
+            light[j] is not None or _share_direction(chain[j], end, own.sections[1 - end]) for j, end in beside
+        ):
+            continue
+        light[k] = None
+        point: Array | None = None
+        for j, end in sorted(beside, key=lambda place: chain[place[0]].rails.rank):
+            one = light[j]
+            if one is None:
+                continue
+            section, roughness = one.sections[end], chain[j].ends[end].roughness
+            there = section.jets[pole.side].values[0]
+            if not can_join_pole(section, roughness):
+                light[j] = None
+            elif point is None:
+                point = there
+            elif np.linalg.norm(there - point) > max(NETWORK_TOLERANCES.natural_gap, bound_rounding(section)[0]):
+                light[j] = None
+        point = locate_pole(cell) if point is None else point
+        chain[k] = pin_pole(cell, point)
+        poles |= {place: _NeighbourPole(pole.side, point) for place in beside}
+    return poles
+
+
+def _dictates(chain: Sequence[ChainCell], before: int, after: int) -> bool:
+    """Whether the cell before a junction dictates its section to the one after it, of two cubic ones."""
+    first, second = chain[before].rails, chain[after].rails
+    if (first.pole is None) != (second.pole is None):
+        return first.pole is None
+    return first.rank <= second.rank
+
+
 def _settle_section(
     chain: Sequence[ChainCell],
     wanted: Sequence[list[WantedEnd | None]],
     place: tuple[int, int],
     given: SectionEnd | None,
+    pole: _NeighbourPole | None,
 ) -> SectionEnd:
-    """Settle, and return, the section of a cubic cell at a place, cell and end: its own, or one that is given to it."""
+    """Settle, and return, the section of a cubic cell at a place, cell and end: its own, or one that is given to it.
+
+    ``pole`` is that of the cell beyond the end, if it has one.
+    """
     cell, end = place
-    own = _dictate_section(chain[cell], end) if given is None else _take_section(chain[cell], end, given)
+    own = _dictate_section(chain[cell], end, pole) if given is None else _take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
 
@@ -215,13 +285,15 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
     return light
 
 
-def _dictate_section(cell: ChainCell, end: int) -> WantedEnd:
-    """Return the natural section of a cubic cell at one end.
+def _dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None) -> WantedEnd:
+    """Return the natural section of a cubic cell at one end, beyond which there may be a pole.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
     it exactly: then a neighbour may have others of its own in that direction.
     """
     jets = cell.estimate_natural_end(end)
+    if pole is not None:
+        jets = move_rail_end(jets, pole.side, pole.point)
     first, second = (cross_product(one.rates[0], one.values[1]) for one in jets)
     across = cross_product(first, second)
     sine = np.linalg.norm(across) / (np.linalg.norm(first) * np.linalg.norm(second))
@@ -232,7 +304,7 @@ def _dictate_section(cell: ChainCell, end: int) -> WantedEnd:
             wanted = cell.lift_end(end, _project_rates(jets, direction))
             if wanted.section.find_common_direction(cell.ends[end].roughness) is not None:
                 return wanted
-    return cell.lift_end(end, jets)
+    return cell.lift_end(end, jets) if pole is None else bend_for_pole(cell, end, jets)
 
 
 def _is_nearly_parallel(jets: EndJets, order: int, direction: Array) -> bool:
@@ -249,23 +321,20 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
 
 def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
-    natural, roughness = cell.estimate_natural_end(end), cell.ends[end].roughness
-    for one, own in zip(given.jets, natural, strict=True):
-        if not one.rates[0] @ own.rates[0] > 0:
+    natural = cell.estimate_natural_end(end)
+    products = [float(one.rates[0] @ own.rates[0]) for one, own in zip(given.jets, natural, strict=True)]
+    for product in products:
+        if product <= -NETWORK_TOLERANCES.pole_rate * max(products):  # it is 0 at a pole
             raise SizeError(
                 "where the chain passes a smooth edge, a rail turns back: the size is larger than the radius of "
                 "curvature there",
                 kind="too large",
             )
-    direction = given.find_common_direction(roughness)
-    if direction is not None:
-        first, second = (
-            EndJets(one.values, own.rates)
-            for one, own in zip(given.jets, _project_rates(natural, direction), strict=True)
-        )
-        wanted = cell.lift_end(end, (first, second))
-        if wanted.section.find_common_direction(roughness) is not None:
-            return wanted
+    shared = _share_direction(cell, end, given)
+    if shared is not None:
+        return shared
+    if cell.rails.pole is not None:
+        return take_section_at_pole(cell, end, given, natural)
     speeds = [
         float(np.linalg.norm(own.rates[0]) / np.linalg.norm(one.rates[0]))
         for one, own in zip(given.jets, natural, strict=True)
@@ -273,3 +342,20 @@ def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
     return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))
+
+
+def _share_direction(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd | None:
+    """Return what a cubic cell is to have at one end if its rates there can have the direction that those given have.
+
+    None if they cannot, or if these have none in common.
+    """
+    roughness = cell.ends[end].roughness
+    direction = given.find_common_direction(roughness)
+    if direction is None:
+        return None
+    first, second = (
+        EndJets(one.values, own.rates)
+        for one, own in zip(given.jets, _project_rates(cell.estimate_natural_end(end), direction), strict=True)
+    )
+    wanted = cell.lift_end(end, (first, second))
+    return wanted if wanted.section.find_common_direction(roughness) is not None else None

@@ -93,10 +93,10 @@ def measure_arc_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismat
             first.values[1] @ second.values[1],
         )
         angle = max(angle, float(np.arctan2(sine, cosine)))
-    return SectionMismatch(gap, angle, _bound_rounding(before))
+    return SectionMismatch(gap, angle, bound_rounding(before))
 
 
-def _bound_rounding(section: SectionEnd) -> tuple[float, float]:
+def bound_rounding(section: SectionEnd) -> tuple[float, float]:
     """Return what is rounding in a section, by its distance from the origin: a distance (mm) and an angle (rad)."""
     distance = NETWORK_TOLERANCES.section_rounding * max(float(np.abs(one.values[0]).max()) for one in section.jets)
     return (
@@ -116,4 +116,4 @@ def measure_mismatch(before: SectionEnd, after: SectionEnd) -> SectionMismatch:
     is_regular = np.all([one > NETWORK_TOLERANCES.least_normal_share * one.max() for one in lengths], axis=0)
     angles = np.arctan2(sine, cosine)[is_regular]
     gap = float(measure_lengths(first[0] - second[0]).max())
-    return SectionMismatch(gap, float(angles.max()), _bound_rounding(before))
+    return SectionMismatch(gap, float(angles.max()), bound_rounding(before))

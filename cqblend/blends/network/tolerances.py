@@ -81,6 +81,12 @@ class NetworkTolerances:
     parallel_rates: float = 1e-12
     """Relative to the largest: by how much derivatives of jets along a cell may be off a direction that they share."""
 
+    pole_rate: float = 1e-6
+    """Relative to that on the other side: square of the speed of a rail at a pole, where it stands still."""
+
+    pole_rounds: int = 2
+    """How often rates beside a pole are corrected: once, and for rounding."""
+
     nearly_parallel_rates: float = 1e-5
     """The same of estimated ones, which are then made parallel."""
 
@@ -164,6 +170,12 @@ class NetworkTolerances:
 
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""
+
+    order_trials: int = 4000
+    """How many choices are tried to find an order in which edges that meet in corners can be blended."""
+
+    matching_trials: int = 400
+    """How many choices are tried to find edges that are first at all of these corners, so that there are few stages."""
 
 
 NETWORK_TOLERANCES = NetworkTolerances()

@@ -212,7 +212,9 @@ def make_equations(
         first, second, third = (Equation.from_laplacian(n, s) for n in order)
         return first, second, third
     if not isinstance(parameters, list | tuple | np.ndarray):
-        raise InputError(f"parameters must be numbers (a, b, ..), or three times that, not {shown(parameters)}")
+        raise InputError(
+            f'parameters must be numbers (a, b, ..), or three times that, or "local", not {shown(parameters)}'
+        )
     rows = list(parameters)
     if not any(isinstance(row, list | tuple | np.ndarray) for row in rows):
         rows = [rows] * 3

@@ -12,13 +12,21 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cqblend.blends.pde.equations import Equation, Minimise, ShapeParameters, make_equations
+from cqblend.blends.pde.equations import Equation, LinearEquation, Minimise
 from cqblend.blends.pde.pde_section import PdeSection
 from cqblend.blends.pde.rail_basis import LEAST_SPLINE_DEGREE, Splines, Waves
 from cqblend.blends.pde.rail_parameter import LengthParameter, evaluate_mean_speed
 from cqblend.blends.pde.refinement import solve_within
 from cqblend.blends.pde.solution import BoundaryData, BoundaryProblem, EndSections, Solution
 from cqblend.blends.pde.tolerances import PDE_LIMITS, PDE_TOLERANCES
+from cqblend.blends.pde.varying_equation import (
+    ParameterFunction,
+    RailInterval,
+    VaryingEquation,
+    VaryingParameters,
+    make_varying_equations,
+    make_width_equations,
+)
 from cqblend.blends.rails.ribbon import Ribbon, dehomogenise_jets
 from cqblend.blends.sections.blend_surface import BlendSurface, blend_ribbons
 from cqblend.blends.sections.tolerances import SECTION_TOLERANCES
@@ -30,6 +38,10 @@ from cqblend.splines.breaks import merge_breaks
 
 BasisName: TypeAlias = Literal["auto", "trigonometric", "bspline", "polynomial"]
 BASIS_NAMES: tuple[BasisName, ...] = ("auto", "trigonometric", "bspline", "polynomial")
+
+
+LOCAL_WIDTH = "local"
+"""The parameters whose width is the distance of the rails at each place."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +77,8 @@ class PdeSettings:
     order : tuple of int
         Orders of the equations of x, y and z.
     parameters
-        As :func:`cqblend.blends.pde.equations.make_equations` takes them.
+        As :func:`cqblend.blends.pde.varying_equation.make_varying_equations` takes them, or "local" for the distance of
+        the rails at each place.
     terms : int or None
         Number of bubbles across; None for as many as it takes.
     basis : str
@@ -80,7 +93,7 @@ class PdeSettings:
     """
 
     order: tuple[int, int, int]
-    parameters: ShapeParameters = None
+    parameters: VaryingParameters = None
     terms: int | None = None
     basis: BasisName = "auto"
     modes: int | None = None
@@ -118,8 +131,12 @@ class PdeSettings:
             As :func:`cqblend.blends.sections.blend_surface.blend_ribbons`, and where the interior takes too many spans.
         """
         problem = self.pose_boundary_problem(ribbons, setup, accuracy=tolerance / 10)
-        if self._refines(setup):
-            solution = solve_within(problem, tolerance, self.terms, free_basis=self.modes is None)
+        interior_tolerance = (
+            max(tolerance, PDE_TOLERANCES.interior * problem.data.width) if setup.by_length else tolerance
+        )
+        varies = any(isinstance(equation, VaryingEquation) for equation in problem.equations)
+        if self._refines(setup) or (varies and setup.closed):
+            solution = solve_within(problem, interior_tolerance, self.terms, free_basis=self.modes is None)
         else:
             solution = problem.solve(self.terms)
         rail_parameter = problem.rail_parameter
@@ -127,7 +144,7 @@ class PdeSettings:
         interior = PdeSection(
             solution.halves,
             max(SECTION_TOLERANCES.least_points_across, 4 * solution.terms),
-            max(tolerance, PDE_TOLERANCES.interior * problem.data.width) if setup.by_length else tolerance,
+            interior_tolerance,
             setup.closed,
             np.concatenate([knots, kinks]),
             np.concatenate([np.full(len(knots), LEAST_SPLINE_DEGREE - 1), orders]),
@@ -140,7 +157,7 @@ class PdeSettings:
         return replace(blend, ribbons=(first, second), kind="pde", residual=max(solution.residual)), solution
 
     def _refines(self, setup: SideSetup) -> bool:
-        """Whether the solution is refined to the tolerance, or else as fine as its boundary data tell beforehand."""
+        """Whether all solutions are refined to the tolerance, or are as fine as their boundary data tell."""
         return not setup.by_length and not setup.closed and self.basis != "polynomial"
 
     def pose_boundary_problem(
@@ -163,7 +180,13 @@ class PdeSettings:
         rail_parameter = LengthParameter(rails, lengths, end)
         least_pieces = max(PDE_LIMITS.pieces, self.modes or 0)
         data = _read_boundary_data((jets[0], jets[1]), breaks, rail_parameter, setup.closed, least_pieces)
-        equations = make_equations(self.order, self.parameters, _compute_length_ratio(data, float(lengths.values[-1])))
+        interval = RailInterval(data.domain, data.closed)
+        ratio = _compute_length_ratio(data, float(lengths.values[-1]))
+        if isinstance(self.parameters, str) and self.parameters == LOCAL_WIDTH:
+            width = _make_local_width(rails, rail_parameter, data, ratio)
+            equations = make_width_equations(self.order, width, interval, PDE_TOLERANCES.local_width)
+        else:
+            equations = make_varying_equations(self.order, self.parameters, ratio, interval)
         if not setup.by_length and not self._refines(setup):
             accuracy = min(accuracy, PDE_TOLERANCES.data_accuracy * data.size)
         accuracy = max(accuracy, PDE_TOLERANCES.coordinate_rounding * float(np.abs(data.centre).max() + data.size))
@@ -172,7 +195,7 @@ class PdeSettings:
         if minimise == "auto":
             has_all_ends = setup.ends is not None and setup.ends.jets.shape[1] >= max(self.halves)
             minimise = "residual" if setup.closed or has_all_ends else "energy"
-        elif minimise == "energy" and isinstance(basis, Waves):
+        elif minimise == "energy" and isinstance(basis, Waves) and any(isinstance(one, Equation) for one in equations):
             raise InputError('minimise="energy" is for splines and polynomials along: take "residual"')
         if minimise == "residual":
             relative_accuracy = PDE_TOLERANCES.residual_terms if setup.by_length else 0.0
@@ -193,7 +216,7 @@ class PdeSettings:
         )
 
     def _choose_basis(
-        self, data: BoundaryData, equations: tuple[Equation, Equation, Equation], accuracy: float, *, limited: bool
+        self, data: BoundaryData, equations: tuple[LinearEquation, ...], accuracy: float, *, limited: bool
     ) -> Waves | Splines:
         """Choose the fewest functions along whose expansion of the data is accurate.
 
@@ -280,3 +303,17 @@ def _compute_length_ratio(data: BoundaryData, length: float) -> float:
     if not data.width > 0:
         raise GeometryError("the rails are the same curve: there is nothing between them")
     return data.width * (data.domain[1] - data.domain[0]) / length
+
+
+def _make_local_width(
+    rails: tuple[Curve, Curve], rail_parameter: LengthParameter, data: BoundaryData, ratio: float
+) -> ParameterFunction:
+    """Return the distance of the rails at w (n,), over the length of a unit of w; it levels off where they meet."""
+
+    def measure_distances(w: Array) -> Array:
+        t = rail_parameter.invert_parameter(w)
+        first, second = (dehomogenise_jets(rail(t)[None])[0] for rail in rails)
+        return np.asarray(np.linalg.norm(second - first, axis=1))
+
+    least = PDE_TOLERANCES.least_local_width * float(measure_distances(data.w).max())
+    return lambda w: np.hypot(measure_distances(w), least) * (ratio / data.width)

@@ -58,6 +58,18 @@ class PdeTolerances:
     data_energy: float = 1e-3
     """The same between boundary data."""
 
+    parameter_fit: float = 1e-9
+    """Largest error of a parameter that varies, as a curve, as a share of its largest value."""
+
+    local_width: float = 1e-4
+    """The same of the distance of the rails, whose own fit is no better."""
+
+    least_local_width: float = 0.01
+    """Distance of the rails, as a share of the largest, below which the width by which parameters vary levels off."""
+
+    least_parameter_width: float = 1e-4
+    """Least width of a strip by which parameters vary, as a share of the largest."""
+
     refinement: float = 0.5
     """Share of the tolerance of a solution that the next refinement of either kind may change."""
 
@@ -69,6 +81,12 @@ class PdeLimits:
     coefficient_ratio: float = 1e12
     """Largest ratio of another coefficient of an equation to its first one. Beyond, boundary layers along the rails are
     thinner than anything that resolves them."""
+
+    parameter_samples: int = 1025
+    """Places along at which parameters that vary are checked."""
+
+    exponent_stride: int = 32
+    """Of these, every so many tell the largest exponent."""
 
     smooth_continuity: int = 4
     """Greatest continuity at which a break of a rail still counts as a kink of its length."""

@@ -40,14 +40,18 @@ def _bound_evaluation_turns(low: NormBounds, high: NormBounds) -> tuple[Array, A
     """Bound by how much evaluation turns the tangent planes of the blend and of the primary (rad)."""
     blend_sine = _bound_slant(low, high, "area", "along", "across")[0]
     blend_errors = high["blend_error_10"] * high["weight"], high["blend_error_01"] * high["weight"]
-    blend_turn = _bound_turn(blend_errors, (low["along"], low["across"]), blend_sine)
+    return _bound_turn(blend_errors, (low["along"], low["across"]), blend_sine), _bound_primary_turn(low, high)
+
+
+def _bound_primary_turn(low: NormBounds, high: NormBounds) -> Array:
+    """Bound by how much evaluation turns the tangent plane of the primary (rad)."""
     if "primary_area" not in high:
-        return blend_turn, high["parameter_error"]
+        return high["parameter_error"]
     primary_sine = _bound_slant(low, high, "primary_area", "primary_u", "primary_v")[0]
     w = high["primary_weight"]
     primary_errors = high["primary_error_10"] * w, high["primary_error_01"] * w
     primary_turn = _bound_turn(primary_errors, (low["primary_u"], low["primary_v"]), primary_sine)
-    return blend_turn, high["parameter_error"] + primary_turn
+    return high["parameter_error"] + primary_turn
 
 
 def bound_angle(low: NormBounds, high: NormBounds) -> Array:
@@ -58,6 +62,17 @@ def bound_angle(low: NormBounds, high: NormBounds) -> Array:
     planes = np.sqrt(along**2 + across**2 + 2 * along * across * cosine) / sine
     blend_turn, primary_turn = _bound_evaluation_turns(low, high)
     return PROOF_TOLERANCES.normal_comparison + np.arcsin(planes) + np.arcsin(blend_turn) + np.arcsin(primary_turn)
+
+
+def bound_pole_angle(low: NormBounds, high: NormBounds) -> Array:
+    """Bound the angle between the sections of a blend, where its rail is one point, and the tangent plane (rad).
+
+    The blend has no tangent plane there but the one that its sections span.
+    """
+    across = high["normal_across"] / (low["normal"] * low["across"])
+    turn = high["blend_error_01"] * high["weight"] / low["across"]
+    primary_turn = _bound_primary_turn(low, high)
+    return PROOF_TOLERANCES.normal_comparison + np.arcsin(across) + np.arcsin(turn) + np.arcsin(primary_turn)
 
 
 def bound_curvature_jump(low: NormBounds, high: NormBounds, sine: float) -> Array:

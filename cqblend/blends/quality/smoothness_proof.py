@@ -48,6 +48,9 @@ The weight of rational blends drops out: what its derivatives add to H_ij is a c
 to 4 p^2 |D|/h^2. G_ij needs no quotients of differences: II(G_t, G_t) and II(G_t + x G_v, G_t + x G_v) come from second
 derivatives along c' and c' + x d, whatever c', d and x are.
 
+*Poles.* Where a rail is one point, a vanishes, and the blend has no tangent plane but that of its sections: phi is then
+the largest angle between b and the primary's plane, B. Jumps of curvature are not bounded there.
+
 *Evaluation.* Where derivatives are evaluated with errors of up to E_a, E_b, E_ij
 (:mod:`cqblend.blends.quality.evaluation_rounding`), the plane of a and b turns by at most
 
@@ -71,7 +74,7 @@ import numpy as np
 
 from cqblend.blends.quality.blend_boundary import RibbonSide
 from cqblend.blends.quality.bounded_polynomials import bound_largest
-from cqblend.blends.quality.rail_bounds import bound_angle, bound_curvature_jump, bound_gap
+from cqblend.blends.quality.rail_bounds import bound_angle, bound_curvature_jump, bound_gap, bound_pole_angle
 from cqblend.blends.rails.ribbon import Ribbon
 from cqblend.errors import InputError
 from cqblend.splines import Surface
@@ -173,6 +176,9 @@ def prove_side(
         raise InputError(f"the surface runs over t = [{a:.9g}, {b:.9g}], its ribbon over [{c:.9g}, {d:.9g}]: clip one")
     side = RibbonSide(surface, end, ribbon, 2 if order >= 2 else 1, parameter_error)
     gap = bound_largest(side.collect_gap_polynomials(), bound_gap) + side.parameter_shift
+    if ribbon.is_point:
+        angle = bound_largest(side.polynomials, bound_pole_angle)
+        return Proof(gap, angle if angle < np.pi / 2 else np.pi)
     angle = bound_largest(side.polynomials, bound_angle)
     if not angle < np.pi / 2:
         return Proof(gap, np.pi)

@@ -120,8 +120,6 @@ class Ribbon:
     @cached_property
     def is_point(self) -> bool:
         """Whether the rail is one point, around which the blend turns."""
-        if not self.light:
-            return False
         t = np.linspace(*self.c.domain, 2 * len(self.c.breaks) - 1)
         point, vector = dehomogenise_jets(np.stack([jet(t) for jet in self.jets[:2]]))
         return bool(np.ptp(point, axis=0).max() <= RAIL_TOLERANCES.point_rail_share * np.abs(vector).max())

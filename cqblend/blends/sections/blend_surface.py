@@ -174,13 +174,33 @@ def blend_ribbons(
     jets = _align_jets(ribbons)
     degree = max(jet.degree for side in jets for jet in side)
     if form == "compact" or (form == "auto" and degree > SECTION_TOLERANCES.most_auto_degree):
-        return BlendSurface(fill(compact_jets(jets, tolerance, angular_tolerance)), ribbons, "compact")
+        compact = fill(compact_jets(jets, tolerance, angular_tolerance))
+        return BlendSurface(_gather_poles(compact, ribbons), ribbons, "compact")
     if degree > SECTION_TOLERANCES.largest_degree:
         raise DegreeError(
             f"the exact blend has degree {degree} along the rail, OCCT holds {SECTION_TOLERANCES.largest_degree}; "
             "take form='compact'"
         )
-    return BlendSurface(fill(jets), ribbons, "exact")
+    return BlendSurface(_gather_poles(fill(jets), ribbons), ribbons, "exact")
+
+
+def _gather_poles(surface: Surface, ribbons: tuple[Ribbon, Ribbon]) -> Surface:
+    """Return a surface whose boundaries are exactly one point where the rails are.
+
+    Next to it, derivatives along the rail are small differences, which its rounding would be as large as.
+    """
+    if not any(ribbon.is_point for ribbon in ribbons):
+        return surface
+    coefs = surface.coefs.copy()
+    for ribbon, row, piece in zip(ribbons, (0, -1), (0, -1), strict=True):
+        if ribbon.is_point:
+            rail = coefs[:, row, :, :, piece]  # (p + 1, dim, n)
+            if surface.rational:
+                point = rail[0, :3, 0] / rail[0, 3, 0]
+                rail[:, :3] = point[:, None] * rail[:, 3:]
+            else:
+                rail[:] = rail[0, :, 0][:, None]
+    return Surface(surface.breaks, coefs, rational=surface.rational, continuity=surface.continuity)
 
 
 def find_fold(surface: Surface, ribbons: Sequence[Ribbon] = ()) -> float | None:

@@ -164,7 +164,10 @@ def _describe_strip(
             found is not None or ribbon.is_point for found, ribbon in zip((first, second), blend.ribbons, strict=True)
         ):
             return revolved, (first, second)
-    one, other = (build_rail_pcurve(side, ribbon) for side, ribbon in zip(sides, blend.ribbons, strict=True))
+    one, other = (
+        None if ribbon.is_point else build_rail_pcurve(side, ribbon)
+        for side, ribbon in zip(sides, blend.ribbons, strict=True)
+    )
     return SplineStrip(blend.surface), (one, other)
 
 

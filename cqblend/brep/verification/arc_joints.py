@@ -12,14 +12,13 @@ from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.quality.arc_proof import prove_arc_side
 from cqblend.blends.quality.smoothness_proof import Proof
-from cqblend.blends.quality.tolerances import PROOF_TOLERANCES
 from cqblend.blends.sections.arc_section import ArcSection, BallSurface
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.blends.sections.turned_arcs import TurnedArcs
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.conversion.tolerances import CONVERSION_TOLERANCES
-from cqblend.brep.measurement.pole_contact import measure_pole_contact
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.pole_proof import prove_pole
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.splines.bernstein import Array
 from cqblend.surfaces.quadrics import Cylinder, Sphere
@@ -40,11 +39,10 @@ def prove_arc_strip(strip: BuiltStrip, blend: BlendSurface, arc: ArcSection | Tu
     built = _put_on_surface(arc, surface)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
-        face, edges, pole = strip.trimmed_faces[end], strip.rail_edges[end], strip.poles[end]
-        if pole is not None:  # the rail is one point, and measured there
-            gap, angle, _ = measure_pole_contact(strip.blend_face, pole, face, VERIFICATION_TOLERANCES.proof_samples)
-            largest = float(np.abs(surface.frame.origin).max()) + arc.radius
-            return Proof(gap + PROOF_TOLERANCES.point * largest, angle + PROOF_TOLERANCES.closed_form)
+        pole = prove_pole(strip, end, arc.radius)
+        if pole is not None:
+            return pole
+        face, edges = strip.trimmed_faces[end], strip.rail_edges[end]
         shifts, turns = zip(
             *(_measure_rail(blend, built, end, (strip.blend_face, face), edge) for edge in edges), strict=True
         )

@@ -20,6 +20,7 @@ from cqblend.blends.quality.smoothness_proof import Proof
 from cqblend.brep.conversion import spline_arrays
 from cqblend.brep.conversion.support_face import read_support_face
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
+from cqblend.brep.verification.pole_proof import prove_pole
 from cqblend.surfaces.circle import PlanarCircle
 from cqblend.surfaces.coaxial_surfaces import CoaxialSurface
 from cqblend.surfaces.quadrics import Plane
@@ -33,6 +34,9 @@ def prove_revolved_strip(strip: BuiltStrip, orders: tuple[int, int]) -> Proof:
     profile = _read_turned_profile(strip.blend_face)
 
     def prove_rail(end: Literal[0, 1]) -> Proof:
+        pole = prove_pole(strip, end, float(np.ptp(profile.profile[2], axis=0).max()))
+        if pole is not None:
+            return pole
         faces, edges, order = (strip.blend_face, strip.trimmed_faces[end]), strip.rail_edges[end], orders[end]
         return reduce(_take_larger_bounds, (_prove_edge(profile, end, faces, edge, order) for edge in edges))
 

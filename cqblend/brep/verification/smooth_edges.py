@@ -75,16 +75,21 @@ def check_edges(
 
 
 def analyse_continuity(sides: tuple[EdgeSide, EdgeSide]) -> tuple[float, float, bool]:
-    """Return OCCT's largest gap and angle along an edge, and whether the outward normals ever point apart."""
+    """Return OCCT's largest gap and angle along an edge, and whether the outward normals ever point apart.
+
+    Angles do not count next to poles, where those of OCCT are rounding.
+    """
     first, second = (SideSampler(side) for side in sides)
     curve = read_edge_curve(sides[0][1])
     ts = choose_sample_parameters((first, second), curve, VERIFICATION_TOLERANCES.analysis_samples)
     one, two = first.sample(ts), second.sample(ts)
     gap = angle = 0.0
-    for (u1, v1), (u2, v2) in zip(one.parameters.T.tolist(), two.parameters.T.tolist(), strict=True):
+    known = np.isfinite(one.normals + two.normals).all(axis=0).tolist()
+    pairs = zip(one.parameters.T.tolist(), two.parameters.T.tolist(), known, strict=True)
+    for (u1, v1), (u2, v2), has_normals in pairs:
         local = LocalAnalysis_SurfaceContinuity(
             first.surface.surface, u1, v1, second.surface.surface, u2, v2, GeomAbs_G1, *_ANALYSIS_EPSILONS
         )
         if local.IsDone():
-            gap, angle = max(gap, local.C0Value()), max(angle, local.G1Angle())
+            gap, angle = max(gap, local.C0Value()), max(angle, local.G1Angle() if has_normals else 0.0)
     return gap, angle, bool((np.einsum("in,in->n", one.normals, two.normals) < 0.0).any())
