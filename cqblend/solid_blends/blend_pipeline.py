@@ -85,8 +85,13 @@ def blend_shape(
             blend = blend_in_stages(networks, selection)
             break
         except StagedNetworkError as fault:
-            networks.remove(fault.network)
-            leave_out(fault.network.edges, fault.cause, fault.chain)
+            place, other = networks.index(fault.network), fault.network.make_alternative(fault)
+            if other is not None:
+                networks[place] = other
+                continue
+            del networks[place]
+            first = fault.network.failure or fault
+            leave_out(fault.network.edges, first.cause, first.chain)
     result = selection.shape
     for before, after in blend.bodies:
         result = replace_body(result, before, after)

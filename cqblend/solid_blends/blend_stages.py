@@ -48,8 +48,12 @@ class NetworkStages:
         return [corner for corner in self.corners if corner.others[0].chain in self.stages[stage]]
 
 
-def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -> NetworkStages:
+def plan_stages(
+    chains: Sequence[ChainContext], corner: CornerWanted = "auto", *, patches: bool = False
+) -> NetworkStages:
     """Return the stages of the chains of a network, by the ``corner`` that is wanted where all edges are blended.
+
+    With ``patches``, no chain goes on around another one where patches can put them together.
 
     Raises
     ------
@@ -57,7 +61,7 @@ def plan_stages(chains: Sequence[ChainContext], corner: CornerWanted = "auto") -
         If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
     meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
-    patched = [meeting for meeting in meetings if meeting.takes_patches(corner)]
+    patched = [meeting for meeting in meetings if meeting.takes_patches(3 if corner == "auto" and not patches else 2)]
     meetings = [meeting for meeting in meetings if meeting not in patched]
     for meeting in meetings:
         if len(meeting.ends) > 3:
@@ -146,11 +150,9 @@ class _Meeting:
         one, other = (end for end in self.ends if end.chain != leader)
         return RoundedCorner(first, (one, other))
 
-    def takes_patches(self, corner: CornerWanted) -> bool:
-        """Whether the blends are put together by patches: all edges are blended, and more than three, or so wanted."""
-        if len(self.ends) <= (3 if corner == "auto" else 2):
-            return False
-        return self._is_all_around()
+    def takes_patches(self, count: int) -> bool:
+        """Whether the blends are put together by patches: all edges are blended, and more than a given number."""
+        return len(self.ends) > count and self._is_all_around()
 
     def _is_all_around(self) -> bool:
         """Whether the ends are all edges of the vertex."""

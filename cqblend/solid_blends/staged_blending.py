@@ -42,13 +42,18 @@ if TYPE_CHECKING:
 class StagedNetwork:
     """A network of picked chains that touch, and the stages in which they are blended.
 
+    With a ``failure`` of blends that went on around others, it is put together by patches instead, where these can.
+
     Raises
     ------
     CqblendError
         One of its edges is no joint, has a size that cannot be, or the chains cannot be blended in any order.
     """
 
-    def __init__(self, found: Sequence[FoundChain], contexts: BlendContexts) -> None:
+    def __init__(
+        self, found: Sequence[FoundChain], contexts: BlendContexts, failure: StagedNetworkError | None = None
+    ) -> None:
+        self.failure = failure
         self.found = tuple(found)
         self.contexts = contexts
         chains = []
@@ -58,9 +63,16 @@ class StagedNetwork:
             if one.chain is not None:
                 chains.append(contexts.get_chain(one.chain, one.edges))
         self.chains = tuple(chains)
-        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner)
+        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner, patches=failure is not None)
         if len(self.plan.stages) > 1 and any(contexts.list_held_edges(one.chain) for one in chains):
             raise UnsupportedError(f"{self.name} meets other picked edges at a corner, and a rail is held on an edge")
+
+    def make_alternative(self, failure: StagedNetworkError) -> StagedNetwork | None:
+        """Return the same network with patches at its corners, if it has failed without; None if it has none."""
+        if self.failure is not None or not self.plan.corners:
+            return None
+        other = StagedNetwork(self.found, self.contexts, failure)
+        return other if len(other.plan.corners) < len(self.plan.corners) else None
 
     @property
     def edges(self) -> tuple[int, ...]:

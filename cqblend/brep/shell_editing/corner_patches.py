@@ -14,6 +14,7 @@ import numpy as np
 
 from cqblend.blends.corners.corner_filler import fill_with_one_patch, fill_with_quads
 from cqblend.blends.corners.patch_quality import check_patches
+from cqblend.blends.corners.tolerances import CORNER_TOLERANCES
 from cqblend.blends.network.blend_plan import (
     EdgeUse,
     FacePlan,
@@ -96,8 +97,21 @@ def patch_set_back_ends(ends: Sequence[PlacedEnd], setbacks: Sequence[float | No
     """
     strips = [CornerStrip(end) for end in ends]
     require_faces_between(strips)
-    pcurves = settle_compact_ends(strips, list_setback_sections(strips, setbacks))
-    require_reach(strips, pcurves)
+    is_free = any(one is None for one in setbacks)
+    failure: GeometryError | None = None
+    for attempt in range(len(CORNER_TOLERANCES.setback_factors) if is_free else 1):
+        pcurves = settle_compact_ends(strips, list_setback_sections(strips, setbacks, attempt))
+        require_reach(strips, pcurves)
+        try:
+            return _patch_sections(strips, pcurves)
+        except GeometryError as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+def _patch_sections(strips: Sequence[CornerStrip], pcurves: Sequence[Curve]) -> CornerPlan:
+    """Plan patches between strips that end in given sections before the vertex."""
     dim = choose_dimension(strips, on_faces=True)
     sections = [make_section_side(strip, pcurve, dim) for strip, pcurve in zip(strips, pcurves, strict=True)]
     sides: list[HoleSide] = []

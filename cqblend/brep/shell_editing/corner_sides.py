@@ -184,10 +184,13 @@ def list_crossing_sections(strips: Sequence[CornerStrip], crossings: Sequence[Ra
     return pcurves
 
 
-def list_setback_sections(strips: Sequence[CornerStrip], setbacks: Sequence[float | None]) -> list[Curve]:
+def list_setback_sections(
+    strips: Sequence[CornerStrip], setbacks: Sequence[float | None], attempt: int = 0
+) -> list[Curve]:
     """Return the curves in the parameter planes of all strips that end before the vertex, each at one t.
 
-    ``setbacks`` are the distances (mm) from the vertex that are asked for, by strip, None for the rule of thumb.
+    ``setbacks`` are the distances (mm) from the vertex that are asked for, by strip, None for the rule of thumb
+    of an ``attempt``.
 
     Raises
     ------
@@ -200,7 +203,7 @@ def list_setback_sections(strips: Sequence[CornerStrip], setbacks: Sequence[floa
         name = strip.placement.joint.name
         if asked is None:
             try:
-                distance = fit_setback(choose_setback(strip.width, ahead), strip.length)
+                distance = fit_setback(choose_setback(strip.width, ahead, attempt), strip.length)
             except SizeError as error:
                 raise error.with_details(shape=name) from error
         elif asked <= max(ahead):
