@@ -1,7 +1,7 @@
 """Corners: selections of edges that meet, each blended in one call.
 
-All edges of an angle profile with a boss, the outline of a plate whose uprights stay sharp, where blends are mitred, the
-edges of a block in three sizes, and the feet of a tower that leans through a plate.
+All edges of an angle profile with a boss, the outline of a plate whose uprights stay sharp, where blends are mitred,
+the edges of a block in three sizes, and the feet of a tower that leans through a plate.
 """
 
 import cadquery as cq

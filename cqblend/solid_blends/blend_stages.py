@@ -36,12 +36,12 @@ class RoundedCorner:
 class NetworkStages:
     """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners.
 
-    ``has_patches`` tells whether there are corners with faces of their own.
+    ``obeys_corner`` tells whether the ``corner`` that is wanted has an effect somewhere.
     """
 
     stages: tuple[tuple[int, ...], ...]
     corners: tuple[RoundedCorner, ...]
-    has_patches: bool = False
+    obeys_corner: bool = True
 
     def list_corners(self, stage: int) -> list[RoundedCorner]:
         """Return the corners around which chains of a stage go on."""
@@ -49,11 +49,11 @@ class NetworkStages:
 
 
 def plan_stages(
-    chains: Sequence[ChainContext], corner: CornerWanted = "auto", *, patches: bool = False
+    chains: Sequence[ChainContext], corner: CornerWanted = "auto", *, patches_only: bool = False
 ) -> NetworkStages:
     """Return the stages of the chains of a network, by the ``corner`` that is wanted where all edges are blended.
 
-    With ``patches``, no chain goes on around another one where patches can put them together.
+    With ``patches_only``, blends go round one another only where not all edges of a vertex are blended.
 
     Raises
     ------
@@ -61,8 +61,14 @@ def plan_stages(
         If four or more of them, but not all edges, meet at a vertex, or corners demand orders that exclude each other.
     """
     meetings = [_Meeting(chains, ends) for ends in _find_meetings(chains).values() if len(ends) > 1]
-    patched = [meeting for meeting in meetings if meeting.takes_patches(3 if corner == "auto" and not patches else 2)]
+    least = 4 if corner == "auto" and not patches_only else 3
+    patched = [meeting for meeting in meetings if len(meeting.ends) >= least and meeting.is_all_around]
     meetings = [meeting for meeting in meetings if meeting not in patched]
+    if corner == "mitre" and patched:
+        raise UnsupportedError(
+            f"all edges at {patched[0].name} are blended, and a mitre needs one that stays sharp: leave out corner=, "
+            "or pick one edge less"
+        )
     for meeting in meetings:
         if len(meeting.ends) > 3:
             raise UnsupportedError(
@@ -89,7 +95,7 @@ def plan_stages(
         )
     corners = [meeting.round(one) for meeting, one in zip(triples, leaders, strict=True) if one is not None]
     stages = (tuple(k for k, stage in enumerate(stage_of) if stage == n) for n in range(max(stage_of) + 1))
-    return NetworkStages(tuple(stages), tuple(corners), bool(patched) or None in leaders)
+    return NetworkStages(tuple(stages), tuple(corners), bool(mitres if corner == "mitre" else patched))
 
 
 def _find_meetings(chains: Sequence[ChainContext]) -> Mapping[int, list[ChainEnd]]:
@@ -141,7 +147,7 @@ class _Meeting:
         return Meeting(
             (items[0], items[1], items[2]),
             tuple(items[k] for k in leaders if items.count(items[k]) == 1),
-            can_go_together=self._is_all_around(),
+            can_go_together=self.is_all_around,
         )
 
     def round(self, leader: int) -> RoundedCorner:
@@ -150,11 +156,8 @@ class _Meeting:
         one, other = (end for end in self.ends if end.chain != leader)
         return RoundedCorner(first, (one, other))
 
-    def takes_patches(self, count: int) -> bool:
-        """Whether the blends are put together by patches: all edges are blended, and more than a given number."""
-        return len(self.ends) > count and self._is_all_around()
-
-    def _is_all_around(self) -> bool:
+    @property
+    def is_all_around(self) -> bool:
         """Whether the ends are all edges of the vertex."""
         return order_all_ends([context.chain for context in self.chains], self.ends) is not None
 

@@ -15,6 +15,7 @@ from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.errors import InputError, UnsupportedError
+from cqblend.solid_blends.chain_division import divide_chain
 from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells, fill_cells_by_arcs
 from cqblend.solid_blends.strip_context import StripContext
 
@@ -84,27 +85,53 @@ class ChainContext:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]
 
+    @property
+    def must_be_divided(self) -> bool:
+        """Whether a rail leaves its face inside a cell, or passes several smooth edges at one vertex.
+
+        Next to the ends of a cell it may leave it over the edges that end there.
+        """
+        passes = any(len(edges) > 1 for junction in self.chain.junctions for edges in junction.crossed)
+        return passes or any(cell.leaving_contact is not None for cell in self.cells)
+
+    def divide(self) -> ChainContext:
+        """Return the context of the same chain with a cell for every stretch along which rails stay on their faces.
+
+        That is this chain if no rail leaves its face but where cells meet.
+
+        Raises
+        ------
+        SizeError, GeometryError
+            If a rail leaves its face, and does not go on smoothly.
+        """
+        if not self.must_be_divided and all(side.all() for cell in self.cells for side in cell.contacts_inside):
+            return self
+        divided = divide_chain(self.chain, self.cells)
+        return self if divided is None else ChainContext(divided.chain, divided.cells)
+
     def scale(self, factor: float) -> ChainContext:
         """Return the context of the same chain with a blend of another size: all its lengths times a factor."""
         return ChainContext(self.chain, tuple(cell.scale(factor) for cell in self.cells))
 
-    def make_blends(self, domain: tuple[float, float], *, arcs: bool = True) -> list[BlendSurface]:
+    def make_blends(
+        self, domain: tuple[float, float], *, arcs: bool = True, settled: tuple[bool, bool] = (False, False)
+    ) -> list[BlendSurface]:
         """Return the blend surfaces of all cells; without ``arcs``, not of those, even where they are exact.
 
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
-        last cell.
+        last cell. Ends that are ``settled`` are there, in sections that are exactly those of the contacts.
         """
-        if not self.chain.junctions:
+        if not self.chain.junctions and not any(settled):
             (cell,) = self.cells
             return [cell.make_blend(domain, arcs=arcs)]
         rails, open_domain = [cell.describe_rails() for cell in self.cells], None if self.chain.closed else domain
         wants_arcs = arcs and all(cell.section.may_be_arcs for cell in self.cells)
-        fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs)
+        fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs, settled=settled)
         if fitted.for_arcs:
             try:
                 return fill_cells_by_arcs(self._pair_sections(fitted))
             except UnsupportedError:  # these rails are no good for other sections
-                fitted = fit_chain_ribbons(rails, self._crossings, open_domain)
+                fitted = fit_chain_ribbons(rails, self._crossings, open_domain, settled=settled)
         return fill_cells(self._pair_sections(fitted), arcs=arcs)
 
     def _pair_sections(self, fitted: ChainRibbons) -> list[tuple[SectionAtJoint, RibbonPair]]:

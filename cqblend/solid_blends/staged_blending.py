@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 class StagedNetwork:
     """A network of picked chains that touch, and the stages in which they are blended.
 
-    With a ``failure`` of blends that went on around others, it is put together by patches instead, where these can.
+    ``failure`` is why it cannot be blended with blends that go round one another, so that corners are to be patched.
 
     Raises
     ------
@@ -53,9 +53,9 @@ class StagedNetwork:
     def __init__(
         self, found: Sequence[FoundChain], contexts: BlendContexts, failure: StagedNetworkError | None = None
     ) -> None:
-        self.failure = failure
         self.found = tuple(found)
         self.contexts = contexts
+        self.failure = failure
         chains = []
         for one in found:
             if one.error is not None:
@@ -63,16 +63,9 @@ class StagedNetwork:
             if one.chain is not None:
                 chains.append(contexts.get_chain(one.chain, one.edges))
         self.chains = tuple(chains)
-        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner, patches=failure is not None)
+        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner, patches_only=failure is not None)
         if len(self.plan.stages) > 1 and any(contexts.list_held_edges(one.chain) for one in chains):
             raise UnsupportedError(f"{self.name} meets other picked edges at a corner, and a rail is held on an edge")
-
-    def make_alternative(self, failure: StagedNetworkError) -> StagedNetwork | None:
-        """Return the same network with patches at its corners, if it has failed without; None if it has none."""
-        if self.failure is not None or not self.plan.corners:
-            return None
-        other = StagedNetwork(self.found, self.contexts, failure)
-        return other if len(other.plan.corners) < len(self.plan.corners) else None
 
     @property
     def edges(self) -> tuple[int, ...]:
@@ -83,6 +76,16 @@ class StagedNetwork:
     def name(self) -> str:
         """What messages call it: its first edge."""
         return self.chains[0].name
+
+    def make_alternative(self, failure: StagedNetworkError) -> StagedNetwork | None:
+        """Return the same network with patches at its corners, after it failed without; None if there is no such."""
+        if self.failure is not None or not self.plan.corners:
+            return None
+        try:
+            other = StagedNetwork(self.found, self.contexts, failure)
+        except CqblendError:
+            return None
+        return None if other.plan.corners == self.plan.corners else other
 
     @cached_property
     def first_draft(self) -> DraftedNetwork:

@@ -233,7 +233,7 @@ def make_tetrahedron(seed: int) -> cq.Shape:
     return cq.Solid.makeSolid(cq.Shell.makeShell(faces))
 
 
-@pytest.mark.parametrize("seed", [0, 2, 4, 6])
+@pytest.mark.parametrize("seed", [0, 4])
 def test_six_sizes_at_the_edges_of_a_tetrahedron(seed):
     """Whatever goes on around what, or ends in patches: all of it is sound."""
     body = make_tetrahedron(seed)
