@@ -107,6 +107,24 @@ def varying_sizes() -> None:
     tiled(views, 4, "varying_sizes", 210)
 
 
+def bridges() -> None:
+    """Draw the bridges of the example."""
+    results = runpy.run_path(str(EXAMPLES / "bridges.py"))["results"]
+    looks = (
+        ((0.5, -1, 0.45), (0, 0, 0), 38),
+        ((0.6, -1, 0.7), (0, 0, 8), 50),
+        ((-0.8, -1, 0.5), (-6, 2, 15), 40),
+        ((0.7, -1, 0.4), (3, 0, 15), 40),
+        ((0.5, -1, 0.6), (0, 0, 7), 34),
+        ((0.5, -1, 0.6), (18, -12, 0), 46),
+    )
+    views = []
+    for result, look in zip(results.values(), looks, strict=True):
+        others = [face for face in result.shape.Faces() if not any(face.isSame(one) for one in result.faces)]
+        views.append(([ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)], *look))
+    tiled(views, 3, "bridges", 250)
+
+
 def full_round() -> None:
     """Draw a slab with a narrow front face, without one, and striped, and the rim of a ring without a face between."""
     slab, ring = cq.Workplane().box(30, 24, 10), cq.Workplane().circle(14).circle(8).extrude(6)
@@ -316,6 +334,7 @@ if __name__ == "__main__":
     ends()
     full_round()
     varying_sizes()
+    bridges()
     chains()
     corners()
     for name in FIGURES:
