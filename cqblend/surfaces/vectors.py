@@ -37,7 +37,7 @@ def measure_lengths(vectors: Array) -> Array:
 def normalise_vectors(vectors: Array) -> Array:
     """Normalise vectors (..., 3); raise GeometryError where one has no direction."""
     length = measure_lengths(vectors)
-    if not length.all() or np.isnan(length.sum()):
+    if not length.min(initial=np.inf) > 0:  # nor is nan
         raise GeometryError("a surface is singular here: its partial derivatives span no tangent plane")
     return np.asarray(vectors / length[..., None])
 

@@ -10,7 +10,7 @@ contacts. Here, these are told by the parameter around the round face, t being t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
 from cqblend.splines.local_interpolation import interpolate_locally
 from cqblend.surfaces.angles import unwrap_parameters
+from cqblend.surfaces.quadrics import Plane
 from cqblend.surfaces.vectors import cross_product, measure_lengths, to_tangent_coordinates
 
 
@@ -59,6 +60,9 @@ class RoundFace:
     round_side: int
     around: int
     radius: float
+    _standing_balls: dict[tuple[float, float], StandingBall | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @cached_property
     def _edge_table(self) -> tuple[Array, Array]:
@@ -89,6 +93,13 @@ class RoundFace:
         It stands still if its contact with the other face differs at both ends of the edge by no more than
         ``tolerance`` (mm), and elsewhere by no more than the sections of polynomial blends are off their balls.
         """
+        asked = (radius, tolerance)
+        if asked not in self._standing_balls:
+            self._standing_balls[asked] = self._solve_standing_ball(radius, tolerance)
+        return self._standing_balls[asked]
+
+    def _solve_standing_ball(self, radius: float, tolerance: float) -> StandingBall | None:
+        """Solve for the ball of :meth:`find_standing_ball`."""
         t = np.linspace(0, 1, CONTACT_TOLERANCES.turning_probes)
         try:
             x = self._solve_held(t, self._locate_around(t), np.full(len(t), radius))
@@ -195,13 +206,17 @@ def find_round_face(
     ``locate_on_surfaces`` returns stations at parameters (n,) that lie on both surfaces. A face is round if a ball as
     its arcs are turns in place between it and the other face, within ``tolerance`` (mm).
     """
+    may_be_round = [not isinstance(side.primary, Plane) for side in sides]
+    if not any(may_be_round):
+        return None
     try:
         stations = locate_on_surfaces(np.array([0.0, 0.5, 1.0]))
         turn = compute_inward_directions(sides, stations)[2][1]
         if abs(turn) <= CONTACT_TOLERANCES.smooth_edge_sine:
             return None
         senses = -np.sign(turn) * np.array([side.outward for side in sides])
-        for round_side, side in enumerate(sides):
+        for round_side in np.flatnonzero(may_be_round).tolist():
+            side = sides[round_side]
             for around in (0, 1):
                 arc = _measure_arc_radius(side, stations.uv[round_side], around, senses[round_side])
                 least, most = CONTACT_TOLERANCES.round_radii

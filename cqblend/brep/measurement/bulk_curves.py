@@ -169,13 +169,12 @@ class CurveEvaluator:
 
 def _agrees(found: Array, witnessed: Array) -> bool:
     """Whether points and derivatives (order + 1, d, n) are those of OCCT, but for rounding."""
-    sizes, errors = (np.abs(part).max(axis=(1, 2)) for part in (witnessed, found - witnessed))
+    sizes, errors = (np.abs(part).max(axis=(1, 2)).tolist() for part in (witnessed, found - witnessed))
+    position, derivative = MEASURE_TOLERANCES.witness_position, MEASURE_TOLERANCES.witness_derivative
     # a derivative that ought to be nothing is rounding of what it is a difference of
-    allowed = np.maximum(
-        MEASURE_TOLERANCES.witness_derivative * sizes, MEASURE_TOLERANCES.witness_position * sizes.max()
-    )
-    allowed[0] = MEASURE_TOLERANCES.witness_position * sizes[0]
-    return bool((errors <= allowed).all())
+    rounding = position * max(sizes)
+    allowed = [position * sizes[0], *(max(derivative * size, rounding) for size in sizes[1:])]
+    return all(error <= most for error, most in zip(errors, allowed, strict=True))
 
 
 def _read_spline(curve: AnyCurve) -> tuple[Array, CurveFormula]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from OCP.BRep import BRep_Tool
@@ -31,8 +32,8 @@ class EdgeSamples:
 
     Attributes
     ----------
-    jets : ndarray, shape (6, 3, n)
-        S, Su, Sv, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and surface, mm.
+    jets : ndarray, shape (3 or 6, 3, n)
+        S, Su, Sv and, to order 2, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and surface, mm.
     parameters : ndarray, shape (2, n)
         Where the surface was evaluated.
     sign : float
@@ -87,8 +88,8 @@ class SideSampler:
         crossings = find_knot_crossings(self._pcurve, *self._pcurve_ends, self.surface)
         return map_to_range(np.concatenate((knots, crossings)), self._pcurve_ends, self._ends)
 
-    def sample(self, ts: Array) -> EdgeSamples:
-        """Evaluate the face at parameters (n,) of the edge's 3D curve.
+    def sample(self, ts: Array, order: Literal[1, 2] = 2) -> EdgeSamples:
+        """Evaluate the face, with derivatives up to an order, at parameters (n,) of the edge's 3D curve.
 
         Where the edge runs along a knot line of the surface, derivatives are those of the face's own side of that line.
 
@@ -100,7 +101,7 @@ class SideSampler:
         ts = map_to_range(ts, self._ends, self._pcurve_ends)
         uv = self._pcurve(ts)[0]
         moved = self._shift_to_face_side(uv, ts)
-        jets = self.surface(uv if moved is None else moved, 2)
+        jets = self.surface(uv if moved is None else moved, order)
         if moved is not None:
             jets[0] = self.surface(uv, 0)[0]
         return EdgeSamples(jets, uv, -1.0 if self.face.Orientation() == TopAbs_REVERSED else 1.0)

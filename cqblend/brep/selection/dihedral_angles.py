@@ -70,7 +70,7 @@ def measure_dihedral_angles(sides: tuple[EdgeSide, EdgeSide]) -> DihedralAngles 
     margin = SELECT_TOLERANCES.dihedral_margin
     shares = np.concatenate([[0.0], np.linspace(margin, 1 - margin, SELECT_TOLERANCES.dihedral_samples), [1.0]])
     ts = low + shares * (high - low)
-    first, second = (SideSampler(side).sample(ts).normals for side in sides)
+    first, second = (SideSampler(side).sample(ts, 1).normals for side in sides)
     tangents = read_edge_curve(edge)(ts, 1)[1]
     cross = compute_cross_products(first, second)
     sign = np.sign(compute_dot_products(cross, tangents)) * (-1.0 if edge.Orientation() == TopAbs_REVERSED else 1.0)

@@ -79,6 +79,9 @@ class EdgeSpine:
 
     def locate_parameters(self, t: Array) -> tuple[Array, Array]:
         """Return which edge each t in [0, 1] is on, and its parameter there."""
+        if len(self.tables) == 1:
+            (table,) = self.tables
+            return np.zeros(len(t), dtype=int), table.find_parameters(np.clip(t, 0.0, 1.0) * table.length)
         stops = np.cumsum([table.length for table in self.tables])
         arc_length = np.clip(t, 0.0, 1.0) * stops[-1]
         number = np.minimum(np.searchsorted(stops, arc_length, side="right"), len(self.tables) - 1)

@@ -21,7 +21,6 @@ from cqblend.brep.topology import (
     ShapeIndex,
     drop_duplicate_shapes,
     explore_subshapes,
-    is_among,
     make_closed_wire,
     make_compound,
 )
@@ -107,7 +106,7 @@ def _find_supports(replaced: ReplacedFaces, face: TopoDS_Face) -> list[tuple[Top
     found = []
     for use in explore_subshapes(face, TopAbs_EDGE):
         for other in replaced.faces_of_edge(use):
-            if is_among(other, replaced.new_faces) or BRep_Tool.Degenerated_s(use):
+            if other in replaced.added_faces or BRep_Tool.Degenerated_s(use):
                 continue
             normals = [_find_normal(one, _find_middle(use, one)) for one in (face, other)]
             if abs(normals[0].Dot(normals[1])) > VERIFICATION_TOLERANCES.tangent_cosine:

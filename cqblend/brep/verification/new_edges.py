@@ -74,13 +74,11 @@ def find_deviations(replaced: ReplacedFaces) -> list[ReplacementProblem]:
     old edges that had the same fault are left out.
     """
     problems = []
-    surfaces = [(face, BRep_Tool.Surface_s(face)) for face in replaced.new]
     for use, face in replaced.new_uses:
         if BRep_Tool.Degenerated_s(use):
             continue
         tolerance = BRep_Tool.Tolerance_s(use)
-        surface = next(s for other, s in surfaces if other.IsSame(face))
-        if _is_surely_near(use, face, surface, tolerance):
+        if _is_surely_near(use, face, BRep_Tool.Surface_s(face), tolerance):
             continue
         try:
             deviation = measure_curve_deviation(use, face)

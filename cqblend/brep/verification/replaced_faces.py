@@ -95,6 +95,11 @@ class ReplacedFaces:
         return len(ShapeIndex(self.before, TopAbs_SOLID)) > 0
 
     @cached_property
+    def added_faces(self) -> ShapeIndex:
+        """The faces that were added, numbered."""
+        return ShapeIndex.from_shapes(self.new_faces, TopAbs_FACE)
+
+    @cached_property
     def old_compound(self) -> TopoDS_Shape:
         """The faces that were replaced."""
         return make_compound(self.old)
