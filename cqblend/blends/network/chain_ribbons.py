@@ -147,7 +147,7 @@ def _fit_for_arcs(chain: Sequence[ChainCell], links: Sequence[tuple[int, int]]) 
         if max(mismatch.gap / first.width, mismatch.angle) > NETWORK_TOLERANCES.same_arc:
             return None
         mismatches.append(mismatch)
-    joined = [(replace(first, joined=True), replace(second, joined=True)) for first, second in pairs]
+    joined = [(first.join(), second.join()) for first, second in pairs]
     return ChainRibbons(tuple(joined), tuple(mismatches), for_arcs=True)
 
 

@@ -9,7 +9,7 @@ approximate; nothing after them is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -123,6 +123,14 @@ class Ribbon:
         t = np.linspace(*self.c.domain, 2 * len(self.c.breaks) - 1)
         point, vector = dehomogenise_jets(np.stack([jet(t) for jet in self.jets[:2]]))
         return bool(np.ptp(point, axis=0).max() <= RAIL_TOLERANCES.point_rail_share * np.abs(vector).max())
+
+    def join(self) -> Ribbon:
+        """Return the same ribbon, to share its end sections with others; its jets are not composed again."""
+        joined = replace(self, joined=True)
+        for name in ("jets", "is_point"):
+            if name in self.__dict__:  # of what these are made of, nothing changes
+                joined.__dict__[name] = self.__dict__[name]
+        return joined
 
     @cached_property
     def jets(self) -> tuple[Curve, ...]:

@@ -33,7 +33,8 @@ class EdgeSamples:
     Attributes
     ----------
     jets : ndarray, shape (3 or 6, 3, n)
-        S, Su, Sv and, to order 2, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and surface, mm.
+        S, Su, Sv and, to order 2, Suu, Svv and Suv at the samples; points S are images under the face's pcurve and
+        surface, mm.
     parameters : ndarray, shape (2, n)
         Where the surface was evaluated.
     sign : float

@@ -84,3 +84,13 @@ def test_a_radius_that_differs_by_rounding_makes_no_difference():
     ball = face.find_standing_ball(RADIUS * (1 - 1e-9), 1e-6)
     assert ball is not None
     assert 0 < ball.deviation < 1e-8
+
+
+def test_there_is_no_round_face_between_planes():
+    upright, level = np.eye(3)[[1, 2, 0]], np.eye(3)
+    sides = tuple(SupportSurface(Plane(LocalFrame(np.zeros(3), axes)), 1.0) for axes in (upright, level))
+
+    def locate_on_surfaces(t: np.ndarray) -> Stations:
+        pytest.fail("planes need no stations to tell")
+
+    assert find_round_face(sides, locate_on_surfaces, RADIUS, 1e-6) is None
