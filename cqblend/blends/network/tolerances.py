@@ -47,6 +47,9 @@ class NetworkTolerances:
     cut_fit: float = 1e-12
     """Relative to the radius: largest error of an ellipse in the parameters of its cylinder, where it is a spline."""
 
+    mapped_rounding: float = 1e-14
+    """Relative to the largest parameter: what is added to that error where a curve is mapped to another plane."""
+
     cut_spans: int = 4
     """Spans from which on that is fitted."""
 
