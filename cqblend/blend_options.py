@@ -400,14 +400,11 @@ class BlendRequest:
     ----------
     edge_sizes : tuple of EdgeSizes
         The sizes of single edges, in place of radius or width, which are None then.
-<<<<<<< HEAD
     share : tuple of float
         The t, of all edges that are blended in one, at the start and at the end of what this request is for, where
         parameters are functions of it.
-=======
     setbacks : tuple of EdgeSetback
         The setbacks of single edges, or of all.
->>>>>>> integration
     relation : Conic or None
         How far side 1 and side 2 are moved together, mm; None for sections other than potential.
     """
@@ -436,79 +433,4 @@ class BlendRequest:
     on_error: OnError
     hold: "tuple[TopoDS_Edge, ...]"
     chain: bool
-<<<<<<< HEAD
     share: tuple[float, float] = (0.0, 1.0)
-
-
-def _build_relation(a: object, b: object, lam: Any) -> "Conic":
-    """Return the relation of a potential section; each of a and b is the other one if it is left out."""
-    from cqblend.blends.potential.relations import Conic  # which takes NumPy: ``import cqblend`` does not
-
-    if a is None and b is None:
-        raise InputError('section="potential" takes a and b, how far each side is moved (mm): give one or both')
-    first = (
-        _check_size_range("b", check_positive("b", b)) if a is None else _check_size_range("a", check_positive("a", a))
-    )
-    second = first if b is None else _check_size_range("b", check_positive("b", b))
-    return Conic(first, second, 0.0 if lam is None else lam)
-
-
-def check_bulge(name: str, value: object) -> float:
-    """Return a factor on cross derivatives that neither vanish in rounding nor exceed all that a section can take.
-
-    Raises
-    ------
-    InputError
-        If it is not a number from `OptionLimits.min_bulge` to `OptionLimits.max_bulge`.
-    """
-    bulge, least, most = check_positive(name, value), OPTION_LIMITS.min_bulge, OPTION_LIMITS.max_bulge
-    if not least <= bulge <= most:
-        raise InputError(f"{name} must be from {least:g} to {most:g}, not {bulge:g}")
-    return bulge
-
-
-def check_pde_orders(order: object) -> tuple[int, int, int]:
-    """Return the orders of partial differential equations for x, y and z: one for all, or three.
-
-    Raises
-    ------
-    InputError
-        If one is not 2, 4 or 6.
-    """
-    given = tuple(order) if isinstance(order, list | tuple) else (order,) * 3
-    if len(given) != 3 or not all(isinstance(n, Integral) and n in PDE_ORDERS for n in given):
-        raise InputError(f"order must be 2, 4 or 6, or three of them for x, y and z, not {shown(order)}")
-    return int(given[0]), int(given[1]), int(given[2])
-
-
-_RADIUS_PAIR_MESSAGE = (
-    "radius must be a number, not {0}: a pair would mean a radius for each side, but a ball touches both with one; "
-    "give width={0} for rails that far from the edge on side 1 and side 2, or radius=cqblend.linear{0} for a radius "
-    "that varies along the edge"
-)
-
-
-def _check_size(name: str, value: object) -> "Size":
-    """Return a length that an edge can be blended with, as a float, or as a law if it varies."""
-    if name == "radius" and isinstance(value, tuple | list) and len(value) == 2:
-        raise InputError(_RADIUS_PAIR_MESSAGE.format(shown(value)))
-    if not callable(value):
-        return _check_size_range(name, check_positive(name, value))
-    from cqblend.sizes.law_checks import check_law  # which takes NumPy: ``import cqblend`` does not
-
-    law = check_law(name, value)
-    for size in (law,) if isinstance(law, float) else (law.smallest, law.largest):
-        _check_size_range(name, size)
-    return law
-
-
-def _check_size_range(name: str, size: float) -> float:
-    """Return a size (mm) that is neither too small nor too large for any shape."""
-    least, most = OPTION_LIMITS.min_size, OPTION_LIMITS.max_size
-    if size < least:
-        raise SizeError(f"{name} {size:g} mm is below {least:g} mm, ten times OCCT's tolerance; scale the model up")
-    if size > most:
-        raise InputError(f"{name} {size:g} mm is above {most:g} mm, where doubles are coarser than OCCT's tolerance")
-    return size
-=======
->>>>>>> integration

@@ -15,13 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-<<<<<<< HEAD
-from cqblend.blend_options import BlendRequest, Size
-from cqblend.blends.pde.varying_equation import has_functions
-=======
 from cqblend.blend_numbers import Size
 from cqblend.blend_options import BlendRequest
->>>>>>> integration
+from cqblend.blends.pde.varying_equation import has_functions
 from cqblend.brep.selection.chains import Chain
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.brep.topology import find_end_vertices
