@@ -3,7 +3,7 @@
 >>> import cadquery as cq, cqblend
 >>> part = cq.Workplane().box(30, 20, 10).edges("|Z and >X and >Y").blend(2)
 
-Light to import: a public name is loaded when it is first used, and ``Workplane.blend`` and ``Workplane.unroll`` are
+Light to import: a public name is loaded when it is first used, and ``Workplane.blend``, ``.bridge`` and ``.unroll`` are
 registered when CadQuery is imported, before cqblend or after it.
 """
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from cqblend.api.flat_pattern import Pattern, unroll
     from cqblend.api.pde_surface import PdeBlend, pde_blend
     from cqblend.api.potential_surface import PotentialBlend, potential_blend, reshape
+    from cqblend.api.solid_bridge import bridge
     from cqblend.api.solid_functions import (
         BlendResult,
         blend_edges,
@@ -73,6 +74,7 @@ __all__ = [
     "Verification",
     "__version__",
     "blend_edges",
+    "bridge",
     "change_of_parameter",
     "continuity",
     "curve_on",
@@ -118,6 +120,7 @@ _HOME = {
     "Surface": "splines.surface",
     "Verification": "brep.verification.solid_verification",
     "blend_edges": "api.solid_functions",
+    "bridge": "api.solid_bridge",
     "change_of_parameter": "splines.reparametrisation",
     "continuity": "api.solid_functions",
     "curve_on": "api.surface_blend",

@@ -1,6 +1,6 @@
-"""``Workplane.blend`` and ``Workplane.unroll``, and their registration on CadQuery.
+"""``Workplane.blend``, ``.bridge`` and ``.unroll``, and their registration on CadQuery.
 
-They make blends and patterns read like fillets in a chain of CadQuery calls. This module is loaded by ``import
+They make blends, bridges and patterns read like fillets in a chain of CadQuery calls. This module is loaded by ``import
 cqblend`` and imports neither CadQuery nor NumPy: an import hook waits for the module CadQuery, and the methods import
 what they need when they are called.
 """
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from cqblend.argument_checks import check_callback
 from cqblend.blend_options import BLEND_DEFAULTS, BlendOptions, GivenSize
+from cqblend.bridge_options import BRIDGE_DEFAULTS, BridgeOptions
 from cqblend.errors import SelectionError
 from cqblend.option_records import collect_options, document_options
 from cqblend.unroll_options import UNROLL_DEFAULTS, Direction, Layout, Method, UnrollOptions
@@ -98,6 +99,66 @@ def blend(
     return self.newObject([result.shape])
 
 
+@document_options(BridgeOptions)
+def bridge(
+    self: Any,
+    side1: Any,
+    side2: Any,
+    *,
+    continuity: str | tuple[str, str] = BRIDGE_DEFAULTS.continuity,
+    bulge: float | tuple[float, float] = BRIDGE_DEFAULTS.bulge,
+    tangents: str | tuple[str, str] = BRIDGE_DEFAULTS.tangents,
+    section: str = BRIDGE_DEFAULTS.section,
+    start: float | None = None,
+    solid: bool = BRIDGE_DEFAULTS.solid,
+    form: str = BRIDGE_DEFAULTS.form,
+    tolerance: float = BRIDGE_DEFAULTS.tolerance,
+    angular_tolerance: float = BRIDGE_DEFAULTS.angular_tolerance,
+    steer: float = BRIDGE_DEFAULTS.steer,
+    crease: float | None = None,
+    report: "Callable[[BlendResult], object] | None" = None,
+) -> Any:
+    """Join two places of the solids in the chain by a smooth bridge.
+
+    The solids are those on the stack, if there are several, else the one that the stack belongs to.
+
+    Parameters
+    ----------
+    side1, side2 : a face, a closed edge or wire, a pair, or a Workplane with such on its stack
+        As in `cqblend.bridge`.
+    ... : the options of `BridgeOptions`
+    report : callable, optional
+        Is called with the `cqblend.BlendResult`: shape, faces of the bridge and certificate.
+
+    Returns
+    -------
+    Workplane
+        With the bridged solid on its stack.
+
+    Raises
+    ------
+    CqblendError
+        Whatever `cqblend.bridge` raises.
+
+    Examples
+    --------
+    >>> import cadquery, cqblend
+    >>> plate = cadquery.Workplane().box(40, 10, 4).faces(">Z").workplane()
+    >>> studs = plate.pushPoints([(-10, 0), (10, 0)]).circle(2).extrude(3)
+    >>> left, right = studs.faces(">Z").vals()
+    >>> studs.bridge(left, right).solids().size()
+    1
+    """
+    options = collect_options(BridgeOptions, locals())
+    from cqblend.api.solid_bridge import bridge_with_options
+
+    check_callback("report", report, "the result")
+    result = bridge_with_options(self, side1, side2, options)
+    if report is not None:
+        report(result)
+    return self.newObject([result.shape])
+
+
 @document_options(UnrollOptions)
 def unroll(
     self: Any,
@@ -153,8 +214,9 @@ def unroll(
 
 
 def register_methods(cadquery: ModuleType) -> None:
-    """Set the methods ``blend`` and ``unroll`` of ``cadquery.Workplane``, in place of any that it has."""
+    """Set the methods ``blend``, ``bridge`` and ``unroll`` of ``cadquery.Workplane``, in place of any that it has."""
     cadquery.Workplane.blend = blend
+    cadquery.Workplane.bridge = bridge
     cadquery.Workplane.unroll = unroll
 
 

@@ -1,6 +1,6 @@
 """Corners: selections of edges that meet, each blended in one call.
 
-All edges of an angle profile with a boss, the outline of a plate whose sharp uprights stay, where the blends are mitred,
+All edges of an angle profile with a boss, the outline of a plate whose uprights stay sharp, where blends are mitred,
 the edges of a block in three sizes, and the feet of a tower that leans through a plate.
 """
 
@@ -16,9 +16,9 @@ outline = cq.Workplane().polyline([(0, 0), (24, 0), (24, 9), (15, 9), (15, 16), 
 outline = outline.extrude(9)
 
 block = cq.Workplane().box(26, 18, 14)
-sizes = {edge: 1.5 for edge in block.edges("|X").vals()}
-sizes |= {edge: 2.5 for edge in block.edges("|Y").vals()}
-sizes |= {edge: 4.0 for edge in block.edges("|Z").vals()}
+sizes = dict.fromkeys(block.edges("|X").vals(), 1.5)
+sizes |= dict.fromkeys(block.edges("|Y").vals(), 2.5)
+sizes |= dict.fromkeys(block.edges("|Z").vals(), 4.0)
 
 tower = cq.Workplane().polygon(6, 15).extrude(50).translate((0, 0, -25)).rotate((0, 0, 0), (1, 0, 0), 20)
 plate = cq.Workplane().box(34, 32, 10).union(tower)

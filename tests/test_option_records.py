@@ -11,12 +11,15 @@ import cqblend
 from cqblend import __main__ as cli
 from cqblend import cadquery_plugin
 from cqblend.blend_options import CONTINUITIES, CORNERS, ENDS, FORMS, ON_ERROR, BlendOptions
+from cqblend.bridge_options import BridgeOptions
 from cqblend.option_records import document_options
 from cqblend.unroll_options import Direction, Method, UnrollOptions
 
 USES = [
     (BlendOptions, cqblend.blend_edges),
     (BlendOptions, cadquery_plugin.blend),
+    (BridgeOptions, cqblend.bridge),
+    (BridgeOptions, cadquery_plugin.bridge),
     (UnrollOptions, cqblend.unroll),
     (UnrollOptions, cadquery_plugin.unroll),
 ]
@@ -42,7 +45,7 @@ def test_signatures_have_the_options_of_the_record(record, function):
     assert [one.kind for one in given[1:]] == [inspect.Parameter.KEYWORD_ONLY] * (len(options) - 1)
     assert {one.name: one.annotation for one in given} == {one.name: one.type for one in fields(record)}
     others = set(inspect.signature(function).parameters) - set(options)
-    assert others <= {"self", "shape", "edges", "progress", "report"}
+    assert others <= {"self", "shape", "edges", "side1", "side2", "progress", "report"}
 
 
 @pytest.mark.parametrize(

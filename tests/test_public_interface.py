@@ -136,6 +136,16 @@ def corner() -> cq.Edge:
 
 
 @cache
+def pair_of_boxes() -> cq.Shape:
+    return cq.Compound.makeCompound([box(), cq.Solid.makeBox(3, 2, 1, (0, 0, 4))])
+
+
+def bridged_sides() -> dict[str, Any]:
+    lower, upper = pair_of_boxes().Solids()
+    return {"side1": lower.faces(">Z").Faces()[0], "side2": upper.faces("<Z").Faces()[0]}
+
+
+@cache
 def blended() -> cqblend.BlendResult:
     return cqblend.blend_edges(box(), corner(), 0.2)
 
@@ -248,6 +258,19 @@ EDGE_OPTIONS = {
     "hold": None,
 }
 
+BRIDGE_OPTIONS = {
+    "continuity": "G1",
+    "bulge": 1.0,
+    "tangents": "perpendicular",
+    "section": "hermite",
+    "start": None,
+    "solid": True,
+    "form": "auto",
+    "tolerance": 1e-7,
+    "angular_tolerance": 1e-5,
+    "steer": BLEND_DEFAULTS.steer,
+    "crease": None,
+}
 UNROLL_OPTIONS = {
     "tolerance": 0.1,
     "method": "longest",
@@ -379,9 +402,11 @@ ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "Surface.tiled": lambda: {"axis": 0, "before": 0, "after": 1, "continuity": -1},
     "Surface.transpose": dict,
     "Workplane.blend": lambda: {**EDGE_OPTIONS, "report": None},
+    "Workplane.bridge": lambda: {**bridged_sides(), **BRIDGE_OPTIONS, "report": None},
     "Workplane.unroll": lambda: {**UNROLL_OPTIONS, "report": None},
     "blend_edges": lambda: {"shape": box(), "edges": corner(), **EDGE_OPTIONS},
     "change_of_parameter": lambda: {"start": 1.0, "end": 1.0, "domain": (0.0, 1.0), "onto": (0.0, 1.0)},
+    "bridge": lambda: {"shape": pair_of_boxes(), **bridged_sides(), **BRIDGE_OPTIONS},
     "continuity": lambda: {"shape": box(), "edge": corner()},
     "curve_on": lambda: {"face": box().Faces()[0], "edge": box().Faces()[0].Edges()[0]},
     "hermite_blend": lambda: {
@@ -588,7 +613,7 @@ def callables() -> dict[str, Callable[..., Any]]:
             public = not method.startswith("_") or method in OPERATORS
             if public and callable(value) and method not in ("register",) and not isinstance(value, type):
                 found[f"{name}.{method}"] = value
-    for method in ("blend", "unroll"):
+    for method in ("blend", "bridge", "unroll"):
         found[f"Workplane.{method}"] = getattr(cq.Workplane, method)
     return found
 
@@ -603,6 +628,8 @@ def bound(name: str) -> Callable[..., Any]:
         return lambda *, options, **given: cqblend.max_size(**given, continuity=options)
     if not method:
         return FOUND[name]
+    if method == "bridge" and owner == "Workplane":
+        return cq.Workplane(pair_of_boxes()).bridge
     if owner == "Workplane":
         stack = cq.Workplane(box()).newObject([corner() if method == "blend" else box().Faces()[0]])
         return getattr(stack, method)
@@ -659,7 +686,9 @@ def walk(name: str, arguments: dict[str, Any], kinds: Iterable[str]) -> None:
 @pytest.mark.parametrize("name", sorted(FOUND))
 def test_nothing_raw_leaves(name: str) -> None:
     called(name, ARGUMENTS[name]())
-    walk(name, ARGUMENTS[name](), FEW if name in ("Workplane.blend", "potential_blend") else NONSENSE)
+    walk(
+        name, ARGUMENTS[name](), FEW if name in ("Workplane.blend", "Workplane.bridge", "potential_blend") else NONSENSE
+    )
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

@@ -7,12 +7,14 @@ none is imported here, and so that objects of modules that CQ-editor has reloade
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from cqblend.argument_checks import call_user_function
-from cqblend.brep.shape_kinds import downcast_shape, find_shape_kind, is_topods, list_children
-from cqblend.brep.topology import drop_duplicate_shapes
+from cqblend.brep.selection.bridge_sides import GivenSide
+from cqblend.brep.shape_kinds import ShapeKind, downcast_shape, find_shape_kind, is_topods, list_children
+from cqblend.brep.topology import drop_duplicate_shapes, make_compound
 from cqblend.errors import InputError, reason, shown, with_article
+from cqblend.splines import Curve
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
@@ -179,6 +181,76 @@ def wrap_like(model: Any, result: "TopoDS_Shape") -> Any:
     return shape
 
 
+@dataclass(frozen=True, slots=True)
+class GivenBodies:
+    """The bodies that a bridge is to join: the first of them as it was given, and all of them as one shape."""
+
+    model: Any
+    shape: "TopoDS_Shape"
+
+
+def collect_bodies(things: Any) -> GivenBodies:
+    """Return the bodies in a solid, a compound, a Workplane, or a sequence of solids.
+
+    Raises
+    ------
+    InputError
+        There is none, or something else among them.
+    """
+    if _is_workplane(things):
+        solids = [one for one in things.vals() if _has_kind(one, "solid")]
+        things = solids if len(solids) > 1 else _find_body(things)
+    if _find_topods(things) is not None:
+        return GivenBodies(things, to_topods(things))
+    rule = "shape must be a solid, a compound, or a sequence of solids"
+    found = [resolve_shape(one) for one in _list_items(things, rule)]
+    if not found or not all(_has_kind(one, "solid") or _has_kind(one, "compound") for one in found):
+        raise InputError(f"{rule}, not {_describe_shape(things)}")
+    return GivenBodies(found[0], make_compound(to_topods(one) for one in found))
+
+
+def to_given_side(name: str, value: Any) -> GivenSide:
+    """Return a side of a bridge: a face, a closed edge or wire, or a pair of a face and a wire or a `Curve` on it.
+
+    Raises
+    ------
+    InputError
+        It is something else.
+    """
+    rule = f"{name} must be a face, a closed edge or wire, or a pair of a face and a closed wire or Curve on it"
+    if _is_workplane(value):
+        value = value.vals()
+        value = value[0] if len(value) == 1 else value
+    if isinstance(value, tuple | list) and len(value) == 2 and _has_kind(value[0], "face"):
+        face, curve = to_topods_face(value[0], name), value[1]
+        if isinstance(curve, Curve):
+            if curve.dim not in (2, 3):
+                raise InputError(f"{rule}: a Curve has dim 2, in the parameters of the face, or 3, not {curve.dim}")
+            return GivenSide(face, curve=curve)
+        return GivenSide(face, _collect_wire(name, rule, curve))
+    if _has_kind(value, "face"):
+        return GivenSide(to_topods_face(value, name))
+    if isinstance(value, Curve):
+        raise InputError(f"{rule}: a Curve needs its face, as a pair")
+    return GivenSide(None, _collect_wire(name, rule, value))
+
+
+def _collect_wire(name: str, rule: str, things: Any) -> "tuple[TopoDS_Edge, ...]":
+    """Return the edges of a wire, an edge, or an iterable of these."""
+    if _find_topods(things) is None and not isinstance(things, Iterable) and not _is_workplane(things):
+        raise InputError(f"{rule}, not {_describe_shape(things)}")
+    edges: list[TopoDS_Edge] = drop_duplicate_shapes(_iterate_edges(things, name=name))
+    if not edges:
+        raise InputError(f"{rule}: this one is empty")
+    return tuple(edges)
+
+
+def _has_kind(thing: Any, kind: ShapeKind) -> bool:
+    """Whether a thing is a shape of a kind."""
+    topods = _find_topods(thing)
+    return topods is not None and find_shape_kind(topods) == kind
+
+
 def _list_items(things: Any, wanted: str) -> list[Any]:
     """Return the items of an iterable; `wanted` says in the message what they should be."""
     if isinstance(things, str | bytes | dict) or not isinstance(things, Iterable):
@@ -189,15 +261,15 @@ def _list_items(things: Any, wanted: str) -> list[Any]:
         raise InputError(f"{wanted}, and going through what is given raises {reason(error)}") from error
 
 
-def _iterate_edges(things: Any, depth: int = 0, name: Literal["edges", "hold"] = "edges") -> "Iterable[TopoDS_Edge]":
-    """Yield the edges in nested things; to hold a rail on, those of wires, too."""
+def _iterate_edges(things: Any, depth: int = 0, name: str = "edges") -> "Iterable[TopoDS_Edge]":
+    """Yield the edges in nested things; those of wires, too, unless edges to blend are looked for."""
     if depth > _MAX_NESTING:
         raise InputError(f"{name} is nested more than {_MAX_NESTING} deep")
     topods = _find_topods(things)
     if topods is not None and find_shape_kind(topods) == "edge":
         yield topods
         return
-    if topods is not None and find_shape_kind(topods) in ("compound", *(["wire"] if name == "hold" else [])):
+    if topods is not None and find_shape_kind(topods) in ("compound", *(["wire"] if name != "edges" else [])):
         things = list_children(topods)
     elif _is_workplane(things):
         things = things.vals()

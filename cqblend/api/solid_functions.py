@@ -157,10 +157,10 @@ def blend_with_options(shape: Any, edges: Any, options: BlendOptions) -> BlendRe
     """Do what :func:`blend_edges` does, with the options in a record."""
     request = _to_request(options)
     native = resolve_shape(shape)
-    return _wrap_result(native, blend_shape(to_topods(native), collect_edges(edges), request))
+    return wrap_result(native, blend_shape(to_topods(native), collect_edges(edges), request))
 
 
-def _wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
+def wrap_result(native: Any, blended: BlendedShape) -> BlendResult:
     """Return a blended shape in the library of the input."""
     return BlendResult(
         shape=wrap_like(native, blended.shape),
@@ -306,7 +306,7 @@ def insert_blend(shape: Any, edges: Any, blend: BlendSurface, *, first: Any = No
         )
     native = resolve_shape(shape)
     side1_face = None if first is None else to_topods_face(first, "first")
-    return _wrap_result(native, insert_into_shape(to_topods(native), collect_edges(edges), blend, side1_face))
+    return wrap_result(native, insert_into_shape(to_topods(native), collect_edges(edges), blend, side1_face))
 
 
 def continuity(shape: Any, edge: Any) -> "Continuity":

@@ -94,6 +94,37 @@ def _replace_shell_faces(
     return make_shell([*kept, *new_faces])
 
 
+def join_shells(solids: Sequence[TopoDS_Shape], parts: Sequence[TopoDS_Shape]) -> TopoDS_Solid:
+    """Return one solid with all shells of some, of which those that have one of some parts are made one shell.
+
+    It is no sound solid yet, but what a bridge between these parts turns into one.
+    """
+    shells = [shell for solid in solids for shell in explore_subshapes(orient_forward(solid), TopAbs_SHELL)]
+    bridged = [any(part in ShapeIndex(shell, part.ShapeType()) for part in parts) for shell in shells]
+    pairs = list(zip(shells, bridged, strict=True))
+    together = [face for shell, flag in pairs if flag for face in explore_subshapes(shell, TopAbs_FACE)]
+    out = TopoDS_Solid()
+    BUILDER.MakeSolid(out)
+    for shell in [make_shell(together), *(shell for shell, flag in pairs if not flag)]:
+        BUILDER.Add(out, shell)
+    return out
+
+
+def replace_bodies(shape: TopoDS_Shape, old: Sequence[TopoDS_Shape], new: TopoDS_Shape) -> TopoDS_Shape:
+    """Return a shape with one body in the place of the first of some solids of it, and without the others.
+
+    If nothing else is left, that is the body itself.
+    """
+    reshape = BRepTools_ReShape()
+    reshape.Replace(old[0], new)
+    for other in old[1:]:
+        reshape.Remove(other)
+    result = new if shape.IsSame(old[0]) else reshape.Apply(shape)
+    while find_shape_kind(result) == "compound" and len(list_children(result)) == 1:
+        (result,) = list_children(result)
+    return result
+
+
 def replace_body(shape: TopoDS_Shape, old: TopoDS_Shape, new: TopoDS_Shape) -> TopoDS_Shape:
     """Return a shape with one of its bodies, as :func:`list_bodies` returns them, replaced.
 

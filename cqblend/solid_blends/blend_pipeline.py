@@ -85,14 +85,21 @@ def blend_shape(
             blend = blend_in_stages(networks, selection)
             break
         except StagedNetworkError as fault:
+            other = fault.network.make_alternative(fault)
+            if other is not None:
+                networks[networks.index(fault.network)] = other
+                continue
             networks.remove(fault.network)
-            leave_out(fault.network.edges, fault.cause, fault.chain)
+            first = fault.network.failure or fault
+            leave_out(fault.network.edges, first.cause, first.chain)
     result = selection.shape
     for before, after in blend.bodies:
         result = replace_body(result, before, after)
     certificate = Certificate.merge([one for network in networks for one in blend.certificates[network]])
     meant = sum(one.length for found in selection.networks for one in found)
-    uncovered = meant - sum(network.length for network in networks) + blend.uncovered
+    blended = [network.found for network in networks]
+    left_out = [found for found in selection.networks if found not in blended]
+    uncovered = sum(one.length for found in left_out for one in found) + blend.uncovered
     return BlendedShape(
         result,
         tuple(face for network in networks for face in blend.faces[network]),

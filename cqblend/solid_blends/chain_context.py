@@ -15,6 +15,7 @@ from cqblend.brep.selection.crossed_edges import read_crossings
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.selection.solid_index import SolidIndex
 from cqblend.errors import InputError, UnsupportedError
+from cqblend.solid_blends.chain_division import divide_chain
 from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells, fill_cells_by_arcs
 from cqblend.solid_blends.strip_context import StripContext
 
@@ -83,6 +84,30 @@ class ChainContext:
     def lengths(self) -> Sequence[float]:
         """The lengths (mm) of the edges of the cells."""
         return [cell.joint.spine.length for cell in self.cells]
+
+    @property
+    def must_be_divided(self) -> bool:
+        """Whether a rail leaves its face inside a cell, or passes several smooth edges at one vertex.
+
+        Next to the ends of a cell it may leave it over the edges that end there.
+        """
+        passes = any(len(edges) > 1 for junction in self.chain.junctions for edges in junction.crossed)
+        return passes or any(cell.leaving_contact is not None for cell in self.cells)
+
+    def divide(self) -> ChainContext:
+        """Return the context of the same chain with a cell for every stretch along which rails stay on their faces.
+
+        That is this chain if no rail leaves its face but where cells meet.
+
+        Raises
+        ------
+        SizeError, GeometryError
+            If a rail leaves its face, and does not go on smoothly.
+        """
+        if not self.must_be_divided and all(side.all() for cell in self.cells for side in cell.contacts_inside):
+            return self
+        divided = divide_chain(self.chain, self.cells)
+        return self if divided is None else ChainContext(divided.chain, divided.cells)
 
     def scale(self, factor: float) -> ChainContext:
         """Return the context of the same chain with a blend of another size: all its lengths times a factor."""

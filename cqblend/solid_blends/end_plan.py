@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from cqblend.blend_options import EndWanted
-from cqblend.blends.contacts.contact_solver import ContactSolver, project_to_intersection
+from cqblend.blends.contacts.contact_solver import ContactSolver
 from cqblend.brep.selection.blend_corners import CORNER_METHODS, CornerMethod
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
@@ -147,7 +147,7 @@ def plan_ends(contexts: tuple[StripContext, StripContext], methods: tuple[EndMet
             domain.append(float(end))
             continue
         try:
-            at = float(end) if context.method.sizes.laws else 0.5
+            at = float(end) if context.method.sizes.laws else sum(context.window) / 2
             reach = float(solve(np.array([at])).cross_lengths.max())
             if method == "natural" or method in CORNER_METHODS:
                 caps.append(None)
@@ -212,8 +212,7 @@ def _place_cap(joint: Joint, solve: ContactSolver, end: int, reach: float, offse
             break
         t = np.array([end + step if end == 0 else end - step])
         try:
-            stations = project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
-            joint.check_end_cap(solve(t), stations, end)
+            joint.check_end_cap(solve(t), joint.locate_on_surfaces(t), end)
             return float(t[0])
         except CqblendError as failure:
             error = error or failure

@@ -45,12 +45,16 @@ class NetworkDrafts:
         corners: Sequence[BlendCorner] = (),
         natural_ends: Sequence[ChainEnd] = (),
     ) -> None:
-        self.chains = tuple(chains)
         self.corners = tuple(corners)
-        methods: dict[ChainEnd, EndMethod] = {end: corner.method for corner in corners for end in corner.ends}
-        methods |= dict.fromkeys(natural_ends, "natural")
+        self._methods: dict[ChainEnd, EndMethod] = {end: corner.method for corner in corners for end in corner.ends}
+        self._methods |= dict.fromkeys(natural_ends, "natural")
+        self._take_chains(chains)
+
+    def _take_chains(self, chains: Sequence[ChainContext]) -> None:
+        """Begin with drafts of some chains."""
+        self.chains = tuple(chains)
         self._trials = [
-            EndTrials(context, (methods.get(ChainEnd(k, 0)), methods.get(ChainEnd(k, 1))))
+            EndTrials(context, (self._methods.get(ChainEnd(k, 0)), self._methods.get(ChainEnd(k, 1))))
             for k, context in enumerate(chains)
         ]
         self._made: dict[tuple[int, tuple[float, float], bool], _MadeStrips] = {}
@@ -64,13 +68,30 @@ class NetworkDrafts:
     def make_first(self) -> tuple[ChainDraft, ...]:
         """Return the first draft of every chain.
 
+        If rails leave faces over smooth edges, those are of divided chains. Next to the ends of open chains they may
+        also go on beside the face, if that fails.
+
         Raises
         ------
         CqblendError
             Why there is none.
         """
-        for context in self.chains:
+        whole = self.chains
+        for context in whole:
             check_chain_size(context)
+        try:
+            divided = tuple(context.divide() for context in whole)
+            if any(one is not context for one, context in zip(divided, whole, strict=True)):
+                self._take_chains(divided)
+                return self._draft_first_ends()
+        except CqblendError:
+            if any(context.must_be_divided for context in whole):
+                raise
+            self._take_chains(whole)
+        return self._draft_first_ends()
+
+    def _draft_first_ends(self) -> tuple[ChainDraft, ...]:
+        """Return drafts with the first ends that can be built."""
         for k in range(len(self.chains)):
             self._advance(k, None)
         return self._make_drafts()

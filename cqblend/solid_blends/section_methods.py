@@ -12,11 +12,11 @@ from cqblend.blends.contacts.contact_solver import (
     Contacts,
     ContactSolver,
     Stations,
-    project_to_intersection,
     solve_ball_contacts,
     solve_setback_contacts,
 )
 from cqblend.blends.contacts.contact_tracing import cache_contacts, trace_contacts
+from cqblend.blends.contacts.contacts_beyond import solve_balls_near, solve_setbacks_near
 from cqblend.blends.contacts.turning_contacts import TurningBall, find_turning_ball
 from cqblend.blends.contacts.vanishing_contacts import VanishingEnd, continue_to_ends
 from cqblend.blends.network.chain_cell import CellPole
@@ -115,11 +115,18 @@ class _HermiteAtJoint(SectionAtJoint):
             return solve
         return continue_to_ends(solve, self._locate_on_surfaces, joint.sides, self._measure_both_sizes, tuple(ends))
 
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        sides, sizes = self.joint.sides, self.method.sizes.measure(stations.t)
+        if self.method.request.radius is not None:
+            return solve_balls_near(sides, stations, sizes[0], expected, is_convex=self.joint.is_convex)
+        return solve_setbacks_near(sides, stations, (sizes[0], sizes[1]), expected)
+
     @cached_property
     def turning_ball(self) -> TurningBall | None:
         """The ball of the blend, if it turns in place all along the joint."""
         joint, radius = self.joint, self.method.request.radius
-        if isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
+        is_beside = joint.faces_at_edge is None
+        if is_beside and isinstance(radius, float | int) and not joint.spine.closed and not any(self.fading_ends):
             return find_turning_ball(joint.sides, self._locate_on_surfaces, radius, self.method.targets.position)
         return None
 
@@ -146,9 +153,7 @@ class _HermiteAtJoint(SectionAtJoint):
     def _locate_on_surfaces(self, t: Array) -> Stations:
         """Return stations at t that lie on both support surfaces; on the edge as it is, if the joint fades out."""
         joint = self.joint
-        if any(self.fading_ends):
-            return joint.locate_stations(t)
-        return project_to_intersection(joint.sides, joint.locate_stations(t), joint.spine.length)
+        return joint.locate_stations(t) if any(self.fading_ends) else joint.locate_on_surfaces(t)
 
     def _measure_both_sizes(self, t: Array) -> Array:
         """Return how large the blend is on both sides at t (n,), (2, n), but for a smooth factor."""

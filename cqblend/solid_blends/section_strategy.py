@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cqblend.blend_options import BlendRequest
-from cqblend.blends.contacts.contact_solver import ContactSolver
+from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver, Stations
 from cqblend.blends.network.chain_cell import CellPole
 from cqblend.blends.rails.ribbon import Ribbon, is_faded
 from cqblend.blends.rails.ribbon_fit import RibbonTargets
@@ -142,6 +142,19 @@ class SectionAtJoint(ABC):
     @abstractmethod
     def make_solver(self) -> ContactSolver:
         """Return the function from t (n,) to where the blend meets both faces; it remembers what it has solved."""
+
+    def solve_near(self, stations: Stations, expected: tuple[Array, Array]) -> Contacts:
+        """Return the contacts of stations next to expected ones, also on faces beyond those at the edge.
+
+        Raises
+        ------
+        UnsupportedError
+            If such sections are not built there.
+        GeometryError
+            If there are no such contacts.
+        """
+        del stations, expected
+        raise UnsupportedError("sections of this kind do not go on over a smooth edge of a face")
 
     @abstractmethod
     def fill(self, ribbons: tuple[Ribbon, Ribbon]) -> BlendSurface:

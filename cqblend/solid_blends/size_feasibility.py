@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from cqblend.brep.selection.rail_obstacles import describe_obstacle, find_leaving_contact
+from cqblend.brep.selection.rail_obstacles import describe_obstacle
 from cqblend.errors import CqblendError, SizeError
 from cqblend.solid_blends.chain_context import ChainContext
 from cqblend.solid_blends.strip_context import StripContext
@@ -43,8 +43,8 @@ def check_size(context: StripContext) -> None:
                 place=t,
                 value=here,
             )
-    left = find_leaving_contact(joint, contacts)
-    if left is not None:
+    left = context.leaving_contact
+    if left is not None and not _goes_on_smoothly(context):
         side, index = left
         t = float(contacts.t[index])
         here = method.sizes.measure_largest(t)
@@ -65,6 +65,14 @@ def check_size(context: StripContext) -> None:
             kind="too small",
             value=least,
         )
+
+
+def _goes_on_smoothly(context: StripContext) -> bool:
+    """Whether rails that leave the faces at the edge go on over smooth edges."""
+    try:
+        return bool(context.stretches)
+    except CqblendError:
+        return False
 
 
 def check_chain_size(context: ChainContext) -> None:

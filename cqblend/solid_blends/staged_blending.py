@@ -42,15 +42,20 @@ if TYPE_CHECKING:
 class StagedNetwork:
     """A network of picked chains that touch, and the stages in which they are blended.
 
+    ``failure`` is why it cannot be blended with blends that go round one another, so that corners are to be patched.
+
     Raises
     ------
     CqblendError
         One of its edges is no joint, has a size that cannot be, or the chains cannot be blended in any order.
     """
 
-    def __init__(self, found: Sequence[FoundChain], contexts: BlendContexts) -> None:
+    def __init__(
+        self, found: Sequence[FoundChain], contexts: BlendContexts, failure: StagedNetworkError | None = None
+    ) -> None:
         self.found = tuple(found)
         self.contexts = contexts
+        self.failure = failure
         chains = []
         for one in found:
             if one.error is not None:
@@ -58,7 +63,7 @@ class StagedNetwork:
             if one.chain is not None:
                 chains.append(contexts.get_chain(one.chain, one.edges))
         self.chains = tuple(chains)
-        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner)
+        self.plan: NetworkStages = plan_stages(self.chains, contexts.request.corner, patches_only=failure is not None)
         if len(self.plan.stages) > 1 and any(contexts.list_held_edges(one.chain) for one in chains):
             raise UnsupportedError(f"{self.name} meets other picked edges at a corner, and a rail is held on an edge")
 
@@ -72,10 +77,15 @@ class StagedNetwork:
         """What messages call it: its first edge."""
         return self.chains[0].name
 
-    @property
-    def length(self) -> float:
-        """The length (mm) of all edges that were meant."""
-        return sum(one.length for one in self.found)
+    def make_alternative(self, failure: StagedNetworkError) -> StagedNetwork | None:
+        """Return the same network with patches at its corners, after it failed without; None if there is no such."""
+        if self.failure is not None or not self.plan.corners:
+            return None
+        try:
+            other = StagedNetwork(self.found, self.contexts, failure)
+        except CqblendError:
+            return None
+        return None if other.plan.corners == self.plan.corners else other
 
     @cached_property
     def first_draft(self) -> DraftedNetwork:

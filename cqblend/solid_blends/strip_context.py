@@ -6,12 +6,13 @@ take their contacts from there, so that none is solved twice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from cqblend.blends.contacts.contact_solver import Contacts, ContactSolver
+from cqblend.blends.contacts.contacts_beyond import trace_contacts_beyond
 from cqblend.blends.contacts.parameter_unwrapping import unwrap_closed_solver, unwrap_open_solver
 from cqblend.blends.network.chain_cell import CellRails
 from cqblend.blends.rails.cross_directions import chord_field, perpendicular_field
@@ -27,7 +28,9 @@ from cqblend.blends.rails.ribbon_fit import RibbonTargets
 from cqblend.blends.rails.tolerances import RAIL_TOLERANCES
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.joint import Joint
+from cqblend.brep.selection.rail_obstacles import find_leaving_contact
 from cqblend.errors import CqblendError
+from cqblend.solid_blends.contact_landing import Stretch, find_stretches
 from cqblend.solid_blends.section_methods import get_largest_arc
 from cqblend.solid_blends.section_strategy import SectionAtJoint, SectionMethod, fill_cells
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
@@ -36,10 +39,16 @@ from cqblend.splines.bernstein import Array
 
 @dataclass(frozen=True)
 class StripContext:
-    """One joint, the section method that it is blended with, and the contacts that have been solved there."""
+    """One joint, the section method that it is blended with, and the contacts that have been solved there.
+
+    The strip runs about along the ``window`` of the edge's t. Where it has faces beyond those at the edge, its contacts
+    are found from ``known`` ones.
+    """
 
     joint: Joint
     method: SectionMethod
+    window: tuple[float, float] = field(default=(0.0, 1.0), kw_only=True)
+    known: Contacts | None = field(default=None, kw_only=True)
 
     @cached_property
     def vanishes(self) -> tuple[bool, bool]:
@@ -67,7 +76,28 @@ class StripContext:
     def solve(self) -> ContactSolver:
         """The function from t (n,) to contacts on both support faces."""
         unwrap = unwrap_closed_solver if self.joint.spine.closed else unwrap_open_solver
-        return unwrap(self.section.make_solver(), self.joint.primaries)
+        joint, section = self.joint, self.section
+        solve = (
+            section.make_solver()
+            if self.known is None
+            else trace_contacts_beyond(self.known, joint.locate_on_surfaces, section.solve_near, joint.primaries)
+        )
+        return unwrap(solve, joint.primaries)
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The stretches of the edge along which the contacts lie on one pair of faces, at the edge or beyond.
+
+        Raises
+        ------
+        SizeError
+            If contacts lie on no face that goes on smoothly from those at the edge.
+        """
+        return find_stretches(self.joint, self.method, self.solve)
+
+    def take_stretch(self, stretch: Stretch) -> StripContext:
+        """Return the context of the cell along a stretch."""
+        return StripContext(stretch.joint, self.method, window=stretch.window, known=stretch.known)
 
     def scale(self, factor: float) -> StripContext:
         """Return the context of the same joint with a blend of another size: all its lengths times a factor."""
@@ -80,9 +110,10 @@ class StripContext:
         numbers = np.arange(count)
         if self.joint.spine.closed:
             return self.solve(numbers / (count - 1))
-        inside = (numbers + 0.5) / count
+        first, last = self.window
+        inside = first + (last - first) * (numbers + 0.5) / count
         try:  # with the ends, which are asked for later
-            return self.solve(np.concatenate([(0.0,), inside, (1.0,)])).select_stations(np.arange(1, count + 1))
+            return self.solve(np.concatenate([(first,), inside, (last,)])).select_stations(np.arange(1, count + 1))
         except CqblendError:  # at an end, the joint may fade out
             return self.solve(inside)
 
@@ -91,6 +122,17 @@ class StripContext:
         """The points of these contacts on both sides, (2, n, 3)."""
         contacts = self.checked_contacts
         return np.stack([side.jet(uv)[0] for side, uv in zip(self.joint.primaries, contacts.uv, strict=True)])
+
+    @cached_property
+    def contacts_inside(self) -> tuple[Array, Array]:
+        """Which of these contacts (n,) lie inside the faces at the edge, by side."""
+        first, second = (self.joint.classify_contacts(self.checked_contacts, side) for side in (0, 1))
+        return first, second
+
+    @property
+    def leaving_contact(self) -> tuple[int, int] | None:
+        """The side whose contacts leave their face, and the index of such a contact; None if none do."""
+        return find_leaving_contact(self.contacts_inside, closed=self.joint.spine.closed)
 
     @property
     def has_point_rails(self) -> tuple[bool, bool]:
@@ -157,6 +199,7 @@ class StripContext:
             self.section.pole,
             method.sizes.locate_corners,
             joint.rank,
+            self.window,
         )
 
     def make_blend(self, domain: tuple[float, float], *, arcs: bool = True) -> BlendSurface:

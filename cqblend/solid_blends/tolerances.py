@@ -52,6 +52,24 @@ class SolidBlendTolerances:
     max_uncovered: float = 0.3
     """Relative to the edge: more than that no cap leaves unblended at one end."""
 
+    landing_stations: int = 33
+    """Stations of an edge at which it is found on which faces the contacts lie."""
+
+    landing_resolution: float = 1e-4
+    """In t: how near to where a rail passes to another face stations are halved; Newton's method goes on from there."""
+
+    landing_steps: int = 16
+    """Steps in which a blend is grown from none, where its contacts are not found at once."""
+
+    least_landing_step: float = 1e-4
+    """Relative to the size: a step that does not succeed although it is smaller ends that."""
+
+    overrun_widths: float = 2.0
+    """How far, in widths of the blend, past the end of its edge a cell may go on, in place of one more cell."""
+
+    most_faces_beyond: int = 8
+    """Smooth edges over which a contact is followed."""
+
     held_stations: int = 257
     """Points of the blended edge among which the nearest to a point of a held edge is looked for."""
 
@@ -84,9 +102,6 @@ class SolidBlendTolerances:
 
     equal_sizes: float = 1e-6
     """Relative: sizes of blends that meet at a corner are taken as equal if they differ by less."""
-
-    matching_trials: int = 400
-    """How many choices are tried to find which edges to blend first at corners, so that there are few stages."""
 
 
 @dataclass(frozen=True)

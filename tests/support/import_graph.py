@@ -34,6 +34,7 @@ ROOMS = (
     ("blends.quality",),
     ("blend_numbers",),
     ("blend_options", "certificate"),
+    ("bridge_options",),
     ("patterns.outline",),
     ("patterns.trimming",),
     ("patterns.strips",),

@@ -288,6 +288,38 @@ def _solve_near_expected(
     return x if (solved & (missed <= moved * CONTACT_TOLERANCES.largest_tracing_error)).all() else None
 
 
+def roll_balls(
+    sides: tuple[SupportSurface, SupportSurface], planes: tuple[Array, Array], reach: Array, start: Array
+) -> tuple[Array, Array]:
+    """Solve for the contacts (n, 4) of balls with both surfaces by Newton's method; tell which (n,) were found.
+
+    Their centres lie in ``planes``, given by points and normals (n, 3) each. ``reach`` (2, n, 1) are the radii, signed
+    as the normals of the surfaces point to the centres.
+    """
+    points, tangents = planes
+
+    def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
+        jets = evaluate_both_jets(sides, x)
+        normals = differentiate_normals(jets)
+        centres = jets[:, 0] + reach * normals[0]
+        rates = jets[:, 1:3] + reach[:, None] * normals[1:].swapaxes(0, 1)
+        residual = np.empty((len(x), 4))
+        residual[:, :3] = centres[0] - centres[1]
+        residual[:, 3] = (((centres[0] + centres[1]) / 2 - points) * tangents).sum(axis=1)
+        jacobian = _assemble_columns(rates)
+        jacobian[:, 3] = (rates * tangents).sum(axis=3).reshape(4, -1).T / 2
+        return residual, jacobian, _measure_unit_steps(jets)
+
+    sizes = np.abs(reach[0, :, 0])
+    return solve_damped_newton(evaluate_system, start, sizes, sizes)
+
+
+def measure_ball_openings(jets: Array, signs: Array) -> Array:
+    """Return the angles (n,) between the radii of balls to their contacts, by jets (2, 6, n, 3) and signs (2, 1, 1)."""
+    first, second = signs * normalise_unchecked(cross_product(jets[:, 1], jets[:, 2]))
+    return np.asarray(np.arctan2(measure_lengths(cross_product(first, second)), (first * second).sum(axis=1)))
+
+
 def solve_ball_contacts(
     sides: tuple[SupportSurface, SupportSurface],
     stations: Stations,
@@ -312,26 +344,10 @@ def solve_ball_contacts(
     into, openings = np.stack([into1, into2]), np.zeros(len(turn))
 
     def attempt_ball_contacts(index: Array, sizes: Array, start: Array) -> tuple[Array, Array]:
-        point, tau = stations.points[index], stations.tangents[index]
-        reach = sizes[:, None] * signs  # (2, n, 1)
-
-        def evaluate_system(x: Array) -> tuple[Array, Array, Array]:
-            jets = evaluate_both_jets(sides, x)
-            normals = differentiate_normals(jets)
-            centres = jets[:, 0] + reach * normals[0]
-            rates = jets[:, 1:3] + reach[:, None] * normals[1:].swapaxes(0, 1)
-            residual = np.empty((len(x), 4))
-            residual[:, :3] = centres[0] - centres[1]
-            residual[:, 3] = (((centres[0] + centres[1]) / 2 - point) * tau).sum(axis=1)
-            jacobian = _assemble_columns(rates)
-            jacobian[:, 3] = (rates * tau).sum(axis=3).reshape(4, -1).T / 2
-            return residual, jacobian, _measure_unit_steps(jets)
-
-        x, solved = solve_damped_newton(evaluate_system, start, sizes, sizes)
+        point = stations.points[index]
+        x, solved = roll_balls(sides, (point, stations.tangents[index]), sizes[:, None] * signs, start)
         jets = evaluate_both_jets(sides, x)
-        first, second = signs * normalise_unchecked(cross_product(jets[:, 1], jets[:, 2]))
-        # the angles between the normals at both contacts
-        openings[index] = np.arctan2(measure_lengths(cross_product(first, second)), (first * second).sum(axis=1))
+        openings[index] = measure_ball_openings(jets, signs)
         solved &= (((jets[:, 0] - point) * into[:, index]).sum(axis=2) > 0).all(axis=0)
         solved &= openings[index] > CONTACT_TOLERANCES.least_ball_opening
         return x, solved

@@ -54,6 +54,8 @@ class ContactTolerances:
         Stations that a polynomial through known contacts runs through.
     least_tracing_gap
         Share of the known range: of stations that are nearer to each other, one is used for that.
+    extrapolated_share
+        How far past the ends of the known range, as a share of it, contacts are expected from known ones.
     rough_continuity
         Knot lines at which a surface is less smooth than C3, this number, are looked for.
     crossing_stations
@@ -88,6 +90,7 @@ class ContactTolerances:
     held_growth_steps: int = 16
     tracing_stations: int = 6
     least_tracing_gap: float = 1e-5
+    extrapolated_share: float = 0.5
     rough_continuity: int = 3
     crossing_stations: int = 145
     secant_steps: int = 30

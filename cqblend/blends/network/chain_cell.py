@@ -77,6 +77,8 @@ class CellRails:
         What returns the parameters in a range at which contacts are known to be no more than C1.
     rank
         Of two like cells, the one of lower rank dictates; so the result does not depend on the sense of the chain.
+    window
+        About where the cell starts and ends.
     """
 
     primaries: tuple[Primary, Primary]
@@ -88,6 +90,12 @@ class CellRails:
     pole: CellPole | None = None
     locate_corners: Callable[[Domain], Array] = _locate_no_corners
     rank: int = 0
+    window: Domain = (0.0, 1.0)
+
+    @property
+    def width(self) -> float:
+        """How much of t that is."""
+        return self.window[1] - self.window[0]
 
     @property
     def jet_counts(self) -> tuple[int, int]:

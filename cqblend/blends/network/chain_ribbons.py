@@ -39,7 +39,7 @@ from cqblend.blends.rails.ribbon_end import EndJets
 from cqblend.blends.rails.ribbon_fit import Domain
 from cqblend.errors import GeometryError, SizeError
 from cqblend.splines.bernstein import Array
-from cqblend.surfaces.vectors import cross_product
+from cqblend.surfaces.vectors import cross_product, normalise_vectors
 
 RibbonPair = tuple[Ribbon, Ribbon]
 
@@ -208,7 +208,7 @@ def _settle_section(
     ``pole`` is that of the cell beyond the end, if it has one.
     """
     cell, end = place
-    own = _dictate_section(chain[cell], end, pole) if given is None else _take_section(chain[cell], end, given)
+    own = dictate_section(chain[cell], end, pole) if given is None else take_section(chain[cell], end, given)
     wanted[cell][end] = own
     return own.section
 
@@ -285,7 +285,7 @@ def _choose_light_cells(chain: Sequence[ChainCell], links: Sequence[tuple[int, i
     return light
 
 
-def _dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None) -> WantedEnd:
+def dictate_section(cell: ChainCell, end: int, pole: _NeighbourPole | None = None) -> WantedEnd:
     """Return the natural section of a cubic cell at one end, beyond which there may be a pole.
 
     If the derivatives of its jets along the cell nearly have one direction, normal to both surfaces' normals, they get
@@ -319,7 +319,7 @@ def _project_rates(jets: tuple[EndJets, EndJets], direction: Array) -> tuple[End
     return first, second
 
 
-def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
+def take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     """Return what a cubic cell is to have at one end so that it shares a given section."""
     natural = cell.estimate_natural_end(end)
     products = [float(one.rates[0] @ own.rates[0]) for one, own in zip(given.jets, natural, strict=True)]
@@ -341,7 +341,33 @@ def _take_section(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd:
     ]
     pace = float(np.sqrt(speeds[0] * speeds[1]))
     first, second = (EndJets(one.values, pace * one.rates) for one in given.jets)
-    return cell.lift_end(end, (first, second), (pace / speeds[0], pace / speeds[1]))
+    return _kink_rails(cell, end, SectionEnd((first, second), given.orders), (pace / speeds[0], pace / speeds[1]))
+
+
+def _kink_rails(cell: ChainCell, end: int, given: SectionEnd, paces: tuple[float, float]) -> WantedEnd:
+    """Return what a cubic cell is to have at one end so that it shares a section, with rails that may have kinks there.
+
+    Where a rail crosses a smooth edge so obliquely that sections cannot follow it, the ball's path has a kink, since
+    the curvature of its face jumps, and with that kink the tangent planes of both cells agree. The rates of cross
+    derivatives are normal to the face by as much as its curvature tells; the kink is the one with which that is right.
+    """
+    wanted = cell.lift_end(end, given.jets, paces)
+    crossed = [side for side, edge in enumerate(cell.ends[end].edge_jets) if edge is not None]
+    if given.orders != (1, 1) or not crossed:
+        return wanted
+    trial = given.shear((1.0, 1.0))
+    kinked, amounts = cell.lift_end(end, trial, paces), [0.0, 0.0]
+    for side in crossed:
+        off = _measure_normal_rate(wanted.section.jets[side], given.jets[side])
+        if abs(off) > NETWORK_TOLERANCES.parallel_rates * np.abs(given.jets[side].rates).max():
+            amounts[side] = off / (off - _measure_normal_rate(kinked.section.jets[side], trial[side]))
+    return cell.lift_end(end, given.shear((amounts[0], amounts[1])), paces) if any(amounts) else wanted
+
+
+def _measure_normal_rate(own: EndJets, wanted: EndJets) -> float:
+    """Return by how much the rate of a cross derivative differs from a wanted one, along the normal."""
+    (normal,) = normalise_vectors(cross_product(own.rates[:1], own.values[1:2]))
+    return float((own.rates[1] - wanted.rates[1]) @ normal)
 
 
 def _share_direction(cell: ChainCell, end: int, given: SectionEnd) -> WantedEnd | None:

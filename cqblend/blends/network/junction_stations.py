@@ -63,11 +63,11 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
     roughness = gap = 0.0
     for side, edge in enumerate(crossed):
         if edge is not None:
-            first[side] = start = _find_crossing(before, side, edge.before, edge.domain, 1.0)
-            second[side] = stop = _find_crossing(after, side, edge.after, edge.domain, 0.0)
+            first[side] = start = _find_crossing(before, side, edge.before, edge.domain, 1)
+            second[side] = stop = _find_crossing(after, side, edge.after, edge.domain, 0)
             inside = (
-                before.solve(np.array([start.station - NETWORK_TOLERANCES.inner_share])).uv[side],
-                after.solve(np.array([stop.station + NETWORK_TOLERANCES.inner_share])).uv[side],
+                before.solve(np.array([start.station - NETWORK_TOLERANCES.inner_share * before.width])).uv[side],
+                after.solve(np.array([stop.station + NETWORK_TOLERANCES.inner_share * after.width])).uv[side],
             )
             meeting = _compare_faces((before, after), side, edge, start.sigma, inside)
             roughness, gap = max(roughness, meeting.angle), max(gap, meeting.gap)
@@ -75,8 +75,8 @@ def locate_junction(before: CellRails, after: CellRails, crossed: Crossings) -> 
                 edge_jets[side] = np.stack([meeting.tangent, *_differentiate_tangent(edge, start.sigma)])
     along = edge_jets[0], edge_jets[1]
     return (
-        CellEnd(_choose_stations(first, 1.0), along, roughness, gap),
-        CellEnd(_choose_stations(second, 0.0), along, roughness, gap),
+        CellEnd(_choose_stations(first, before.window[1]), along, roughness, gap),
+        CellEnd(_choose_stations(second, after.window[0]), along, roughness, gap),
     )
 
 
@@ -152,33 +152,35 @@ def _differentiate_tangent(edge: CrossedEdge, sigma: float) -> tuple[Array, Arra
     return curvatures[0], differentiate[0] @ curvatures / speeds[0]
 
 
-def _choose_stations(found: Sequence[_Crossing | None], vertex: float) -> tuple[float, float]:
-    """Return the stations of both sides: that of the other side, or of the vertex, where nothing is crossed."""
-    stations = [crossing.station for crossing in found if crossing is not None] or [vertex]
+def _choose_stations(found: Sequence[_Crossing | None], end: float) -> tuple[float, float]:
+    """Return the stations of both sides: that of the other side, or where the cell ends, where nothing is crossed."""
+    stations = [crossing.station for crossing in found if crossing is not None] or [end]
     return stations[0], stations[-1]
 
 
 def _find_crossing(
-    cell: CellRails, side: int, curve: CurveOnSurface, domain: tuple[float, float], start: float
+    cell: CellRails, side: int, curve: CurveOnSurface, domain: tuple[float, float], end: int
 ) -> _Crossing:
-    """Solve for the station, next to ``start``, whose contact on one side lies on a curve in native parameters.
+    """Solve for the station, next to one ``end`` of a cell, whose contact on one side lies on a curve.
+
+    The end is 0, its start, or 1, its stop; the curve is one in native parameters.
 
     Newton's method, with the derivative of the contacts along the cell from a polynomial through some of them at first,
     then from the last step.
     """
     primary, (low, high) = cell.primaries[side], domain
-    nodes = np.linspace(0, 1, RAIL_TOLERANCES.initial_spans + 1)
+    nodes = np.linspace(*cell.window, RAIL_TOLERANCES.initial_spans + 1)
     known, sigmas = cell.solve(nodes), np.linspace(low, high, NETWORK_TOLERANCES.edge_samples)
-    first = -int(start)
+    first = -end
     point = primary.jet(known.uv[side][[first]])[0]
-    t, sigma = start, float(sigmas[measure_lengths(primary.jet(curve(sigmas)[0])[0] - point).argmin()])
+    t, sigma = cell.window[end], float(sigmas[measure_lengths(primary.jet(curve(sigmas)[0])[0] - point).argmin()])
     longest = max(
         NETWORK_TOLERANCES.longest_station_step,
         float(measure_lengths(point - known.edge_points[[first]])[0])
         * NETWORK_TOLERANCES.station_step_width
         / cell.length,
     )
-    probes = t + NETWORK_TOLERANCES.station_probe * np.array([-1.0, 1.0])
+    probes = t + NETWORK_TOLERANCES.station_probe * cell.width * np.array([-1.0, 1.0])
     rate = np.diff(interpolate_locally(nodes, known.uv[side], probes, NETWORK_TOLERANCES.probe_count), axis=0)[0]
     rate /= probes[1] - probes[0]
     uv, previous = known.uv[side][first], np.inf

@@ -50,6 +50,23 @@ class SectionEnd:
         slopes = bernstein.evaluate_basis(degree - 1, 1 - v, v).T
         return np.stack([basis @ values, slopes @ (degree * np.diff(values, axis=0)), basis @ rates])
 
+    def shear(self, amounts: tuple[float, float]) -> tuple[EndJets, EndJets]:
+        """Return jets whose rates are changed so that sections move within their own tangents, by side.
+
+        The derivative H_t along the cell becomes H_t + m(v) H_v, m linear, so that tangent planes stay as they are.
+        Rails get kinks, by these ``amounts`` of their cross derivatives. Both sides are of order 1.
+        """
+        rows = tabulate_hermite((2, 2), (2, 2), 3) @ np.concatenate([one.values[:2] for one in self.jets])
+        bends = 6 * np.diff(rows, 2, axis=0)  # H_vv at both ends
+        first, second = (
+            EndJets(
+                one.values,
+                one.rates + np.stack([amount * one.values[1], amount * bend - sum(amounts) * one.values[1]]),
+            )
+            for one, amount, bend in zip(self.jets, amounts, bends, strict=True)
+        )
+        return first, second
+
     def find_common_direction(self, roughness: float = 0.0) -> Array | None:
         """Return the unit vector (3,) to which all rates are parallel; None if there is none.
 

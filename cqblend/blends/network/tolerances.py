@@ -171,5 +171,49 @@ class NetworkTolerances:
     edge_slack: float = 1e-6
     """Share of a smooth edge by which a rail may miss its end."""
 
+    order_trials: int = 4000
+    """How many choices are tried to find an order in which edges that meet in corners can be blended."""
+
+    matching_trials: int = 400
+    """How many choices are tried to find edges that are first at all of these corners, so that there are few stages."""
+
+
+@dataclass(frozen=True)
+class BridgeTolerances:
+    """Tolerances of the modules that make the rails and ribbons of bridges."""
+
+    most_newton_steps: int = 30
+    """Most steps of Newton's method for the point at a length, and for its foot on a surface."""
+
+    exact_step: float = 2e-15
+    """Relative to the parameters, or to coordinates: steps with which it ends."""
+
+    same_place: float = 1e-9
+    """Relative to a loop: lengths that differ by less are one place."""
+
+    loop_samples: int = 512
+    """Points of a loop by which it is compared with another."""
+
+    frame_steps: int = 64
+    """Steps in which a frame is carried along a bridge."""
+
+    matched_share: float = 0.55
+    """Corners of both rails this near to each other, in shares of the mean distance of corners where they are more, are
+    matched: a little more than half of it."""
+
+    rail_share: float = 1e-8
+    """Relative to the size of a bridge: largest distance of a rail from the edge or curve that it is to follow."""
+
+    least_rail: float = 1e-9
+    """mm: the least that this is taken for."""
+
+    turn_softening: float = 0.5
+    """Softening of 1 + cos in the length of arcs, by the angle between tangent and chord, so that those that leave
+    backwards stay short: they have at most so many chords as 2 over this."""
+
+    inset: float = 2.0
+    """Bridges that leave towards the middle of an opening do so by at most so many distances from there."""
+
 
 NETWORK_TOLERANCES = NetworkTolerances()
+BRIDGE_TOLERANCES = BridgeTolerances()

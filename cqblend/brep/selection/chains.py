@@ -24,11 +24,12 @@ ChainEnd = Literal["corner", "sharp edge", "fading", "unlike edge", "not picked"
 class Junction:
     """Where one cell of a chain ends and the next one starts: at a vertex that the edges pass tangentially.
 
+    Or inside an edge, where a rail leaves its face over a smooth edge: then there is no ``vertex``.
     ``crossed`` are, for side 1 and side 2, the smooth edges at the vertex that lie between the face of the cell before
     and that of the cell after, in the order in which the rail crosses them; none if that is one and the same face.
     """
 
-    vertex: TopoDS_Vertex
+    vertex: TopoDS_Vertex | None
     crossed: tuple[tuple[TopoDS_Edge, ...], tuple[TopoDS_Edge, ...]]
 
 
@@ -48,6 +49,9 @@ class Chain:
     origin : float
         Arc length (mm) from the start of the first cell to the start of the edge at which the chain is said to start:
         0 but for closed chains in which that edge lies inside the first cell.
+    divides : Chain or None
+        Where rails leave faces over smooth edges inside cells, the same chain with one cell for each pair of faces at
+        its edges; this one has more.
     """
 
     cells: tuple[Joint, ...]
@@ -56,13 +60,19 @@ class Chain:
     ends: tuple[ChainEnd, ...] = ()
     edge_numbers: tuple[int, ...] = ()
     origin: float = 0.0
+    divides: Chain | None = None
+
+    @property
+    def edge_cells(self) -> tuple[Joint, ...]:
+        """Those cells, in the order of the chain, of which each has edges of its own."""
+        return self.cells if self.divides is None else self.divides.cells
 
     @property
     def edges(self) -> list[TopoDS_Edge]:
         """The edges of all cells, in the order of the chain."""
-        return [edge for cell in self.cells for edge in cell.spine.edges]
+        return [edge for cell in self.edge_cells for edge in cell.spine.edges]
 
     @property
     def length(self) -> float:
         """Arc length of all edges (mm)."""
-        return sum(cell.spine.length for cell in self.cells)
+        return sum(cell.spine.length for cell in self.edge_cells)

@@ -1,9 +1,11 @@
-"""Reads the smooth edges that the rails of a chain cross, as curves on the surfaces of the cells on both sides."""
+"""Finds and reads the smooth edges that the rails of a chain cross, as curves on the surfaces on both sides."""
 
 from __future__ import annotations
 
 from OCP.BRep import BRep_Tool
-from OCP.TopoDS import TopoDS_Edge
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.TopAbs import TopAbs_EDGE
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face
 
 from cqblend.blends.network.junction_stations import CrossedEdge, Crossings, CurveOnSurface
 from cqblend.brep.conversion.support_face import SupportFace
@@ -12,7 +14,8 @@ from cqblend.brep.measurement.edge_samples import read_edge_curve
 from cqblend.brep.measurement.edge_sides import read_pcurve
 from cqblend.brep.selection.chains import Junction
 from cqblend.brep.selection.joint import Joint
-from cqblend.brep.topology import orient_forward
+from cqblend.brep.selection.solid_index import SolidIndex
+from cqblend.brep.topology import ShapeIndex, is_among, make_vertex, orient_forward
 from cqblend.errors import UnsupportedError
 from cqblend.splines.bernstein import Array
 
@@ -37,6 +40,15 @@ def read_crossings(before: Joint, after: Joint, junction: Junction) -> Crossings
         for crossed, one, other in zip(junction.crossed, before.sides, after.sides, strict=True)
     )
     return first, second
+
+
+def find_smooth_edge(index: SolidIndex, faces: tuple[TopoDS_Face, TopoDS_Face], near: Array) -> TopoDS_Edge | None:
+    """Return the edge at which two faces go on smoothly in each other that is nearest to a point (3,)."""
+    shared = [edge for edge in ShapeIndex(faces[0], TopAbs_EDGE) if is_among(faces[1], index.faces_at_edge(edge))]
+    angles = map(index.measure_dihedral_angles, shared)
+    smooth = [edge for edge, found in zip(shared, angles, strict=True) if found is not None and found.is_smooth]
+    vertex = make_vertex(near)
+    return min(smooth, key=lambda edge: BRepExtrema_DistShapeShape(vertex, edge).Value(), default=None)
 
 
 def _read_crossed_edge(edge: TopoDS_Edge, before: SupportFace, after: SupportFace) -> CrossedEdge:

@@ -17,7 +17,12 @@ from OCP.gp import gp_Pnt, gp_Pnt2d
 from OCP.TopAbs import TopAbs_IN, TopAbs_ON, TopAbs_OUT
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
-from cqblend.blends.contacts.contact_solver import Contacts, Stations, compute_inward_directions
+from cqblend.blends.contacts.contact_solver import (
+    Contacts,
+    Stations,
+    compute_inward_directions,
+    project_to_intersection,
+)
 from cqblend.brep.bodies import is_solid
 from cqblend.brep.conversion.support_face import SupportFace, read_support_face
 from cqblend.brep.measurement.nearest_side import measure_height
@@ -44,7 +49,8 @@ class Joint:
 
     ``edge_number`` and ``face_numbers`` are numbers in the maps of the *input* shape, for messages and certificates;
     ``lookup_number`` returns those of other faces, edges and vertices, 0 if they are not in the input. ``is_backward``
-    tells that the picked edge has the sense opposite to the spine's.
+    tells that the picked edge has the sense opposite to the spine's. The rails run on ``sides``: the faces at the edge,
+    or, past smooth edges, faces beyond; then ``faces_at_edge`` are those at the edge.
     """
 
     index: SolidIndex
@@ -54,6 +60,12 @@ class Joint:
     face_numbers: tuple[int, int]
     lookup_number: Callable[[TopoDS_Shape], int] | None = None
     is_backward: bool = False
+    faces_at_edge: tuple[SupportFace, SupportFace] | None = None
+
+    @property
+    def edge_sides(self) -> tuple[SupportFace, SupportFace]:
+        """The faces at the edge."""
+        return self.sides if self.faces_at_edge is None else self.faces_at_edge
 
     @property
     def solid(self) -> TopoDS_Shape:
@@ -83,7 +95,12 @@ class Joint:
     @cached_property
     def is_convex(self) -> bool:
         """Whether blending removes material; in a shell, whether the blend lies on the inner side of its faces."""
-        return bool(compute_inward_directions(self.sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
+        return bool(compute_inward_directions(self.edge_sides, self.locate_stations(np.array([0.5])))[2][0] > 0)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether its edges close."""
+        return self.spine.closed
 
     @property
     def extent(self) -> float:
@@ -91,8 +108,15 @@ class Joint:
         return self.index.extent
 
     def locate_stations(self, t: Array) -> Stations:
-        """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents."""
-        return self.spine.extend_along_circle(self.spine.locate_stations(t, self.sides), self.sides)
+        """Return the spine's stations at t; an arc of a circle is extended along it, any other along its tangents.
+
+        Their native parameters are those on the faces at the edge.
+        """
+        return self.spine.extend_along_circle(self.spine.locate_stations(t, self.edge_sides), self.edge_sides)
+
+    def locate_on_surfaces(self, t: Array) -> Stations:
+        """Return the stations at t on the intersection of the surfaces of both faces at the edge."""
+        return project_to_intersection(self.edge_sides, self.locate_stations(t), self.spine.length)
 
     @cached_property
     def fading_ends(self) -> tuple[bool, bool]:
@@ -118,7 +142,7 @@ class Joint:
         shares = np.geomspace(*SELECT_TOLERANCES.fading_range, SELECT_TOLERANCES.fading_samples)
         t = shares if end == 0 else 1 - shares
         stations = self.locate_stations(np.sort(t))
-        n1, n2 = (side.primary.evaluate_normals(uv) for side, uv in zip(self.sides, stations.uv, strict=True))
+        n1, n2 = (side.primary.evaluate_normals(uv) for side, uv in zip(self.edge_sides, stations.uv, strict=True))
         sine = measure_lengths(cross_product(n1, n2))[:: 1 if end == 0 else -1]
         if sine[-1] < SELECT_TOLERANCES.fading_sine:
             raise GeometryError(
@@ -147,6 +171,10 @@ class Joint:
         number = 0 if self.lookup_number is None else self.lookup_number(part)
         return f"{find_shape_kind(part)} {number}" if number else f"a new {find_shape_kind(part)}"
 
+    def find_face_number(self, face: TopoDS_Face) -> int:
+        """Return the number of a face in the input, 0 if it is not in it."""
+        return 0 if self.lookup_number is None else self.lookup_number(face)
+
     def choose_rail_start(self, contacts: Contacts) -> float:
         """Return the t, of contacts around a closed joint, that is farthest from seams and knot lines of both faces."""
         clearance = np.full(len(contacts.t), np.inf)
@@ -164,7 +192,7 @@ class Joint:
         """Return the name in messages of the vertex at t = ``end``, 0 or 1, with the other faces that meet there."""
         vertex = self.spine.vertices[end]
         x, y, z = locate_vertex(vertex).tolist()
-        others = [self.name_part(face) for face in find_neighbour_faces(self.index, vertex, self.sides)]
+        others = [self.name_part(face) for face in find_neighbour_faces(self.index, vertex, self.edge_sides)]
         beside = f", beside {', '.join(others)}" if others else ""
         return f"{self.name_part(vertex)} at ({x:.4g}, {y:.4g}, {z:.4g}){beside}"
 
@@ -173,7 +201,7 @@ class Joint:
         """What lies at both ends of the edge where these are in the border of an open shell; None at other ends."""
         if is_solid(self.solid):
             return None, None
-        first, last = (find_border_end(self.index, self.spine, end, self.sides) for end in (0, 1))
+        first, last = (find_border_end(self.index, self.spine, end, self.edge_sides) for end in (0, 1))
         return first, last
 
     def find_continuing_edge(self, end: int) -> TopoDS_Edge | None:
@@ -187,7 +215,7 @@ class Joint:
             return [(border.point, border.normal)]
         vertex, planes = self.spine.vertices[end], []
         point = locate_vertex(vertex)
-        for face in find_neighbour_faces(self.index, vertex, self.sides):
+        for face in find_neighbour_faces(self.index, vertex, self.edge_sides):
             side = read_support_face(face, point[None])
             planes.append((point, side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0]))
         return planes
@@ -195,7 +223,7 @@ class Joint:
     def read_end_face(self, end: int) -> SupportFace | None:
         """Return the one face across the edge at t = ``end``, 0 or 1; None if there is not exactly one."""
         vertex = self.spine.vertices[end]
-        across = find_neighbour_faces(self.index, vertex, self.sides)
+        across = find_neighbour_faces(self.index, vertex, self.edge_sides)
         return read_support_face(across[0], locate_vertex(vertex)[None]) if len(across) == 1 else None
 
     def check_end_cap(self, contacts: Contacts, stations: Stations, end: int) -> None:
@@ -209,6 +237,8 @@ class Joint:
         TopologyError
             If the cap is not possible.
         """
+        if self.faces_at_edge is not None:
+            raise TopologyError("a rail has gone on over a smooth edge, across which flat caps are not built")
         if self.border_ends[end] is not None:
             raise TopologyError("the edge ends in the border of an open shell, which a flat cap would close in part")
         vertex, direction = self.spine.vertices[end], stations.tangents[0]

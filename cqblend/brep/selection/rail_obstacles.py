@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
@@ -19,23 +21,23 @@ from cqblend.splines.bernstein import Array
 from cqblend.splines.bracketing import bisect_interval
 
 
-def find_leaving_contact(joint: Joint, contacts: Contacts) -> tuple[int, int] | None:
+def find_leaving_contact(inside: Sequence[Array], *, closed: bool) -> tuple[int, int] | None:
     """Return the first side, 0 or 1, whose contacts leave their face, and the index of such a contact; None if none do.
 
-    At the ends of an open edge contacts may be outside, because faces may end obliquely; between contacts that are
-    inside, and in the middle, they may not.
+    ``inside`` tells, by side, which contacts along an edge lie inside the face. At the ends of an edge that is not
+    ``closed`` contacts may be outside, because faces may end obliquely; between contacts that are inside, and in the
+    middle, they may not.
     """
-    middle = len(contacts.t) // 2
-    for side in (0, 1):
-        inside = joint.classify_contacts(contacts, side)
-        if not joint.spine.closed:
-            within = np.flatnonzero(inside)
+    for side, found in enumerate(inside):
+        middle, kept = len(found) // 2, found.copy()
+        if not closed:
+            within = np.flatnonzero(kept)
             if len(within) and within[0] <= middle <= within[-1]:
-                inside[: within[0]] = inside[within[-1] :] = True
-            elif not inside[middle]:
+                kept[: within[0]] = kept[within[-1] :] = True
+            elif not kept[middle]:
                 return side, middle
-        if not inside.all():
-            return side, int(np.argmin(inside))
+        if not kept.all():
+            return side, int(np.argmin(kept))
     return None
 
 

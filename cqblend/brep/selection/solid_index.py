@@ -9,13 +9,16 @@ import numpy as np
 from OCP.Bnd import Bnd_Box
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepTopAdaptor import BRepTopAdaptor_FClass2d
-from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
+from OCP.gp import gp_Pnt2d
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_OUT, TopAbs_VERTEX
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from cqblend.brep.measurement.edge_sides import EdgeSide, get_two_sides
 from cqblend.brep.selection.dihedral_angles import DihedralAngles, measure_dihedral_angles
 from cqblend.brep.selection.same_surface import is_same_surface
+from cqblend.brep.selection.tolerances import SELECT_TOLERANCES
 from cqblend.brep.topology import AncestorMap, ShapeIndex, explore_subshapes, find_end_vertices
+from cqblend.splines.bernstein import Array
 
 
 class EdgeUse(NamedTuple):
@@ -53,6 +56,10 @@ class SolidIndex:
         """The vertices, numbered."""
         return ShapeIndex(self.solid, TopAbs_VERTEX)
 
+    def get_map(self, part: TopoDS_Shape) -> ShapeIndex:
+        """Return the numbers of the parts of the same kind as a face, an edge or a vertex."""
+        return {TopAbs_FACE: self.faces, TopAbs_EDGE: self.edges, TopAbs_VERTEX: self.vertices}[part.ShapeType()]
+
     @cached_property
     def faces_at_edge(self) -> AncestorMap:
         """The faces at each edge."""
@@ -81,6 +88,11 @@ class SolidIndex:
         if key not in self._classifiers:
             self._classifiers[key] = BRepTopAdaptor_FClass2d(face, tolerance)
         return self._classifiers[key]
+
+    def is_inside_face(self, face: TopoDS_Face, uv: Array) -> bool:
+        """Whether parameters (2,), in the window of a face, lie inside it or on its boundary."""
+        classifier = self.get_classifier(face, SELECT_TOLERANCES.face_boundary)
+        return bool(classifier.Perform(gp_Pnt2d(*uv.tolist())) != TopAbs_OUT)
 
     def list_same_surface_neighbours(self, face: TopoDS_Face) -> list[tuple[TopoDS_Edge, TopoDS_Face]]:
         """Return the edges at which a face goes on smoothly in another one on the same surface, with that face."""

@@ -62,5 +62,10 @@ class SelectTolerances:
     parallel_angle: float = 1e-9
     """rad, between the normals of planes, or the axes of cylinders, that are the same."""
 
+    wire_gap: float = 1e-5
+    """mm: largest gap of a closed wire that a bridge starts from, and largest distance of it from its face."""
+    bend: float = 1e-9
+    """Relative to the curvature: by how much that of a wire may jump and count as continuous."""
+
 
 SELECT_TOLERANCES = SelectTolerances()

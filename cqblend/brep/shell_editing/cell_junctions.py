@@ -50,7 +50,8 @@ def _join_cells(
     """Return the ends at a junction between given corners.
 
     The common edge is the end section of the cell before, of which the start section of the cell after is a copy to
-    rounding. Smooth edges of the input that the rails cross there are trimmed to the corners.
+    rounding. Smooth edges of the input that the rails cross at a vertex are trimmed to the corners; others are cut as
+    :mod:`.lost_parts` has it.
     """
     stop, start = before.domain[1], after.domain[0]
     section = before.strip.locate_section(stop)
@@ -58,10 +59,11 @@ def _join_cells(
     order = min(1, *(ribbon.order for cell in (before, after) for ribbon in cell.blend.ribbons))
     edge = NewEdge("section", section.curve, section.span, corners, pcurves, order)
     trims = []
-    for i, crossed in enumerate(junction.crossed):
-        faces = (before.joint.sides[i].face, after.joint.sides[i].face)
-        trims += [EdgeTrim(before, 1, smooth, junction.vertex, corners[i], faces) for smooth in crossed]
-    use, vertex = EdgeUse(edge), before.keep_vertex(junction.vertex)
+    if junction.vertex is not None:
+        for i, crossed in enumerate(junction.crossed):
+            faces = (before.joint.sides[i].face, after.joint.sides[i].face)
+            trims += [EdgeTrim(before, 1, smooth, junction.vertex, corners[i], faces) for smooth in crossed]
+    use, vertex = EdgeUse(edge), before.keep_vertex(before.joint.spine.vertices[1])
     return (
         StripEnd((use,), corners, (stop, stop), vertex, tuple(trims)),
         StripEnd((use,), corners, (start, start), vertex),

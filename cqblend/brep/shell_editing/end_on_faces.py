@@ -41,6 +41,7 @@ from cqblend.brep.topology import (
     find_end_uv,
     find_end_vertices,
     find_vertex_uv,
+    is_among,
     locate_vertex,
     make_vertex,
 )
@@ -67,6 +68,8 @@ def end_on_faces(placement: StripPlacement, end: int) -> StripEnd:
             return _end_on_one_face(placement, end, across)
         except (SizeError, TopologyError, GeometryError) as error:
             failure = error
+    if placement.joint.faces_at_edge is not None:
+        raise failure or TopologyError("a rail has gone on over a smooth edge, and no one face lies across the end")
     try:
         at = BlendEnd(placement, end)
         return _end_along_path(at, find_end_path(at))
@@ -89,21 +92,24 @@ def _end_on_one_face(placement: StripPlacement, end: int, target: SupportFace) -
     number = placement.number_face(target.face)
     meetings = _find_meetings(placement, vertex, number)
     use = next(use for use in explore_subshapes(target.face, TopAbs_EDGE) if use.IsSame(meetings[0].of_end_face))
-    stops_at_vertex = find_end_vertices(use)[1].IsSame(vertex)
+    stops_at_vertex = find_end_vertices(use)[1].IsSame(meetings[0].vertex)
     uv = find_end_uv(use, target.face)[1 if stops_at_vertex else 0]
-    normals = [side.face_primary.evaluate_normals(find_vertex_uv(vertex, side.face)[None])[0] for side in joint.sides]
+    normals = [
+        side.face_primary.evaluate_normals(find_vertex_uv(meeting.vertex, side.face)[None])[0]
+        for side, meeting in zip(joint.sides, meetings, strict=True)
+    ]
     sines = np.linalg.norm(np.cross(normals, target.face_primary.evaluate_normals(uv[None])), axis=1)
-    start = EndCurveStart(end, placement.locate_edge_parameter(end), uv, locate_vertex(vertex))
+    start = EndCurveStart(end, placement.locate_edge_parameter(end), uv, locate_vertex(meetings[0].vertex))
     touch = None
     if sines.min() < SHELL_EDIT_TOLERANCES.tangent_faces:
         side = int(sines.argmin())
         at = placement.rail_curves[side](np.array([start.t]))[0]
-        grows = is_corner_behind(meetings[side].of_support, vertex, at)
+        grows = is_corner_behind(meetings[side].of_support, meetings[side].vertex, at)
         touch = solve_touch_point(placement.strip, target.face_primary, start, side, into_blend=grows)
     cut = solve_end_curve(placement.strip, target.face_primary, start, touch)
     edge, corners = plan_end_edge(placement, cut, number)
     trims = tuple(
-        EdgeTrim(placement, end, edge_there, vertex, corner, faces)
+        EdgeTrim(placement, end, edge_there, meeting.vertex, corner, faces)
         for meeting, corner, side in zip(meetings, corners, joint.sides, strict=True)
         for edge_there, faces in meeting.list_edges(side.face, target.face)
     )
@@ -143,10 +149,14 @@ def _find_nearest_edge(target: SupportFace, point: Array) -> TopoDS_Edge:
 
 
 class _Meeting(NamedTuple):
-    """The edge in which a support face meets the end face; two where a shell has not sewn them together there."""
+    """The edge in which a support face meets the end face; two where a shell has not sewn them together there.
+
+    It loses what is between ``vertex``, its end on the side of the blended edge, and the blend.
+    """
 
     of_support: TopoDS_Edge
     of_end_face: TopoDS_Edge
+    vertex: TopoDS_Vertex
 
     def list_edges(
         self, support: TopoDS_Face, end_face: TopoDS_Face
@@ -175,16 +185,44 @@ def _find_meetings(placement: StripPlacement, vertex: TopoDS_Vertex, end_face: i
         for edge in index.edges_at_vertex(vertex)
     ]
     meetings = []
-    for support in placement.face_numbers:
-        shared = [edge for edge, faces in owners if faces == {support, end_face}]
+    for support, side in zip(placement.joint.sides, placement.joint.edge_sides, strict=True):
+        own = placement.number_face(side.face)
+        shared = [edge for edge, faces in owners if faces == {own, end_face}]
         of_support, of_end_face = (
             shared or [edge for edge, faces in owners if faces == {number} and not _is_seam(edge, index.faces[number])]
-            for number in (support, end_face)
+            for number in (own, end_face)
         )
         if len(of_support) != 1 or len(of_end_face) != 1:
             raise TopologyError("the face at the end of the edge does not share exactly one edge with each side")
-        meetings.append(_Meeting(of_support[0], of_end_face[0]))
+        meeting = _Meeting(of_support[0], of_end_face[0], vertex)
+        meetings.append(meeting if support is side else _find_meeting_beyond(placement, meeting, support, end_face))
     return meetings
+
+
+def _find_meeting_beyond(placement: StripPlacement, at_edge: _Meeting, support: SupportFace, end_face: int) -> _Meeting:
+    """Return the edge in which an end face meets a support face beyond that at the edge.
+
+    It is the next one with that face, from the edge in which the end face meets the face at the blended edge.
+
+    Raises
+    ------
+    TopologyError
+        If there is none.
+    """
+    boundary = FaceBoundary(placement.index.faces[end_face])
+    first = boundary.find_uses(at_edge.of_end_face)[0]
+    far = 0 if find_end_vertices(boundary.uses[first])[1].IsSame(at_edge.vertex) else 1
+    at, vertex = first, at_edge.vertex
+    while True:
+        vertex = find_end_vertices(boundary.uses[at])[far]
+        at = boundary.find_following(at) if far else boundary.find_preceding(BoundaryMark(at, 0.0))
+        if is_among(support.face, placement.index.faces_at_edge(boundary.uses[at])):
+            return _Meeting(boundary.uses[at], boundary.uses[at], vertex)
+        if at == first:
+            name = placement.joint.name_part(support.face)
+            raise TopologyError(
+                f"the rail has gone on into {name}, which does not meet the face at the end of the edge"
+            )
 
 
 def _end_along_path(at: BlendEnd, path: EndPath) -> StripEnd:

@@ -25,7 +25,7 @@ from cqblend.blends.rails.ribbon import dehomogenise_jets
 from cqblend.brep.conversion.support_face import SupportFace
 from cqblend.brep.shell_editing.realigned_spheres import plan_sphere_boundary
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings
-from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.shell_editing.strip_placement import PlacedStrip, StripPlacement
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import find_end_vertices, find_seam_edges, is_among
 from cqblend.errors import TopologyError
@@ -91,7 +91,7 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
     between = list(map(PlannedVertex, points))
     vertices = [part.vertices[0], *between, part.vertices[1]]
     edges = tuple(
-        _plan_rail_edge(placement, i, (vertices[k], vertices[k + 1]), (stops[k], stops[k + 1]))
+        plan_rail_edge(placement, i, (vertices[k], vertices[k + 1]), (stops[k], stops[k + 1]))
         for k in range(len(stops) - 1)
     )
     runs_with_boundary = (side.outward > 0) == (i == 0)
@@ -99,7 +99,7 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
     uses = path if runs_with_boundary else reverse_path(path)
     number = placement.face_numbers[i]
     if sphere is not None:
-        into_blend = _evaluate_directions(placement, i, np.array([span[0]]))[0]
+        into_blend = evaluate_directions(placement, i, np.array([span[0]]))[0]
         boundary = plan_sphere_boundary(sphere, uses[0], into_blend)
         return TrimmedRail(edges, FacePlan(number, added=boundary, surface=sphere), None)
     if not any(side.face_primary.periods):  # no face without a period has seams
@@ -109,7 +109,7 @@ def trim_at_rail(placement: StripPlacement, i: int, part: RailSpan, removed: Spi
     # an open chain may end on a seam, of which the rest remains
     for end in _find_ends_on_seams(placement, i, part, removed):
         crossings, between = np.append(crossings, span[end]), [*between, part.vertices[end]]
-    directions = _evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
+    directions = evaluate_directions(placement, i, crossings) if between else np.empty((0, 3))
     at_seams = SeamCrossings(side.face, between, directions, removed.vertices)
     return TrimmedRail(edges, FacePlan(number, removed.remainders, tuple(uses)), at_seams)
 
@@ -143,8 +143,8 @@ def _find_ends_on_seams(placement: StripPlacement, i: int, part: RailSpan, remov
     ]
 
 
-def _plan_rail_edge(
-    placement: StripPlacement, i: int, vertices: tuple[PlannedVertex, PlannedVertex], span: tuple[float, float]
+def plan_rail_edge(
+    placement: PlacedStrip, i: int, vertices: tuple[PlannedVertex, PlannedVertex], span: tuple[float, float]
 ) -> NewEdge:
     """Plan the edge of rail ``i`` over a span of t, with pcurves on the support face and on the blend face."""
     side, curve = placement.sides[i], placement.get_rail_pcurve(i)
@@ -170,7 +170,7 @@ def find_window_shift(side: SupportFace, uv: Array) -> Array:
     return shift
 
 
-def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
+def find_seam_crossings(placement: PlacedStrip, i: int) -> Array:
     """Return where rail ``i`` crosses seams of its support face, in t, ascending; not at its ends."""
     side, curve, tolerance = placement.sides[i], placement.rail_pcurves[i], SHELL_EDIT_TOLERANCES.rail_end_at_seam
     found = [np.empty(0)]
@@ -197,7 +197,7 @@ def find_seam_crossings(placement: StripPlacement, i: int) -> Array:
     return t[np.append(True, np.diff(t) > tolerance * (high - low))] if len(t) else t
 
 
-def _evaluate_directions(placement: StripPlacement, i: int, s: Array) -> Array:
+def evaluate_directions(placement: PlacedStrip, i: int, s: Array) -> Array:
     """Return the directions into the blend (n, 3) along rail ``i``."""
     rail, t = placement.blend.ribbons[i], placement.strip.to_rail_parameters(s)
     return dehomogenise_jets(np.stack([jet(t) for jet in rail.jets[:2]]))[1]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from OCP.TopoDS import TopoDS_Face, TopoDS_Vertex
+from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Vertex
 
 from cqblend.blends.network.arc_strip import ArcStrip
 from cqblend.blends.network.blend_plan import PlannedPcurve, PlannedSurface, PlannedVertex
@@ -35,12 +36,12 @@ CapStations = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)
-class StripPlacement:
-    """One blend surface and the joint of a solid where it goes. Made by :func:`place_strip`."""
+class PlacedStrip:
+    """One blend surface and the two support faces that it goes between."""
 
-    joint: Joint
     blend: BlendSurface
     sides: tuple[SupportFace, SupportFace]  # the support faces in whose parameters the rails are given
+    face_numbers: tuple[int, int]  # of the support faces, in the solid
     spheres: tuple[PlannedSurface | None, PlannedSurface | None]  # which of these are spheres that get a new axis
     strip: StripSurface  # the blend surface, in the parameters in which it goes into the solid
     surface: PlannedSurface  # the same, to be built
@@ -48,42 +49,9 @@ class StripPlacement:
     rail_pcurves: RailPcurves
 
     @property
-    def index(self) -> SolidIndex:
-        """Facts of the solid."""
-        return self.joint.index
-
-    @property
     def domain(self) -> tuple[float, float]:
         """The parameter range of the strip."""
         return self.strip.domain
-
-    def locate_edge_parameter(self, t: float) -> float:
-        """Return the parameter of the strip about where the edge is at t; at the ends of an arc, where it is."""
-        if isinstance(self.strip, SplineStrip):
-            return t
-        first, last = self.blend.ribbons[0].c.domain
-        return (t - first) / (last - first) * self.domain[1]
-
-    @cached_property
-    def spine_numbers(self) -> tuple[int, ...]:
-        """The numbers of the blended edges in the solid."""
-        return tuple(map(self.index.edges.find_number, self.joint.spine.edges))
-
-    @cached_property
-    def face_numbers(self) -> tuple[int, int]:
-        """The numbers of the support faces in the solid."""
-        first, second = (self.index.faces.find_number(side.face) for side in self.joint.sides)
-        return first, second
-
-    def ends_in_point(self, end: int) -> bool:
-        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1).
-
-        Where the joint fades out, they meet as nearly as its faces do at the edge.
-        """
-        at = np.array([self.domain[end]])
-        first, second = (row(at)[0] for row in self.rail_curves)
-        slack = self.joint.tolerance if self.joint.fading_ends[end] else 0.0
-        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent + slack)
 
     def plan_pcurve(self, curve: Curve, reversed_curve: Curve | None = None) -> PlannedPcurve:
         """Return the pcurve on the blend of an edge that is a curve in the parameters of the strip.
@@ -108,6 +76,40 @@ class StripPlacement:
         sphere = self.spheres[i]
         return self.face_numbers[i] if sphere is None else sphere
 
+
+@dataclass(frozen=True)
+class StripPlacement(PlacedStrip):
+    """One blend surface and the joint of a solid where it goes. Made by :func:`place_strip`."""
+
+    joint: Joint
+
+    @property
+    def index(self) -> SolidIndex:
+        """Facts of the solid."""
+        return self.joint.index
+
+    def locate_edge_parameter(self, t: float) -> float:
+        """Return the parameter of the strip about where the edge is at t; at the ends of an arc, where it is."""
+        if isinstance(self.strip, SplineStrip):
+            return t
+        first, last = self.blend.ribbons[0].c.domain
+        return (t - first) / (last - first) * self.domain[1]
+
+    @cached_property
+    def spine_numbers(self) -> tuple[int, ...]:
+        """The numbers of the blended edges in the solid."""
+        return tuple(map(self.index.edges.find_number, self.joint.spine.edges))
+
+    def ends_in_point(self, end: int) -> bool:
+        """Whether the strip ends in a point: its rails meet where they start (``end`` 0) or stop (1).
+
+        Where the joint fades out, they meet as nearly as its faces do at the edge.
+        """
+        at = np.array([self.domain[end]])
+        first, second = (row(at)[0] for row in self.rail_curves)
+        slack = self.joint.tolerance if self.joint.fading_ends[end] else 0.0
+        return bool(np.linalg.norm(first - second) <= SHELL_EDIT_TOLERANCES.point_end * self.joint.extent + slack)
+
     def number_face(self, face: TopoDS_Face) -> int:
         """Return the number of a face in the solid."""
         return self.index.faces.find_number(face)
@@ -124,14 +126,31 @@ def place_strip(
 
     Support faces on spheres that end at a closed blended edge alone get the rail's axis (:mod:`.realigned_spheres`).
     """
+    edges = joint.spine.edges if joint.spine.closed else None
+    placed = place_between(joint.index, sides or joint.sides, blend, edges)
+    return StripPlacement(**{one.name: getattr(placed, one.name) for one in fields(placed)}, joint=joint)
+
+
+def place_between(
+    index: SolidIndex,
+    sides: tuple[SupportFace, SupportFace],
+    blend: BlendSurface,
+    ring: Sequence[TopoDS_Edge] | None,
+) -> PlacedStrip:
+    """Prepare to put a blend between two support faces.
+
+    ``ring`` are the edges that a closed blend takes the place of, none in an opening; it is None if the blend is open.
+    """
     (side1, sphere1), (side2, sphere2) = (
-        _realign_side(joint, side, ribbon) for side, ribbon in zip(sides or joint.sides, blend.ribbons, strict=True)
+        (side, None) if ring is None else _realign_side(ring, side, ribbon)
+        for side, ribbon in zip(sides, blend.ribbons, strict=True)
     )
     strip, pcurves = _describe_strip(blend, (side1, side2))
-    return StripPlacement(
-        joint=joint,
+    first, second = (index.faces.find_number(side.face) for side in sides)
+    return PlacedStrip(
         blend=blend,
         sides=(side1, side2),
+        face_numbers=(first, second),
         spheres=(sphere1, sphere2),
         strip=strip,
         surface=PlannedSurface(strip.geometry),
@@ -171,9 +190,11 @@ def _describe_strip(
     return SplineStrip(blend.surface), (one, other)
 
 
-def _realign_side(joint: Joint, side: SupportFace, ribbon: Ribbon) -> tuple[SupportFace, PlannedSurface | None]:
+def _realign_side(
+    ring: Sequence[TopoDS_Edge], side: SupportFace, ribbon: Ribbon
+) -> tuple[SupportFace, PlannedSurface | None]:
     """Return a support face with the rail's axis and the sphere that it gets; or as it is, and None."""
-    realigned = realign_sphere(side, ribbon, joint.spine.edges) if joint.spine.closed else None
+    realigned = realign_sphere(side, ribbon, ring)
     if realigned is None or not isinstance(realigned.face_primary, Sphere):
         return side, None
     return realigned, PlannedSurface(realigned.face_primary)

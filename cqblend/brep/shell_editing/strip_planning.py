@@ -43,6 +43,7 @@ from cqblend.brep.shell_editing.end_curve import BlendEndError
 from cqblend.brep.shell_editing.end_in_point import end_in_point
 from cqblend.brep.shell_editing.end_on_faces import end_on_faces
 from cqblend.brep.shell_editing.full_round import SharedRails, share_rails
+from cqblend.brep.shell_editing.lost_parts import LostParts, find_lost_parts, list_kept_vertices
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim, trim_neighbour_edges
 from cqblend.brep.shell_editing.rail_edges import RailSpan, SpineRemoval, TrimmedRail, trim_at_rail
 from cqblend.brep.shell_editing.seam_cuts import SeamCrossings, cut_seams
@@ -219,13 +220,12 @@ def _plan_chain(placed: PlacedChain, outer: tuple[StripEnd, StripEnd] | None) ->
         starts, stops = [low, *starts], [*stops, high]
     cell_caps: list[list[float | None]] = [[None, None] for _ in placements]
     cell_caps[0][0], cell_caps[-1][1] = placed.caps
-    return _finish_chain(
-        placements[0].index,
-        [
-            _plan_cell(placement, ends, (cap[0], cap[1]))
-            for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
-        ],
-    )
+    lost = None if chain.divides is None else find_lost_parts(placements, chain, joined, (starts, stops), placed.caps)
+    cells = [
+        _plan_cell(placement, ends, (cap[0], cap[1]), lost)
+        for placement, ends, cap in zip(placements, zip(starts, stops, strict=True), cell_caps, strict=True)
+    ]
+    return _finish_chain(placements[0].index, cells, lost)
 
 
 def check_reach(placements: Sequence[StripPlacement], ends: tuple[StripEnd, StripEnd]) -> None:
@@ -279,12 +279,15 @@ def _plan_ring(placement: StripPlacement) -> _PlannedCell:
     return _PlannedCell(_make_strip_plan(placement, boundary, (first, second), ()), (first, second))
 
 
-def _plan_cell(placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps: CapStations) -> _PlannedCell:
-    """Plan a strip between two ends."""
+def _plan_cell(
+    placement: StripPlacement, ends: tuple[StripEnd, StripEnd], caps: CapStations, lost: LostParts | None
+) -> _PlannedCell:
+    """Plan a strip between two ends; ``lost`` is what goes under its chain, if that is divided."""
     low, high = ends
-    removed = SpineRemoval(
-        plan_edge_remainders(placement, (low, high), caps),
-        _list_removed_vertices(placement, caps),
+    removed = (
+        SpineRemoval(plan_edge_remainders(placement, (low, high), caps), _list_removed_vertices(placement, caps))
+        if lost is None
+        else SpineRemoval({}, lost.vertices)
     )
     rails = []
     for i in (0, 1):
@@ -330,16 +333,24 @@ def _list_edges(rail: TrimmedRail, role: EdgeRole) -> tuple[NewEdge, ...]:
     return tuple(edge for edge in rail.edges if edge.role == role)
 
 
-def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell]) -> PlannedChain:
-    """Return the plan of a chain, with the seams and the neighbour edges that it cuts."""
+def _finish_chain(index: SolidIndex, cells: Sequence[_PlannedCell], lost: LostParts | None = None) -> PlannedChain:
+    """Return the plan of a chain, with the seams and the neighbour edges that it cuts.
+
+    The first of its strips takes the place of faces that are lost under the chain.
+    """
     own: list[FacePlan] = []
     for cell in cells:
         own += [rail.face_plan for rail in cell.rails]
         own += [plan for end in cell.ends for plan in end.face_plans]
     trims = tuple(trim for cell in cells for end in cell.ends for trim in end.edge_trims)
+    strips = [cell.strip for cell in cells]
+    if lost is not None:
+        own += lost.face_plans
+        trims += lost.edge_trims
+        strips[0] = replace(strips[0], removed_faces=(*strips[0].removed_faces, *lost.faces))
     crossings = tuple(rail.crossings for cell in cells for rail in cell.rails if rail.crossings is not None)
     cuts = tuple(cut_shared_edges(index, trims, crossings))
-    return PlannedChain(tuple(cell.strip for cell in cells), tuple(own), trims, crossings, cuts)
+    return PlannedChain(tuple(strips), tuple(own), trims, crossings, cuts)
 
 
 def cut_shared_edges(
@@ -448,12 +459,8 @@ def list_spine_vertices(placement: StripPlacement) -> list[TopoDS_Vertex]:
 
 
 def _list_removed_vertices(placement: StripPlacement, caps: CapStations) -> list[TopoDS_Vertex]:
-    """Return the vertices of the blended edges but for those at an end with a flat cap, or in a point."""
-    kept = [
-        vertex
-        for end, (vertex, cap) in enumerate(zip(placement.joint.spine.vertices, caps, strict=True))
-        if cap is not None or placement.ends_in_point(end)
-    ]
+    """Return the vertices of the blended edges that go."""
+    kept = list_kept_vertices(placement, caps)
     return [vertex for vertex in list_spine_vertices(placement) if not is_among(vertex, kept)]
 
 

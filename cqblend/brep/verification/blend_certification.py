@@ -26,12 +26,11 @@ from cqblend.brep.measurement.edge_samples import sample_outline
 from cqblend.brep.measurement.inner_creases import find_inner_crease
 from cqblend.brep.measurement.knot_lines import find_knot_crossings
 from cqblend.brep.measurement.pole_contact import measure_pole_contact
-from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.plan_application import BuiltStrip
 from cqblend.brep.topology import find_end_vertices
 from cqblend.brep.verification.arc_joints import prove_arc_strip
 from cqblend.brep.verification.circular_joints import prove_revolved_strip
-from cqblend.brep.verification.edge_certification import certify_edge
+from cqblend.brep.verification.edge_certification import BlendPlace, certify_edge
 from cqblend.brep.verification.tolerances import VERIFICATION_TOLERANCES
 from cqblend.certificate import Certificate, EdgeRecord, RailRecord
 from cqblend.splines import Curve, Surface
@@ -53,34 +52,34 @@ class _Measurements:
     outlined: BuiltStrip | None = None  # the blend, if the boundary of its face cuts off some of it
 
 
-def certify_blend(joint: Joint, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
+def certify_blend(place: BlendPlace, strip: BuiltStrip, blend: BlendSurface, edge_tolerance: float) -> Certificate:
     """Measure a blend in a verified solid: along all edges of its face, and inside that face.
 
     ``edge_tolerance`` is the largest of an edge that was made or cut (mm).
     """
     blend_surface = SurfaceEvaluator(BRep_Tool.Surface_s(strip.blend_face))
-    records = [_certify_rail(joint, strip, blend, i, blend_surface) for i in (0, 1)]
+    records = [_certify_rail(place, strip, blend, i, blend_surface) for i in (0, 1)]
     measured = _Measurements(
         records,
         inner_crease=find_inner_crease(strip.blend_face, surface=blend_surface).angle,
-        prove=_choose_proof(joint, strip, blend),
+        prove=_choose_proof(place, strip, blend),
         method="wire substitution" + (", flat ends" if strip.cap_count else ""),
         stations=VERIFICATION_TOLERANCES.certificate_samples,
         edge_tolerance=edge_tolerance,
-        edges=tuple(certify_edge(edge, joint, blend_surface) for edge in strip.other_edges),
-        outlined=None if joint.spine.closed else strip,
+        edges=tuple(certify_edge(edge, place, blend_surface) for edge in strip.other_edges),
+        outlined=None if place.is_closed else strip,
     )
     return _build_certificate(blend, measured)
 
 
 def _certify_rail(
-    joint: Joint, strip: BuiltStrip, blend: BlendSurface, i: int, blend_surface: SurfaceEvaluator
+    place: BlendPlace, strip: BuiltStrip, blend: BlendSurface, i: int, blend_surface: SurfaceEvaluator
 ) -> RailRecord:
     """Measure a blend along one of its rails, or at the one point that the rail is."""
     ribbon = blend.ribbons[i]
     samples, pole, support = VERIFICATION_TOLERANCES.certificate_samples, strip.poles[i], strip.trimmed_faces[i]
     if pole is not None:
-        found = [measure_pole_contact(strip.blend_face, pole, joint.sides[i].face, samples)]
+        found = [measure_pole_contact(strip.blend_face, pole, place.sides[i].face, samples)]
         tolerance = BRep_Tool.Tolerance_s(find_end_vertices(pole)[0])
     else:
         is_held = partial(_is_not_faded, ribbon) if ribbon.fades else None
@@ -94,8 +93,8 @@ def _certify_rail(
     gap, angle, curvature_jump = np.max(found, axis=0).tolist()
     return RailRecord(
         side=i + 1,
-        face=joint.face_numbers[i],
-        edge=joint.edge_number,
+        face=place.face_numbers[i],
+        edge=place.edge_number,
         gap=gap,
         angle=angle,
         curvature_jump=curvature_jump,
@@ -109,7 +108,7 @@ def _certify_rail(
     )
 
 
-def _choose_proof(joint: Joint, strip: BuiltStrip, blend: BlendSurface) -> Callable[[], Proof]:
+def _choose_proof(place: BlendPlace, strip: BuiltStrip, blend: BlendSurface) -> Callable[[], Proof]:
     """Return what proves the surface that is in the solid."""
     first, second = blend.ribbons
     if blend.arc is not None:
@@ -117,7 +116,7 @@ def _choose_proof(joint: Joint, strip: BuiltStrip, blend: BlendSurface) -> Calla
     if isinstance(strip.geometry, RevolvedSection):
         return partial(prove_revolved_strip, strip, (first.order, second.order))
     # Twice the tolerance, for what lies between the parameters at which the fit of a pcurve was checked.
-    one, other = (2 * side.pcurve_tolerance for side in joint.sides)
+    one, other = (2 * side.pcurve_tolerance for side in place.sides)
     return partial(prove_blend, blend, (one, other))
 
 

@@ -95,5 +95,14 @@ class VerificationTolerances:
     surface_certificate_samples: int = 1000
     """The same of a rail that is no edge."""
 
+    bridge_points: tuple[int, int] = (24, 9)
+    """Points along and across each face of a bridge of which it is asked whether they are in a body."""
+
+    bridge_middle: tuple[float, float] = (0.1, 0.9)
+    """Shares of a bridge, from rail to rail, between which these points lie: nearer to a rail it hugs the face."""
+
+    bridge_net: tuple[int, int] = (64, 32)
+    """Meshes along and across of the net in which a bridge is searched for places where it passes through itself."""
+
 
 VERIFICATION_TOLERANCES = VerificationTolerances()

@@ -102,9 +102,9 @@ def test_contacts_that_leave_their_face_are_told_with_its_side():
     stations = found.locate_stations(np.array([0.5]))
     middle = [np.diff(side.bounds).T / 2 + side.bounds[:, 0] for side in found.sides]
     inside = Contacts(stations.t, stations.points, (middle[0], middle[1]), np.ones(1))
-    assert find_leaving_contact(found, inside) is None
-    far = (middle[0] + 100, middle[1])
-    assert find_leaving_contact(found, Contacts(stations.t, stations.points, far, np.ones(1))) == (0, 0)
+    assert find_leaving_contact([found.classify_contacts(inside, side) for side in (0, 1)], closed=False) is None
+    far = Contacts(stations.t, stations.points, (middle[0] + 100, middle[1]), np.ones(1))
+    assert find_leaving_contact([found.classify_contacts(far, side) for side in (0, 1)], closed=False) == (0, 0)
 
 
 def refused(body: cq.Shape, edge, text: str) -> None:
