@@ -46,7 +46,7 @@ TangentsName = Literal["parametric", "perpendicular", "chord"]
 SectionName = Literal["auto", "arc", "hermite", "pde", "potential"]
 FormWanted = Literal["auto", "exact", "compact"]
 EndWanted = Literal["natural", "flat", "auto"]
-CornerWanted = Literal["auto", "ball", "cross", "setback"]
+CornerWanted = Literal["auto", "ball", "cross", "setback", "mitre"]
 OnError = Literal["raise", "skip"]
 
 CONTINUITIES: tuple[ContinuityName, ...] = ("G0", "G1", "G2", "G3")
@@ -54,7 +54,7 @@ TANGENTS: tuple[TangentsName, ...] = ("parametric", "perpendicular", "chord")
 SECTIONS: tuple[SectionName, ...] = ("auto", "arc", "hermite", "pde", "potential")
 FORMS: tuple[FormWanted, ...] = ("auto", "exact", "compact")
 ENDS: tuple[EndWanted, ...] = ("natural", "flat", "auto")
-CORNERS: tuple[CornerWanted, ...] = ("auto", "ball", "cross", "setback")
+CORNERS: tuple[CornerWanted, ...] = ("auto", "ball", "cross", "setback", "mitre")
 ON_ERROR: tuple[OnError, ...] = ("raise", "skip")
 
 _TANGENTS_LATER = ("guide", "combination")
@@ -147,12 +147,13 @@ class BlendOptions:
         ``"auto"``, natural, and flat where that cannot be, at the vertex, with a `FlatEndWarning` for each such end. A
         pair is for the start and the end of the edge, in its own orientation; of a chain, in that of the picked edge
         with the lowest index. Where the size is 0, it ends in a point.
-    corner : {"auto", "ball", "cross", "setback"}, default "auto"
+    corner : {"auto", "ball", "cross", "setback", "mitre"}, default "auto"
         How blends are put together at a vertex all of whose edges are blended, three or more: ``"ball"``, by a sphere
         between arcs, where one ball touches all faces there; ``"cross"``, by patches between blends that end where
         their rails cross; ``"setback"``, by patches between blends that end before that, and curves that round off the
         corners of the faces; ``"auto"``, at three edges by blends that go on around each other, elsewhere by the first
-        of those that fits. Patches are as smooth with all around as blends are along their rails.
+        of those that fits. Patches are as smooth with all around as blends are along their rails. Blends of two edges
+        beside a sharp one always meet in a mitre, their intersection; ``"mitre"`` refuses all other corners.
     setback : float or mapping, optional
         Of ``corner="setback"``: the distance from the vertex at which blends end, along their edges, mm; a mapping has
         one for each of some picked edges. By default it follows from the widths and the angles of the faces.

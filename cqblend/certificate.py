@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Form = Literal["exact", "compact"]
 SectionKind = Literal["arc", "hermite", "pde", "potential"]
-EndKind = Literal["natural", "flat", "point", "ball", "cross", "setback", "mitre"]
+EndKind = Literal["natural", "flat", "point", "ball", "cross", "setback", "mitre", "turn"]
 NewEdgeKind = Literal["end", "border", "seam", "between", "mitre", "spoke", "corner curve"]
 NothingToBlend = Literal["smooth", "seam", "degenerate"]
 
@@ -84,7 +84,7 @@ class EndRecord:
     edge, vertex : int
         1-based indices in the edge map and the vertex map of the *input* shape; ``vertex`` is 0 if that does not have
         it, because faces at it were made one, or an earlier blend of the same call made it.
-    kind : {"natural", "flat", "point", "ball", "cross", "setback", "mitre"}
+    kind : {"natural", "flat", "point", "ball", "cross", "setback", "mitre", "turn"}
         ``"natural"``: on the faces around the end of the edge, or in the border of an open shell; ``"flat"``: in a flat
         cap across the edge; ``"point"``: at the vertex itself, where the size is 0; ``"mitre"``: in the blend of
         another edge; the others: at a corner, by the method that it is made with.

@@ -143,6 +143,26 @@ def chains() -> None:
     picture.draw_views(views, PICTURES / "chains.png", size=(900, 560))
 
 
+def corners() -> None:
+    """Draw whole selections of edges that meet in corners, and below, striped, a corner of each."""
+    made = runpy.run_path(str(EXAMPLES / "corners.py"))["results"]
+    looks = {  # of each: from where, and the middle and the height of what is seen, whole and striped
+        "angle": ((0.8, -1, 0.9), ((12, 11, 8), 38), ((22, 3, 12), 13)),
+        "outline": ((1, -0.7, 0.9), ((12, 12, 4), 34), ((20, 12, 8), 14)),
+        "block": ((0.8, -1, 0.8), ((0, 0, 0), 32), ((11, -7, 5), 11)),
+        "tower": ((0.7, -1, 0.9), ((0, 0, 5), 50), ((3, -7, 6), 17)),
+    }
+    views = []
+    for i, (name, (eye, *framings)) in enumerate(looks.items()):
+        result = made[name]
+        others = [face for face in result.shape.Faces() if not any(face.isSame(blend) for blend in result.faces)]
+        shaded = [ShadedFaces(others, demo.PORCELAIN), ShadedFaces(result.faces, demo.COPPER)]
+        striped = [ShadedFaces(result.shape.Faces(), None)]
+        for j, (drawn, (focus, height)) in enumerate(zip((shaded, striped), framings, strict=True)):
+            views.append(View(drawn, eye, focus, height, (i / 4, (1 - j) / 2, (i + 1) / 4, (2 - j) / 2)))
+    picture.draw_views(views, PICTURES / "corners.png", size=(1120, 560))
+
+
 def circle_speeds() -> None:
     """Draw circles with markers at equal steps of the parameter, and below each its speed over the parameter."""
     made = runpy.run_path(str(EXAMPLES / "circle_speeds.py"))
@@ -297,6 +317,7 @@ if __name__ == "__main__":
     full_round()
     varying_sizes()
     chains()
+    corners()
     for name in FIGURES:
         figure(name)
     spout()

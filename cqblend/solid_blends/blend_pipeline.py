@@ -76,10 +76,9 @@ def blend_shape(
             networks.append(StagedNetwork(found, contexts))
         except CqblendError as error:
             leave_out([number for one in found for number in one.edges], error, None)
-    if request.corner != "auto" and networks and not any(network.plan.has_patches for network in networks):
-        raise InputError(
-            f"corner={request.corner!r} has no effect: at no vertex are all edges picked, three or more; leave it out"
-        )
+    if request.corner != "auto" and networks and not any(network.plan.obeys_corner for network in networks):
+        wanted = "two of three edges picked" if request.corner == "mitre" else "all edges picked, three or more"
+        raise InputError(f"corner={request.corner!r} has no effect: at no vertex are {wanted}; leave it out")
     while True:
         try:
             blend = blend_in_stages(networks, selection)

@@ -36,12 +36,12 @@ class RoundedCorner:
 class NetworkStages:
     """The chains of a network by their indices, in the stages in which they are blended, and its rounded corners.
 
-    ``has_patches`` tells whether there are corners with faces of their own.
+    ``obeys_corner`` tells whether the ``corner`` that is wanted has an effect somewhere.
     """
 
     stages: tuple[tuple[int, ...], ...]
     corners: tuple[RoundedCorner, ...]
-    has_patches: bool = False
+    obeys_corner: bool = True
 
     def list_corners(self, stage: int) -> list[RoundedCorner]:
         """Return the corners around which chains of a stage go on."""
@@ -64,6 +64,11 @@ def plan_stages(
     least = 4 if corner == "auto" and not patches_only else 3
     patched = [meeting for meeting in meetings if len(meeting.ends) >= least and meeting.is_all_around]
     meetings = [meeting for meeting in meetings if meeting not in patched]
+    if corner == "mitre" and patched:
+        raise UnsupportedError(
+            f"all edges at {patched[0].name} are blended, and a mitre needs one that stays sharp: leave out corner=, "
+            "or pick one edge less"
+        )
     for meeting in meetings:
         if len(meeting.ends) > 3:
             raise UnsupportedError(
@@ -90,7 +95,7 @@ def plan_stages(
         )
     corners = [meeting.round(one) for meeting, one in zip(triples, leaders, strict=True) if one is not None]
     stages = (tuple(k for k, stage in enumerate(stage_of) if stage == n) for n in range(max(stage_of) + 1))
-    return NetworkStages(tuple(stages), tuple(corners), bool(patched) or None in leaders)
+    return NetworkStages(tuple(stages), tuple(corners), bool(mitres if corner == "mitre" else patched))
 
 
 def _find_meetings(chains: Sequence[ChainContext]) -> Mapping[int, list[ChainEnd]]:

@@ -113,23 +113,25 @@ class ChainContext:
         """Return the context of the same chain with a blend of another size: all its lengths times a factor."""
         return ChainContext(self.chain, tuple(cell.scale(factor) for cell in self.cells))
 
-    def make_blends(self, domain: tuple[float, float], *, arcs: bool = True) -> list[BlendSurface]:
+    def make_blends(
+        self, domain: tuple[float, float], *, arcs: bool = True, settled: tuple[bool, bool] = (False, False)
+    ) -> list[BlendSurface]:
         """Return the blend surfaces of all cells; without ``arcs``, not of those, even where they are exact.
 
         Those of an open chain reach at least from ``domain[0]``, a t of the first cell, to ``domain[1]``, one of the
-        last cell.
+        last cell. Ends that are ``settled`` are there, in sections that are exactly those of the contacts.
         """
-        if not self.chain.junctions:
+        if not self.chain.junctions and not any(settled):
             (cell,) = self.cells
             return [cell.make_blend(domain, arcs=arcs)]
         rails, open_domain = [cell.describe_rails() for cell in self.cells], None if self.chain.closed else domain
         wants_arcs = arcs and all(cell.section.may_be_arcs for cell in self.cells)
-        fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs)
+        fitted = fit_chain_ribbons(rails, self._crossings, open_domain, arcs=wants_arcs, settled=settled)
         if fitted.for_arcs:
             try:
                 return fill_cells_by_arcs(self._pair_sections(fitted))
             except UnsupportedError:  # these rails are no good for other sections
-                fitted = fit_chain_ribbons(rails, self._crossings, open_domain)
+                fitted = fit_chain_ribbons(rails, self._crossings, open_domain, settled=settled)
         return fill_cells(self._pair_sections(fitted), arcs=arcs)
 
     def _pair_sections(self, fitted: ChainRibbons) -> list[tuple[SectionAtJoint, RibbonPair]]:

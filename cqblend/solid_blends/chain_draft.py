@@ -86,13 +86,6 @@ class EndTrials:
         return BlendEndError(error.end, error.cause.with_details(before=before, after=after))
 
 
-def lengthen_domain(domain: tuple[float, float], needed: tuple[float, float]) -> tuple[float, float]:
-    """Return a domain that has what is needed, and a little more where it was too short, for the next fit differs."""
-    slack = 0.1 * (needed[1] - needed[0])
-    before, after = max(domain[0] - needed[0], 0.0), max(needed[1] - domain[1], 0.0)
-    return domain[0] - before - min(slack, before), domain[1] + after + min(slack, after)
-
-
 def check_blend(context: StripContext, blend: BlendSurface) -> None:
     """Check that a blend neither folds nor has a sharper crease inside than is allowed."""
     context.method.check(blend)

@@ -62,10 +62,33 @@ class EndPlan:
         """Return the plan of natural ends at both ends."""
         return cls(("natural", "natural"), (None, None), domain)
 
+    def turn_at(self, end: int) -> EndPlan:
+        """Return the plan with the rails up to the vertex at one end, past which the ball turns in place."""
+        methods, reach = list(self.methods), list(self.rail_range)
+        methods[end], reach[end] = "turn", float(end)
+        return EndPlan((methods[0], methods[1]), self.cap_stations, (reach[0], reach[1]))
+
+    def lengthen(self, needed: tuple[float, float]) -> EndPlan:
+        """Return the plan with rails that reach as far as is needed, but where the ball turns."""
+        reach = [
+            here if method == "turn" else longer
+            for method, here, longer in zip(
+                self.methods, self.rail_range, lengthen_domain(self.rail_range, needed), strict=True
+            )
+        ]
+        return EndPlan(self.methods, self.cap_stations, (reach[0], reach[1]))
+
     def measure_uncovered(self, lengths: Sequence[float]) -> float:
         """Return the length (mm) that is not blended of a chain, by the lengths of its cells."""
         first, last = self.cap_stations
         return (first or 0.0) * lengths[0] + (0.0 if last is None else 1.0 - last) * lengths[-1]
+
+
+def lengthen_domain(domain: tuple[float, float], needed: tuple[float, float]) -> tuple[float, float]:
+    """Return a domain that has what is needed, and a little more where it was too short, for the next fit differs."""
+    slack = 0.1 * (needed[1] - needed[0])
+    before, after = max(domain[0] - needed[0], 0.0), max(needed[1] - domain[1], 0.0)
+    return domain[0] - before - min(slack, before), domain[1] + after + min(slack, after)
 
 
 class EndAttempts:

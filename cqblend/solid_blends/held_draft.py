@@ -7,8 +7,8 @@ from cqblend.brep.shell_editing.strip_end import RailsTooShortError
 from cqblend.brep.shell_editing.strip_placement import place_strip
 from cqblend.errors import CqblendError, TopologyError
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.chain_draft import ChainDraft, check_blend, lengthen_domain
-from cqblend.solid_blends.end_plan import EndAttempts, EndPlan
+from cqblend.solid_blends.chain_draft import ChainDraft, check_blend
+from cqblend.solid_blends.end_plan import EndAttempts, EndPlan, lengthen_domain
 from cqblend.solid_blends.held_context import HeldStripContext
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 

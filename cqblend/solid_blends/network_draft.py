@@ -7,20 +7,20 @@ short is made longer. Corners, where ends of chains meet, are planned from the s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 from cqblend.blends.sections.blend_surface import BlendSurface
 from cqblend.brep.selection.blend_corners import BlendCorner, ChainEnd
 from cqblend.brep.selection.joint import Joint
 from cqblend.brep.shell_editing.end_curve import BlendEndError
+from cqblend.brep.shell_editing.mitre_curve import RailsApartError
 from cqblend.brep.shell_editing.strip_placement import StripPlacement, place_strip
 from cqblend.brep.shell_editing.strip_planning import FaultyChainError, PlacedChain, ShortChainsError, plan_network
 from cqblend.brep.topology import is_among
 from cqblend.errors import CqblendError, GeometryError, SizeError, TopologyError, VerificationError
 from cqblend.solid_blends.chain_context import ChainContext
-from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend, lengthen_domain
-from cqblend.solid_blends.end_plan import EndAttempts, EndMethod
+from cqblend.solid_blends.chain_draft import ChainDraft, EndTrials, check_blend
+from cqblend.solid_blends.end_plan import EndAttempts, EndMethod, EndPlan
 from cqblend.solid_blends.size_feasibility import check_chain_size
 from cqblend.solid_blends.tolerances import SOLID_BLEND_TOLERANCES
 
@@ -36,7 +36,8 @@ class _MadeStrips:
 class NetworkDrafts:
     """The drafts of a network's chains, one set after the other: the next one is made if the one before fails.
 
-    ``corners`` are where ends of the chains meet; ``natural_ends`` are natural, whatever was asked for.
+    ``corners`` are where ends of the chains meet; ``natural_ends`` are natural, whatever was asked for. Where there can
+    be no mitre, since the rails run apart, the corner is a turn.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class NetworkDrafts:
             EndTrials(context, (self._methods.get(ChainEnd(k, 0)), self._methods.get(ChainEnd(k, 1))))
             for k, context in enumerate(chains)
         ]
-        self._made: dict[tuple[int, tuple[float, float], bool], _MadeStrips] = {}
+        self._made: dict[tuple[int, EndPlan | None, bool], _MadeStrips] = {}
         self._without_arcs: set[int] = set()
 
     @property
@@ -132,9 +133,27 @@ class NetworkDrafts:
             try:
                 return self._draft_present_ends()
             except FaultyChainError as fault:
-                if not isinstance(fault.cause, BlendEndError | SizeError | TopologyError | VerificationError):
-                    raise self._name_chain(fault.chain, fault.cause) from fault
-                self._advance(fault.chain, fault.cause)
+                cause = fault.cause
+                if isinstance(cause, BlendEndError) and isinstance(cause.cause, RailsApartError):
+                    self._turn_corner(ChainEnd(fault.chain, cause.end))
+                    continue
+                if not isinstance(cause, BlendEndError | SizeError | TopologyError | VerificationError):
+                    raise self._name_chain(fault.chain, cause) from fault
+                self._advance(fault.chain, cause)
+
+    def _turn_corner(self, end: ChainEnd) -> None:
+        """Make the corner at an end of a chain a turn."""
+        self.corners = tuple(
+            replace(corner, method="turn") if end in corner.ends else corner for corner in self.corners
+        )
+
+    def _plan_ends(self) -> list[EndPlan | None]:
+        """Return the plans of the present ends of all chains."""
+        plans = [trials.plan for trials in self._trials]
+        for end in (end for corner in self.corners if corner.method == "turn" for end in corner.ends):
+            plan = plans[end.chain]
+            plans[end.chain] = None if plan is None else plan.turn_at(end.end)
+        return plans
 
     def _draft_present_ends(self) -> tuple[ChainDraft, ...]:
         """Return drafts with the present ends of all chains.
@@ -144,11 +163,10 @@ class NetworkDrafts:
         FaultyChainError
             Because of which chain there are none.
         """
-        plans = [trials.plan for trials in self._trials]
-        domains = [(0.0, 1.0) if plan is None else plan.rail_range for plan in plans]
+        plans = self._plan_ends()
         short_ends: dict[int, int] = {}
         for _ in range(SOLID_BLEND_TOLERANCES.max_rail_fits):
-            made = self._make_all_strips(domains, short_ends)
+            made = self._make_all_strips(plans, short_ends)
             placed = [
                 PlacedChain(context.chain, strips.placements, (None, None) if plan is None else plan.cap_stations)
                 for context, strips, plan in zip(self.chains, made, plans, strict=True)
@@ -157,8 +175,10 @@ class NetworkDrafts:
                 planned = plan_network(placed, self.corners)
             except ShortChainsError as short:
                 for k, needed in short.needed_domains.items():
-                    short_ends[k] = 0 if needed[0] < domains[k][0] else 1
-                    domains[k] = lengthen_domain(domains[k], needed)
+                    plan = plans[k]
+                    if plan is not None:
+                        short_ends[k] = 0 if needed[0] < plan.rail_range[0] else 1
+                        plans[k] = plan.lengthen(needed)
                 continue
             return tuple(
                 ChainDraft(
@@ -170,19 +190,18 @@ class NetworkDrafts:
         nothing = TopologyError("the blend runs on beside the faces there without ever meeting them")
         raise FaultyChainError(k, BlendEndError(end, nothing))
 
-    def _make_all_strips(
-        self, domains: Sequence[tuple[float, float]], short_ends: Mapping[int, int]
-    ) -> list[_MadeStrips]:
+    def _make_all_strips(self, plans: Sequence[EndPlan | None], short_ends: Mapping[int, int]) -> list[_MadeStrips]:
         """Return the strips of all chains, with sections of one kind where two of them nearly go on in each other.
 
-        There, arcs of a ball and other sections that differ from them by little would not meet in one curve.
+        There, and where they turn into each other, arcs of a ball and other sections that differ from them by little
+        would not meet in one curve.
         """
         while True:
-            made = [self._make_strips(k, domain, short_ends.get(k)) for k, domain in enumerate(domains)]
+            made = [self._make_strips(k, plan, short_ends.get(k)) for k, plan in enumerate(plans)]
             are_arcs = [all(blend.arc is not None for blend in strips.blends) for strips in made]
             unlike = {
                 chain
-                for pair in self._continued_pairs
+                for pair in self._list_continued_pairs()
                 if len({are_arcs[k] for k in pair}) > 1
                 for chain in pair
                 if are_arcs[chain]
@@ -191,15 +210,15 @@ class NetworkDrafts:
                 return made
             self._without_arcs |= unlike
 
-    @cached_property
-    def _continued_pairs(self) -> list[tuple[int, int]]:
-        """The chains that meet in each mitre at which their edges nearly go on in each other."""
+    def _list_continued_pairs(self) -> list[tuple[int, int]]:
+        """Return the chains that meet in each turn, and in each mitre where their edges nearly go on in each other."""
         pairs = []
         for corner in self.corners:
-            if corner.method == "mitre":
+            if corner.method in ("mitre", "turn"):
                 first, second = corner.ends
                 following = self._get_joint(first).find_continuing_edge(first.end)
-                if following is not None and is_among(following, self._get_joint(second).spine.edges):
+                continues = following is not None and is_among(following, self._get_joint(second).spine.edges)
+                if continues or corner.method == "turn":
                     pairs.append((first.chain, second.chain))
         return pairs
 
@@ -207,8 +226,8 @@ class NetworkDrafts:
         """Return the joint of the cell at an end of a chain."""
         return self.chains[end.chain].end_joints[end.end]
 
-    def _make_strips(self, k: int, domain: tuple[float, float], short_end: int | None) -> _MadeStrips:
-        """Return the strips of chain ``k`` over at least a range, from a t of the first cell to one of the last.
+    def _make_strips(self, k: int, plan: EndPlan | None, short_end: int | None) -> _MadeStrips:
+        """Return the strips of chain ``k``, as far as the plan of its ends demands.
 
         ``short_end`` is the end, 0 or 1, because of which they must be longer than they were, if they must.
 
@@ -218,10 +237,12 @@ class NetworkDrafts:
             If that is not possible.
         """
         arcs = k not in self._without_arcs
-        if (k, domain, arcs) not in self._made:
+        if (k, plan, arcs) not in self._made:
             context = self.chains[k]
+            domain = (0.0, 1.0) if plan is None else plan.rail_range
+            settled = (False, False) if plan is None else (plan.methods[0] == "turn", plan.methods[1] == "turn")
             try:
-                blends = tuple(context.make_blends(domain, arcs=arcs))
+                blends = tuple(context.make_blends(domain, arcs=arcs, settled=settled))
                 for cell, blend in zip(context.cells, blends, strict=True):
                     check_blend(cell, blend)
             except CqblendError as error:
@@ -229,8 +250,6 @@ class NetworkDrafts:
                     named = error.with_details(before="it meets no face that it could end on: ")
                     raise FaultyChainError(k, BlendEndError(short_end, named)) from error
                 raise FaultyChainError(k, error) from error
-            cells = zip(context.cells, blends, strict=True)
-            self._made[k, domain, arcs] = _MadeStrips(
-                blends, tuple(place_strip(cell.joint, blend) for cell, blend in cells)
-            )
-        return self._made[k, domain, arcs]
+            placements = (place_strip(cell.joint, blend) for cell, blend in zip(context.cells, blends, strict=True))
+            self._made[k, plan, arcs] = _MadeStrips(blends, tuple(placements))
+        return self._made[k, plan, arcs]

@@ -342,7 +342,7 @@ class _PotentialAtJoint(SectionAtJoint):
     def _fill_within(self, sweep: EdgeSweep, ribbons: tuple[Ribbon, Ribbon], tolerance: float) -> BlendSurface:
         """Return the blend surface that is within a tolerance (mm) of its exact sections."""
         request = self.method.request
-        section = SweptSection.from_sweep(sweep, self.joint.spine.closed, tolerance)
+        section = SweptSection.from_sweep(sweep, self.joint.spine.closed, tolerance, joined=ribbons[0].joined)
         return section.blend_ribbons(ribbons, request.form, request.tolerance, request.angular_tolerance)
 
 

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import cadquery as cq
+import numpy as np
 import pytest
 from mitred_solids import integrate_insets
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve
+from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
 
 import cqblend
 
@@ -85,3 +91,91 @@ def test_the_foot_of_a_boss_is_mitred_outside_its_upright_edges(radii):
     outline = ((-8, -6), (-8, 6), (8, 6), (8, -6))  # clockwise, so that inside is outside
     added = integrate_insets(outline, [radii[0], radii[1], radii[0], radii[1]])
     assert check(result, 4) == pytest.approx(body.Volume() + added, rel=1e-9)
+
+
+def make_lobes(distance: float) -> cq.Shape:
+    """Return two cylinders of radius 5 that overlap."""
+    second = cq.Workplane().center(distance, 0).circle(5).extrude(3)
+    return cq.Workplane().circle(5).extrude(3).union(second).val().Solids()[0]
+
+
+def test_where_rails_run_apart_past_a_reflex_vertex_the_ball_turns_about_the_sharp_edge():
+    distance, big, r = 9.9, 5.0, 0.3
+    body = make_lobes(distance)
+    edges = cq.Workplane(body).faces(">Z").edges().vals()
+    result = cqblend.blend_edges(body, edges, r)
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, result.faces).ok
+    certificate = result.certificate
+    assert {end.kind for end in certificate.ends} == {"turn"}
+    assert {edge.kind for edge in certificate.edges} == {"between", "corner curve"}
+    assert max(edge.angle for edge in certificate.edges) <= 1e-9  # next to the pole, of which 6e-13 mm off
+    assert max(edge.gap for edge in certificate.edges) <= 1e-9
+    # An arc takes away d(z) at depth z; I and J are the integrals of d and of its square over the depth.
+    once, twice = r**2 * (1 - math.pi / 4), r**3 * (5 / 3 - math.pi / 2)
+    half_waist = math.acos(distance / 2 / big)
+    around_lobes = 2 * (2 * math.pi - 2 * half_waist) * (big * once - twice / 2)
+    around_sharp_edges = 2 * (math.pi - 2 * half_waist) * twice / 2
+    assert result.shape.Volume() == pytest.approx(body.Volume() - around_lobes - around_sharp_edges, rel=1e-9)
+
+
+def test_a_waist_that_is_wide_enough_is_mitred():
+    body = make_lobes(9.0)
+    result = cqblend.blend_edges(body, cq.Workplane(body).faces(">Z").edges().vals(), 0.3)
+    check(result, 2)
+    assert {end.kind for end in result.certificate.ends} == {"mitre"}
+
+
+@pytest.mark.parametrize("inward", [False, True])
+def test_curved_walls_are_mitred_in_a_curve_that_is_solved(inward):
+    sign = 1 if inward else -1
+    outline = cq.Workplane().moveTo(0, 0).spline([(10, 3 * sign), (20, 0)], includeCurrent=True)
+    outline = outline.spline([(20 - 3 * sign, 10), (20, 20)], includeCurrent=True)
+    outline = outline.spline([(10, 20 - 3 * sign), (0, 20)], includeCurrent=True)
+    body = outline.spline([(3 * sign, 10), (0, 0)], includeCurrent=True).close().extrude(8).val()
+    edges = cq.Workplane(body).faces(">Z").edges().vals()
+    result = cqblend.blend_edges(body, edges, 1)
+    assert len([edge for edge in result.certificate.edges if edge.kind == "mitre"]) == 4
+    assert result.certificate.angle <= 1e-12
+    assert result.shape.isValid()
+    volume = result.shape.Volume()
+    assert volume == pytest.approx(body.fillet(1, edges).Volume(), rel=2e-5)  # whose sections are arcs
+
+
+@pytest.mark.parametrize(
+    "options", [{"continuity": "G2"}, {"section": "hermite"}, {"section": "hermite", "form": "compact"}]
+)
+@pytest.mark.parametrize("outline", [OUTLINES["rectangle"], L_OUTLINE], ids=["rectangle", "L"])
+def test_sections_that_are_no_arcs_are_mitred(outline, options):
+    body = extrude(outline)
+    result = cqblend.blend_edges(body, list_top_edges(body, outline), 1.5, **options)
+    check(result, len(outline))
+
+
+def test_a_mitred_solid_can_be_cut_and_sent_through_step(tmp_path):
+    body = extrude(L_OUTLINE)
+    result = cqblend.blend_edges(body, list_top_edges(body, L_OUTLINE), 1.5)
+    shape = cq.Shape.cast(result.shape.wrapped)
+    drilled = shape.cut(cq.Solid.makeCylinder(1, 20, cq.Vector(7, 7, -5)))
+    assert drilled.isValid()
+    assert drilled.Volume() < shape.Volume()
+    cq.exporters.export(cq.Workplane(shape), str(tmp_path / "mitred.step"))
+    again = cq.importers.importStep(str(tmp_path / "mitred.step")).val()
+    assert again.isValid()
+    assert again.Volume() == pytest.approx(shape.Volume(), rel=1e-9)
+
+
+def test_mitres_lie_on_both_blends_as_occt_has_them():
+    body = extrude(OUTLINES["star"])
+    result = cqblend.blend_edges(body, list_top_edges(body, OUTLINES["star"]), 1.0)
+    blends = [cq.Face(face.wrapped) for face in result.faces]
+    found = 0
+    for one, other in ((a, b) for k, a in enumerate(blends) for b in blends[k + 1 :]):
+        common = [edge for edge in one.Edges() if any(edge.isSame(twin) for twin in other.Edges())]
+        for edge in common:
+            found += 1
+            curve = BRepAdaptor_Curve(edge.wrapped)
+            for t in np.linspace(curve.FirstParameter(), curve.LastParameter(), 9).tolist():
+                for surface in (BRep_Tool.Surface_s(one.wrapped), BRep_Tool.Surface_s(other.wrapped)):
+                    assert GeomAPI_ProjectPointOnSurf(curve.Value(t), surface).LowerDistance() <= 1e-9
+    assert found == len(OUTLINES["star"])

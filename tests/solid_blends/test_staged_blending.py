@@ -117,3 +117,16 @@ def test_a_network_that_fails_is_left_out_whole():
     (skipped,) = result.skipped
     assert sorted([*skipped.edges, *result.certificate.blended]) == list(range(1, len(body.Edges()) + 1))
     assert 0 < result.certificate.coverage < 1
+
+
+def test_mitres_are_had_for_the_asking_where_an_edge_stays_sharp():
+    body = BODIES["box"]()
+    top = body.edges(">Z")
+    result = cqblend.blend_edges(body, top, 2.0, corner="mitre")
+    assert len(result.faces) == 4
+    native = body.fillet(2.0, top.Edges())
+    assert result.shape.Volume() == pytest.approx(native.Volume(), rel=1e-9)
+    with pytest.raises(cqblend.errors.UnsupportedError, match=r"all edges at vertex 7 .* one that stays sharp"):
+        cqblend.blend_edges(body, find_edges_at(body, (10, 7, 5)), 2.0, corner="mitre")
+    with pytest.raises(cqblend.errors.InputError, match="two of three edges"):
+        cqblend.blend_edges(body, body.edges("|Z"), 2.0, corner="mitre")

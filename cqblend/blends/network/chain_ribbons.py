@@ -57,7 +57,12 @@ class ChainRibbons:
 
 
 def fit_chain_ribbons(
-    cells: Sequence[CellRails], junctions: Sequence[Crossings], open_domain: Domain | None, *, arcs: bool = False
+    cells: Sequence[CellRails],
+    junctions: Sequence[Crossings],
+    open_domain: Domain | None,
+    *,
+    arcs: bool = False,
+    settled: tuple[bool, bool] = (False, False),
 ) -> ChainRibbons:
     """Fit the ribbons of a chain.
 
@@ -72,6 +77,9 @@ def fit_chain_ribbons(
         closed.
     arcs
         Whether the ribbons are to be such that the arcs of one ball join them, if that can be.
+    settled
+        Whether an open chain is to start, and to stop, in a section that is exactly that of the contacts there, and
+        arrives in one direction all across.
 
     Raises
     ------
@@ -90,6 +98,9 @@ def fit_chain_ribbons(
     light = _choose_light_cells(chain, links)
     poles = _place_poles(chain, links, light)
     wanted: list[list[WantedEnd | None]] = [[None, None] for _ in chain]
+    for k, end in ((0, 0), (-1, 1)):
+        if settled[end] and light[k] is None:
+            wanted[k][end] = dictate_section(chain[k], end)
     mismatches: list[SectionMismatch] = []
     roughness = [0.0] * len(chain)
     for before, after in links:

@@ -57,16 +57,23 @@ class SweptSection(FilledSection):
 
     swept: SweptSurface
 
+    has_joint_sections: ClassVar[bool] = True
     kinks_are_certain: ClassVar[bool] = True
     most_spans_along: ClassVar[int] = 256
     advice: ClassVar[tuple[str, str]] = ("a relation that is less sharp", "a larger skin")
 
     @classmethod
     def from_sweep(
-        cls, swept: SweptSurface, closed: bool, tolerance: float, kinks: tuple[Array, Array] = NO_KINKS
+        cls,
+        swept: SweptSurface,
+        closed: bool,
+        tolerance: float,
+        kinks: tuple[Array, Array] = NO_KINKS,
+        *,
+        joined: bool = False,
     ) -> SweptSection:
         """Return the interior of G1 sections, within a tolerance (mm)."""
-        return cls((2, 2, 2), POTENTIAL_LIMITS.points_across, tolerance, closed, *kinks, joined=False, swept=swept)
+        return cls((2, 2, 2), POTENTIAL_LIMITS.points_across, tolerance, closed, *kinks, joined=joined, swept=swept)
 
     def make_interior_function(self, sides: tuple[Jets, Jets], v: Array) -> Callable[[Array], Array]:
         """Return the difference of the swept surface from the Hermite section, as a function of t (n,): (n, m, 3)."""

@@ -16,6 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -36,6 +37,9 @@ Sampler = Callable[[Array], Array]
 
 MOST_CLEARED = 4
 """Degree of an interior along that has coefficients left when two are cleared at either end of one piece."""
+
+ONE_SIDED_SLOPE = np.array([-49 / 20, 6, -15 / 2, 20 / 3, -15 / 4, 6 / 5, -1 / 6])
+"""Weights of values at 0, 1, .. steps from an end that give the slope there, times the step."""
 
 PLACES_BETWEEN_NODES = np.array([0.13, 0.41, 0.77])
 """Where in a piece, as shares of it, polynomials are compared with an interior."""
@@ -62,8 +66,8 @@ class FilledSection(ABC):
 
     ``conditions`` is how many jets x, y and z take from each rail, ``points`` at how many points across the interior is
     sampled. ``kinks`` are the parameters t at which the interior is not smooth, ``orders`` its continuity there. With
-    ``joined``, the interior vanishes at both ends along, with its first derivative along, to the last digit: other
-    blends go on there, whose sections are Hermite's as well.
+    ``joined``, the interior vanishes at both ends along, with its first derivative along, to the last digit, or is what
+    it should be there: other blends go on there, which have the same sections.
     """
 
     conditions: tuple[int, int, int]
@@ -73,6 +77,9 @@ class FilledSection(ABC):
     kinks: Array
     orders: Array
     joined: bool
+
+    has_joint_sections: ClassVar[bool] = False
+    """Whether the interior at joined ends is not 0: then it has its own value and first derivative along there."""
 
     kinks_are_certain: ClassVar[bool] = False
     """Whether the kinks are known to exist, so that smooth splines need not be tried."""
@@ -113,12 +120,14 @@ class FilledSection(ABC):
     def _approximate_interior(self, sides: tuple[Jets, Jets]) -> SectionInterior | None:
         jets = align_breaks([*sides[0], *sides[1]])
         breaks, degree = jets[0].breaks, max(jet.degree for jet in jets)
-        for points in (self.points, SECTION_TOLERANCES.finer_points_factor * self.points):
+        finer = SECTION_TOLERANCES.finer_points_factor * self.points
+        exact_joints = [True, False] if self.joined and self.has_joint_sections else [False]
+        for exact, points in product(exact_joints, (self.points, finer)):
             sampled = self._sample_across(sides, points)
+            joints = sampled.evaluate_weighted(breaks[[0, -1]])[: 2 * exact]
             if degree <= SECTION_TOLERANCES.most_simple_degree:
-                interior = self._fit_on_pieces(sampled, breaks, degree)
+                interior = self._fit_on_pieces(sampled, breaks, degree, joints)
                 if interior is not None:
-                    interior = self._clear_ends(interior)
                     is_zero = np.abs(interior.curve.coefs).max(initial=0.0) <= self.tolerance / 4
                     return None if is_zero else interior
             spread = np.linspace(breaks[0], breaks[-1], SECTION_TOLERANCES.size_samples)
@@ -126,25 +135,39 @@ class FilledSection(ABC):
             size = float(np.abs(values).max())
             if size <= self.tolerance / 4:
                 return None
-            across = self._choose_across_basis(values)
+            across = self._choose_across_basis(values, joints)
             if across is not None:
-                return self._clear_ends(across.make_interior(self._fit_splines(sampled, across, sides, jets)))
+                return self._hold_ends(self._fit_splines(sampled, across, sides, jets), across, sampled)
         raise TooManySpansError(
             f"the interior, {size:.2g} mm away from a Hermite section, takes more than "
             f"{int(SECTION_TOLERANCES.spans_per_point * points)} spans across",
             f"ask for a larger tolerance, or {self.advice[0]}",
         )
 
-    def _clear_ends(self, interior: SectionInterior) -> SectionInterior:
-        """Return an interior that vanishes at joined ends, where it does so but for what the fit has missed."""
+    def _hold_ends(self, curve: Curve, across: _AcrossBasis, sampled: _SampledInterior) -> SectionInterior:
+        """Return the interior with fitted coefficients; at joined ends without what the fit has missed there.
+
+        There it vanishes, or has its own value and first derivative along.
+        """
         if not self.joined:
-            return interior
-        curve = interior.curve if interior.curve.degree >= MOST_CLEARED else interior.curve.elevate(MOST_CLEARED)
+            return across.make_interior(curve)
+        if curve.degree < MOST_CLEARED:
+            curve = curve.elevate(MOST_CLEARED)
         coefs = curve.coefs.copy()
         coefs[:2, :, 0] = coefs[-2:, :, -1] = 0.0
+        if self.has_joint_sections:
+            low, high = curve.domain
+            for inwards, piece in ((1, 0), (-1, -1)):
+                step = inwards * SECTION_TOLERANCES.joint_step * (high - low)
+                t = (low if inwards == 1 else high) + step * np.arange(len(ONE_SIDED_SLOPE))
+                found = across.fit_coefficients(sampled.evaluate_weighted(t))
+                reach = inwards * np.diff(curve.breaks)[piece] / curve.degree
+                first, second = (0, 1) if inwards == 1 else (-1, -2)
+                coefs[first, :, piece] = found[0]
+                coefs[second, :, piece] = found[0] + reach * (ONE_SIDED_SLOPE @ found) / step
         # two coefficients at one end of a piece do not change its lower derivatives at the other
         continuity = np.minimum(curve.continuity, curve.degree - 2)
-        return replace(interior, curve=Curve(curve.breaks, coefs, continuity=continuity))
+        return across.make_interior(Curve(curve.breaks, coefs, continuity=continuity))
 
     def _sample_across(self, sides: tuple[Jets, Jets], points: int) -> _SampledInterior:
         """Return the interior at so many points across."""
@@ -154,7 +177,9 @@ class FilledSection(ABC):
             evaluate, evaluate if _has_unit_weight(sides) else _multiply_by_weight(evaluate, sides, v)
         )
 
-    def _fit_on_pieces(self, sampled: _SampledInterior, breaks: Array, degree: int) -> SectionInterior | None:
+    def _fit_on_pieces(
+        self, sampled: _SampledInterior, breaks: Array, degree: int, joints: Array
+    ) -> SectionInterior | None:
         """Return an interior as polynomials on the section's own pieces, of its degree; None if it is not that.
 
         It is that between planes, and around axes. A few samples of each piece tell.
@@ -163,7 +188,7 @@ class FilledSection(ABC):
         steps = np.diff(breaks)
         places = np.concatenate([nodes, PLACES_BETWEEN_NODES])
         values = sampled.evaluate_weighted((breaks[:-1] + places[:, None] * steps).ravel())
-        across = self._choose_across_basis(values)
+        across = self._choose_across_basis(values, joints)
         if across is None:
             return None
         found, between = np.split(across.fit_coefficients(values).reshape(len(places), len(steps), -1), [degree + 1])
@@ -178,7 +203,7 @@ class FilledSection(ABC):
             SECTION_TOLERANCES.polynomial_share * self.tolerance,
         )
         error = np.abs(curve(t.ravel()).reshape(between.shape) - between).max()
-        return across.make_interior(curve) if error <= tolerance else None
+        return self._hold_ends(curve, across, sampled) if error <= tolerance else None
 
     def _fit_splines(
         self, sampled: _SampledInterior, across: _AcrossBasis, sides: tuple[Jets, Jets], jets: list[Curve]
@@ -225,15 +250,19 @@ class FilledSection(ABC):
             f"{last}; ask for a larger tolerance, or {self.advice[1]}",
         ) from last
 
-    def _choose_across_basis(self, values: Array) -> _AcrossBasis | None:
+    def _choose_across_basis(self, values: Array, joints: Array) -> _AcrossBasis | None:
         """Choose the fewest functions across that hold values (n, m, 3) at m points within a quarter of the tolerance.
 
-        None if none do.
+        And ``joints`` (k, m, 3), sections that another blend shares, to rounding. None if none do.
         """
+        rounding = SECTION_TOLERANCES.joint_share * float(np.abs(joints).max(initial=0.0))
         for degree, spans in _iterate_spaces(self.conditions, SECTION_TOLERANCES.spans_per_point * values.shape[1]):
             across = _AcrossBasis.from_spans(self.conditions, degree, spans, values.shape[1])
             fitted = across.evaluate_at_points(across.fit_coefficients(values))
-            if np.abs(fitted - values).max() <= self.tolerance / 4:
+            if np.abs(fitted - values).max() > self.tolerance / 4:
+                continue
+            fitted = across.evaluate_at_points(across.fit_coefficients(joints))
+            if np.abs(fitted - joints).max(initial=0.0) <= rounding:
                 return across
         return None
 

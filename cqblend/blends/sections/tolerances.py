@@ -39,6 +39,10 @@ class SectionTolerances:
         Factor on the points across where these are not enough.
     spans_per_point
         Most spans across for each point: there are points in every span.
+    joint_share
+        Largest error of an interior in a section that two blends share, as a share of its size.
+    joint_step
+        Step of the difference that gives its slope there, as a share of the domain.
     coefficient_share
         Difference of interiors, as a share of their size, and of weights, up to which they are the same.
     polynomial_share
@@ -77,6 +81,8 @@ class SectionTolerances:
     finer_points_factor: int = 3
     spans_per_point: float = 2 / np.pi
     coefficient_share: float = 1e-13
+    joint_share: float = 1e-9
+    joint_step: float = 5e-4
     polynomial_share: float = 1e-4
     smooth_continuity: int = 4
     most_smooth_spans: int = 128

@@ -11,8 +11,8 @@ from OCP.TopoDS import TopoDS, TopoDS_Face
 
 from cqblend.brep.selection.chains import Chain
 
-CornerMethod = Literal["ball", "cross", "setback", "mitre"]
-"""How the blends of a corner are put together: a sphere, patches (rails cross, or ends set back), or a mitre."""
+CornerMethod = Literal["ball", "cross", "setback", "mitre", "turn"]
+"""How the blends of a corner are put together: a sphere, patches (rails cross, or ends set back), a mitre, a turn."""
 
 CORNER_METHODS: tuple[CornerMethod, ...] = get_args(CornerMethod)
 """All of them."""

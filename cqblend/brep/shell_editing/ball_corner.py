@@ -19,7 +19,7 @@ from cqblend.blends.network.blend_plan import (
     PlannedSurface,
     PlannedVertex,
 )
-from cqblend.brep.shell_editing.corner_patches import CornerPlan
+from cqblend.brep.shell_editing.corner_plan import CornerPlan
 from cqblend.brep.shell_editing.corner_sides import CornerStrip, cross_all_rails, require_faces_between
 from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES

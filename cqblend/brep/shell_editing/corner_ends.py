@@ -11,9 +11,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 from cqblend.brep.selection.blend_corners import BlendCorner, CornerMethod
 from cqblend.brep.shell_editing.ball_corner import rest_ball
-from cqblend.brep.shell_editing.corner_patches import CornerPlan, patch_crossing_rails, patch_set_back_ends
+from cqblend.brep.shell_editing.corner_patches import patch_crossing_rails, patch_set_back_ends
+from cqblend.brep.shell_editing.corner_plan import CornerPlan
 from cqblend.brep.shell_editing.mitred_ends import mitre_ends
+from cqblend.brep.shell_editing.mitred_strip import pair_strips
 from cqblend.brep.shell_editing.strip_end import PlacedEnd
+from cqblend.brep.shell_editing.turned_ends import turn_ends
 from cqblend.errors import GeometryError, SizeError
 
 
@@ -49,12 +52,17 @@ def _plan_by_method(method: CornerMethod, corner: BlendCorner, ends: Sequence[Pl
 
 def _plan_mitre(ends: Sequence[PlacedEnd]) -> CornerPlan:
     """Plan two strips that end in each other."""
-    first, second = ends
-    return CornerPlan("mitre", mitre_ends(first, second))
+    return mitre_ends(*pair_strips(ends))
+
+
+def _plan_turn(ends: Sequence[PlacedEnd]) -> CornerPlan:
+    """Plan two strips between which their ball turns about the sharp edge beside them."""
+    return turn_ends(*pair_strips(ends))
 
 
 _PLANNERS: Mapping[CornerMethod, Callable[[Sequence[PlacedEnd]], CornerPlan]] = {
     "ball": rest_ball,
     "cross": patch_crossing_rails,
     "mitre": _plan_mitre,
+    "turn": _plan_turn,
 }

@@ -8,7 +8,6 @@ on faces, else by one quad for each of its corners, which meet in *spokes*.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from cqblend.blends.network.blend_plan import (
     reverse_path,
 )
 from cqblend.brep.conversion.support_face import build_rail_pcurve
-from cqblend.brep.selection.blend_corners import CornerMethod
+from cqblend.brep.shell_editing.corner_plan import CornerPlan
 from cqblend.brep.shell_editing.corner_sides import (
     CornerStrip,
     FaceCurveSide,
@@ -46,15 +45,6 @@ from cqblend.splines import Curve, Surface
 
 MIDDLE = 0.5
 """Where quads divide the sides of their hole."""
-
-
-@dataclass(frozen=True)
-class CornerPlan:
-    """What the ends of chains that meet in a corner end in, in their order, and the faces between them."""
-
-    method: CornerMethod
-    ends: tuple[StripEnd, ...]
-    patches: tuple[PatchPlan, ...] = ()
 
 
 def patch_crossing_rails(ends: Sequence[PlacedEnd]) -> CornerPlan:

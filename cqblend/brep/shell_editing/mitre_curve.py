@@ -49,21 +49,39 @@ class MitredSurface:
         jet = self.strip.jet(s, np.full(len(s), float(self.common)), 1)
         return jet[0, 0], jet[1, 0]
 
-    def trace_rail(self, share: float) -> tuple[Array, Array]:
+    def trace_rail(self, share: float, overrun: float) -> tuple[Array, Array]:
         """Return s (n,) and points (n, 3) of the rail on the common face on a last share of the strip, and beyond.
 
-        The last point is far beyond the end, in the direction of the rail there.
+        The last point is by ``overrun`` (mm) beyond the end, in the direction of the rail there.
         """
         inner, outer = self.strip.domain[:: 1 if self.end else -1]
         s = np.linspace(outer + share * (inner - outer), outer, SHELL_EDIT_TOLERANCES.rail_chords + 1)
         points, rates = self.evaluate_rail(s)
-        step = SHELL_EDIT_TOLERANCES.longest_overrun * self.width / float(np.linalg.norm(rates[-1]))
-        step *= 1.0 if self.end else -1.0
+        step = (1.0 if self.end else -1.0) * overrun / float(np.linalg.norm(rates[-1]))
         return np.append(s, s[-1] + step), np.append(points, [points[-1] + step * rates[-1]], axis=0)
+
+    def direct_beyond(self) -> Array:
+        """Return the direction (3,) of the rail past the end of the edge."""
+        rate = self.evaluate_rail(np.array([self.start]))[1][0]
+        return rate if self.end else -rate
+
+    def direct_inward(self) -> Array:
+        """Return the direction (3,) on the common face away from the edge."""
+        across = self.strip.jet(np.array([self.start]), np.array([float(self.common)]), 1)[0, 1, 0]
+        return across if self.common else -across
+
+    def measure_beyond(self, s: Array) -> Array:
+        """Return how far (mm) parameters (n,) are past the end of the edge, negative before it, by the speed there."""
+        speed = float(np.linalg.norm(self.evaluate_rail(np.array([self.start]))[1]))
+        return (s - self.start) * (speed if self.end else -speed)
 
     def locate_across(self, share: Array) -> Array:
         """Return v at shares (n,) of the way from the rail on the common face to that on the wall."""
         return share if self.common == 0 else 1 - share
+
+
+class RailsApartError(TopologyError):
+    """The rails of two strips do not cross on the face that both run on, or only far past the ends of their edges."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +223,7 @@ def cross_rails(one: MitredSurface, other: MitredSurface) -> Array:
     ------
     StripsTooShortError
         If they do so, as far as can be told, beyond the strips.
-    TopologyError
+    RailsApartError
         If they do not.
     """
     at_end = one.strip.jet(np.array([one.start]), np.array([float(one.common)]), 1)
@@ -226,37 +244,48 @@ def cross_rails(one: MitredSurface, other: MitredSurface) -> Array:
 
 
 def _guess_crossing(one: MitredSurface, other: MitredSurface, plane: Array) -> Array:
-    """Return about where the rails of two strips cross on their common face (2,): where their polygons first do.
+    """Return about where the rails of two strips cross on their common face (2,): where their polygons do.
 
-    They are looked at in a plane, by two axes (3, 2), from the middle of the strips on, and if they do not cross then,
-    from their other ends. They go on straight beyond their ends.
+    They are looked at in a plane, by two axes (3, 2), from the middle of the strips on, or, if they do not cross then,
+    from their other ends, and go on straight beyond their ends. Where the angle of the common face at the vertex is
+    reflex, it is the crossing nearest to the ends of the edges, where it is convex, the first. Of several, one counts
+    that is past the ends of both edges, or before both, as crossings of strips of one size are.
 
     Raises
     ------
-    StripsTooShortError, TopologyError
+    StripsTooShortError, RailsApartError
         As :func:`cross_rails`.
     """
+    is_reflex = bool(other.direct_beyond() @ one.direct_inward() > 0)
+    overrun = SHELL_EDIT_TOLERANCES.longest_overrun * max(one.width, other.width)
     for share in (0.5, 1.0):
-        chords = [surface.trace_rail(share) for surface in (one, other)]
-        (first, first_step), (second, second_step) = (
-            (points[:-1] @ plane, np.diff(points, axis=0) @ plane) for _, points in chords
-        )
-        turn = first_step[:, None, 0] * second_step[:, 1] - first_step[:, None, 1] * second_step[:, 0]
-        gap = second - first[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = (gap[..., 0] * second_step[:, 1] - gap[..., 1] * second_step[:, 0]) / turn
-            along_other = (gap[..., 0] * first_step[:, None, 1] - gap[..., 1] * first_step[:, None, 0]) / turn
-        is_crossed = (along >= 0) & (along <= 1) & (along_other >= 0) & (along_other <= 1)
-        if is_crossed.any():
-            i, j = np.argwhere(is_crossed)[0].tolist()
-            found = []
-            for (s, _), k, fraction in ((chords[0], i, along[i, j]), (chords[1], j, along_other[i, j])):
-                found.append(s[k] + fraction * (s[k + 1] - s[k]))
-            if max(i, j) == len(first) - 1:  # on what goes on straight
-                raise StripsTooShortError((found[0], found[1]))
-            return np.array(found)
+        chords = [surface.trace_rail(share, overrun) for surface in (one, other)]
+        found = _cross_polygons(*(points @ plane for _, points in chords))
+        if not len(found):
+            continue
+        count = len(chords[0][0])
+        s = np.stack([np.interp(at, np.arange(count), own) for at, (own, _) in zip(found.T, chords, strict=True)])
+        beyond = np.array([surface.measure_beyond(own) for surface, own in zip((one, other), s, strict=True)])
+        agrees = (beyond > 0).all(axis=0) if is_reflex else (beyond < 0).all(axis=0)
+        rank = np.abs(beyond).sum(axis=0) if is_reflex else beyond.sum(axis=0)
+        best = int(np.lexsort((rank, ~agrees))[0])
+        if found[best].max() > count - 2:  # on what goes on straight
+            raise StripsTooShortError(s[:, best].tolist())
+        return s[:, best]
     raise _make_crossing_error()
 
 
-def _make_crossing_error() -> TopologyError:
-    return TopologyError("the rails of the two blends do not cross on the face between them")
+def _cross_polygons(first: Array, second: Array) -> Array:
+    """Return where two polygons (n, 2) and (m, 2) cross (k, 2): by each, index of a point and share of its chord."""
+    first_step, second_step = np.diff(first, axis=0), np.diff(second, axis=0)
+    turn = first_step[:, None, 0] * second_step[:, 1] - first_step[:, None, 1] * second_step[:, 0]
+    gap = second[:-1] - first[:-1, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (gap[..., 0] * second_step[:, 1] - gap[..., 1] * second_step[:, 0]) / turn
+        along_other = (gap[..., 0] * first_step[:, None, 1] - gap[..., 1] * first_step[:, None, 0]) / turn
+    i, j = np.nonzero((along >= 0) & (along <= 1) & (along_other >= 0) & (along_other <= 1))
+    return np.stack([i + along[i, j], j + along_other[i, j]], axis=1)
+
+
+def _make_crossing_error() -> RailsApartError:
+    return RailsApartError("the rails of the two blends do not cross on the face between them, or far from their edges")

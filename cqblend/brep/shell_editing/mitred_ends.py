@@ -13,17 +13,16 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Vertex
 
 from cqblend.blends.contacts.newton import solve_damped_newton
 from cqblend.blends.network.blend_plan import EdgeUse, FacePlan, NewEdge, PlannedVertex, reverse_path
-from cqblend.brep.conversion.support_face import SupportFace
+from cqblend.brep.shell_editing.corner_plan import CornerPlan
 from cqblend.brep.shell_editing.end_curve import plan_cut_edge
 from cqblend.brep.shell_editing.end_tracing import Meeting, MeetingPoint
-from cqblend.brep.shell_editing.mitre_curve import MitredSurface, cross_rails, solve_mitre_curve
+from cqblend.brep.shell_editing.mitre_curve import cross_rails, solve_mitre_curve
+from cqblend.brep.shell_editing.mitred_strip import MitredStrip, find_sharp_edge
 from cqblend.brep.shell_editing.neighbour_edges import EdgeTrim
-from cqblend.brep.shell_editing.strip_end import PlacedEnd, StripEnd
-from cqblend.brep.shell_editing.strip_placement import StripPlacement
+from cqblend.brep.shell_editing.strip_end import StripEnd
 from cqblend.brep.shell_editing.tolerances import SHELL_EDIT_TOLERANCES
 from cqblend.brep.topology import find_vertex_uv, locate_vertex
 from cqblend.errors import TopologyError
@@ -32,73 +31,27 @@ from cqblend.splines.bernstein import Array
 _Item = TypeVar("_Item")
 
 
-def mitre_ends(first: PlacedEnd, second: PlacedEnd) -> tuple[StripEnd, StripEnd]:
+def mitre_ends(first: MitredStrip, second: MitredStrip) -> CornerPlan:
     """Return what two strips end in that are mitred.
-
-    The first edge, the second and the sharp one go around the vertex counter-clockwise.
 
     Raises
     ------
     StripsTooShortError
         If the strips must reach further to meet.
+    RailsApartError
+        If their rails do not cross on the common face, or only far from the vertex.
     TopologyError
         If they do not meet so.
     """
-    one = _MitredStrip(first.placement, first.end, first.end)
-    other = _MitredStrip(second.placement, second.end, 1 - second.end)
-    strips, crossing = (one, other), cross_rails(one.surface, other.surface)
-    on_walls = _meet_wall(*strips), _meet_wall(*strips[::-1])
-    vertex = locate_vertex(strips[0].vertex)
+    strips, crossing = (first, second), cross_rails(first.surface, second.surface)
+    on_walls = _meet_wall(first, second), _meet_wall(second, first)
+    vertex = locate_vertex(first.vertex)
     arms = [found.point - vertex for found in on_walls]
     if arms[0] @ arms[1] <= 0:
         raise TopologyError("the two blends arrive at the sharp edge there on both sides of its end")
     if np.linalg.norm(arms[0]) <= np.linalg.norm(arms[1]):
-        return _Mitre(strips, crossing, on_walls).end_strips()
-    return _Mitre(strips[::-1], crossing[::-1], on_walls[::-1]).end_strips()[::-1]
-
-
-@dataclass(frozen=True)
-class _MitredStrip:
-    """One of two mitred strips: its end (0 or 1), and which of its sides (0 or 1) is on the common face."""
-
-    placement: StripPlacement
-    end: int
-    common: int
-
-    @property
-    def vertex(self) -> TopoDS_Vertex:
-        """The vertex of its edge."""
-        return self.placement.joint.spine.vertices[self.end]
-
-    @property
-    def wall(self) -> int:
-        """Its side on its wall."""
-        return 1 - self.common
-
-    @property
-    def wall_face(self) -> SupportFace:
-        """Its wall."""
-        return self.placement.joint.sides[self.wall]
-
-    @property
-    def wall_number(self) -> int:
-        """The number of its wall in the solid."""
-        return self.placement.face_numbers[self.wall]
-
-    def order(self, pair: tuple[_Item, _Item]) -> tuple[_Item, _Item]:
-        """Return what is at its rail on the common face and at that on the wall in the order of its sides."""
-        return pair if self.common == 0 else pair[::-1]
-
-    @property
-    def surface(self) -> MitredSurface:
-        """Its surface."""
-        start = self.placement.locate_edge_parameter(float(self.end))
-        return MitredSurface(self.placement.strip, self.end, self.common, start)
-
-    def enters_by_wall(self) -> bool:
-        """Whether the boundary of its wall comes along the rail to this end, and does not leave it there."""
-        runs_along_rail = (self.placement.sides[self.wall].outward > 0) == (self.wall == 0)
-        return runs_along_rail == (self.end == 1)
+        return CornerPlan("mitre", _Mitre(strips, crossing, on_walls).end_strips())
+    return CornerPlan("mitre", _Mitre(strips[::-1], crossing[::-1], on_walls[::-1]).end_strips()[::-1])
 
 
 @dataclass(frozen=True)
@@ -110,7 +63,7 @@ class _WallPoint:
     uv: Array
 
 
-def _meet_wall(one: _MitredStrip, other: _MitredStrip) -> _WallPoint:
+def _meet_wall(one: MitredStrip, other: MitredStrip) -> _WallPoint:
     """Return where the rail of one strip on its wall meets the wall of the other strip.
 
     Raises
@@ -137,7 +90,7 @@ class _Mitre:
     """Two strips to be mitred, the shallower one first, and where their rails on their walls meet the other's."""
 
     def __init__(
-        self, strips: tuple[_MitredStrip, _MitredStrip], crossing: Array, on_walls: tuple[_WallPoint, _WallPoint]
+        self, strips: tuple[MitredStrip, MitredStrip], crossing: Array, on_walls: tuple[_WallPoint, _WallPoint]
     ) -> None:
         self.shallower, self.deeper = strips
         self.at_sharp_edge = on_walls[1]
@@ -157,7 +110,8 @@ class _Mitre:
         mitre = self._plan_mitre(corner, wall_corner)
         tail, plans = ((), ()) if self.is_equal else self._end_on_wall(second_arrival, wall_corner)
         faces = (deeper.wall_face.face, shallower.wall_face.face)
-        trim = EdgeTrim(deeper.placement, deeper.end, self._find_sharp_edge(), deeper.vertex, self.sharp_corner, faces)
+        sharp_edge = find_sharp_edge(shallower, deeper)
+        trim = EdgeTrim(deeper.placement, deeper.end, sharp_edge, deeper.vertex, self.sharp_corner, faces)
         return (
             _make_end(shallower, (mitre,), (corner, wall_corner), (first_crossing[0], first_arrival[0])),
             replace(
@@ -202,8 +156,9 @@ class _Mitre:
         vertices = deeper.order((wall_corner, self.sharp_corner))
         edge = plan_cut_edge(deeper.placement, cut, vertices, self.shallower.wall_number)
         forward = deeper.common == 0
-        plan = FacePlan(self.shallower.wall_number, added=(EdgeUse(edge, forward == self.shallower.enters_by_wall()),))
-        return (EdgeUse(edge, forward),), (plan,)
+        shallower = self.shallower
+        use = EdgeUse(edge, forward == shallower.enters_by(shallower.wall))
+        return (EdgeUse(edge, forward),), (FacePlan(shallower.wall_number, added=(use,)),)
 
     def _locate_on_wall(self, point: Array) -> Array:
         """Return the parameters (2,) of a point of the wall of the shallower strip, near the sharp edge."""
@@ -221,27 +176,9 @@ class _Mitre:
             raise TopologyError("the deeper of two blends does not end on the wall beside the other one")
         return uv[0]
 
-    def _find_sharp_edge(self) -> TopoDS_Edge:
-        """Return the edge at the vertex in which the walls meet.
-
-        Raises
-        ------
-        TopologyError
-            If there is not exactly one.
-        """
-        index, walls = self.deeper.placement.index, {self.shallower.wall_number, self.deeper.wall_number}
-        edges = [
-            edge
-            for edge in index.edges_at_vertex(self.deeper.vertex)
-            if {index.faces.find_number(face) for face in index.faces_at_edge(edge)} == walls
-        ]
-        if len(edges) != 1 or len(walls) != 2:
-            raise TopologyError("the faces beside the two blends do not meet in one sharp edge there")
-        return TopoDS.Edge_s(edges[0])
-
 
 def _make_end(
-    one: _MitredStrip,
+    one: MitredStrip,
     path: tuple[EdgeUse, ...],
     corners: tuple[PlannedVertex, PlannedVertex],
     parameters: tuple[float, float],

@@ -265,8 +265,10 @@ def _list_patch_edges(
     """Return the edges of a patch beside other patches, of the first of both only, and beside support faces."""
     found = []
     for use in patch.boundary:
-        planned, (first, second) = use.edge, owners[use.edge]
-        edge = parts.build_edge(planned)
+        planned, edge = use.edge, parts.build_edge(use.edge)
+        if isinstance(planned, NewEdge) and planned.role == "pole":
+            continue
+        first, second = owners[planned]
         BUILDER.Continuity(edge, first, second, CONTINUITY_FLAGS[planned.order])
         if not isinstance(planned, NewEdge) or planned.role not in ("spoke", "corner curve"):
             continue

@@ -89,11 +89,14 @@ class ShellEditTolerances:
     equal_depth: float = 1e-6
     """mm: the strips of a mitre whose rails arrive at the sharp edge this near to each other are equally deep."""
 
+    square_edge: float = 1e-9
+    """Radians: a sharp edge, and sections that turn about it, may be oblique by that."""
+
     at_mitre: float = 1e-7
     """mm: rails on one face cross where they are this near to each other."""
 
-    longest_overrun: float = 50.0
-    """Relative to the width of a strip: how far past its end, at most, its rail is looked for that crosses another."""
+    longest_overrun: float = 4.0
+    """Relative to the wider of two strips: how far past its end, at most, the rail of one is looked for to cross."""
 
     mitre_start_samples: int = 33
     """Number of points across a strip among which the first guess is looked for of where a mitre arrives at a wall."""
