@@ -5,7 +5,7 @@ from __future__ import annotations
 import cadquery as cq
 import numpy as np
 import pytest
-from cornered_solids import check_corners, find_edges_at, make_pyramid
+from cornered_solids import SMOOTH_KINDS, check_corners, find_edges_at, make_pyramid
 
 import cqblend
 from cqblend.errors import CqblendError, GeometryError, InputError, SizeError, UnsupportedError
@@ -185,3 +185,61 @@ def test_more_than_three_edges_beside_sharp_ones_are_refused():
     body = make_pyramid(5)
     with pytest.raises(UnsupportedError, match=r"4 of the edges meet .*, and others, too"):
         cqblend.blend_edges(body, find_edges_at(body, (0, 0, 6))[:4], 0.5)
+
+
+def make_wavy_block() -> cq.Shape:
+    """Return a block whose top is a wavy bicubic face."""
+    rng = np.random.default_rng(1)
+    steps = np.linspace(-10, 10, 4).tolist()
+    points = [[cq.Vector(x, y, 10 + 0.8 * rng.normal()) for y in steps] for x in steps]
+    top = cq.Face.makeSplineApprox(points, tol=1e-9, minDeg=3, maxDeg=3)
+    return cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -20))
+
+
+def find_top_corner(body: cq.Shape) -> list[cq.Edge]:
+    vertex = max(body.Vertices(), key=lambda one: one.Z > 0 and one.X + one.Y)
+    return find_edges_at(body, vertex.toTuple())
+
+
+def test_a_freeform_face_exactly():
+    body = make_wavy_block()
+    result = cqblend.blend_edges(body, find_top_corner(body), 1.0, corner="setback", form="exact")
+    check_corners(result, 6)
+
+
+@pytest.mark.parametrize(("corner", "patches", "angle"), [("setback", 6, 1e-10), ("cross", 3, 1e-6)])
+def test_a_freeform_face_in_the_compact_form(corner, patches, angle):
+    """Strips that are set back end there, exactly; others are cut inside, where they are as exact as they promise."""
+    body = make_wavy_block()
+    result = cqblend.blend_edges(body, find_top_corner(body), 1.0, corner=corner)
+    assert result.certificate.form == "compact"
+    records = [one for one in result.certificate.edges if one.kind in SMOOTH_KINDS]
+    assert max(one.angle for one in records) <= angle
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, list(result.faces)).problems == ()
+    assert len(result.faces) == 3 + patches
+
+
+def make_tetrahedron(seed: int) -> cq.Shape:
+    """Return a tetrahedron with random vertices on a sphere."""
+    points = np.random.default_rng(seed).normal(size=(4, 3))
+    points *= 10 / np.linalg.norm(points, axis=1)[:, None]
+    faces = []
+    for k in range(4):
+        a, b, c = np.delete(points, k, axis=0)
+        if np.cross(b - a, c - a) @ (points[k] - a) > 0:
+            b, c = c, b
+        faces.append(cq.Face.makeFromWires(cq.Wire.makePolygon([cq.Vector(*one) for one in (a, b, c, a)])))
+    return cq.Solid.makeSolid(cq.Shell.makeShell(faces))
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_six_sizes_at_the_edges_of_a_tetrahedron(seed):
+    """Whatever goes on around what, or ends in patches: all of it is sound."""
+    body = make_tetrahedron(seed)
+    rng, length = np.random.default_rng(seed), min(edge.Length() for edge in body.Edges())
+    sizes = {edge: float(size) for edge, size in zip(body.Edges(), rng.uniform(0.01, 0.05, 6) * length, strict=True)}
+    result = cqblend.blend_edges(body, body.Edges(), sizes)
+    assert result.shape.isValid()
+    assert cqblend.verify(result.shape, list(result.faces)).problems == ()
+    assert all(one.angle <= 1e-10 for one in result.certificate.edges if one.kind in SMOOTH_KINDS)

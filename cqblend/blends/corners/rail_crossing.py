@@ -52,6 +52,15 @@ def cross_rails(first: Curve, second: Curve) -> RailCrossing:
     return RailCrossing(t, jets[:, 0].mean(axis=0), normalise_vectors(jets[:, 1]))
 
 
+def cross_end_tangents(curves: tuple[Curve, Curve], ends: tuple[int, int]) -> Array:
+    """Return the parameters (2,) at which two rails would cross if they went on straight past given ends (0 or 1)."""
+    stops = np.array([one.domain[end] for one, end in zip(curves, ends, strict=True)])
+    jets = np.stack([one.jet(np.array([at]), 1)[:, 0] for one, at in zip(curves, stops, strict=True)])
+    rates = np.stack([jets[0, 1], -jets[1, 1]], axis=1)
+    steps, *_ = np.linalg.lstsq(rates, jets[1, 0] - jets[0, 0], rcond=None)
+    return np.asarray(stops + steps)
+
+
 def _guess_crossing(curves: tuple[Curve, Curve]) -> Array:
     """Return the parameters (2,) at which samples of two curves are nearest to each other."""
     t = [np.linspace(*one.domain, CORNER_TOLERANCES.rail_crossing_samples) for one in curves]

@@ -271,7 +271,8 @@ def fit_mapped_curve(mapping: Callable[[Array], Array], curve: Curve, size: floa
     """Return a curve in a parameter plane that is mapped to another one, where parameters are up to ``size``."""
     breaks = np.linspace(*curve.domain, NETWORK_TOLERANCES.cut_spans + 1)
     breaks = np.unique(np.concatenate([breaks, curve.breaks]))
-    return approximate_curve(lambda x: mapping(curve(x)), breaks, NETWORK_TOLERANCES.cut_fit * max(1.0, size))
+    tolerance = NETWORK_TOLERANCES.cut_fit + NETWORK_TOLERANCES.mapped_rounding * size
+    return approximate_curve(lambda x: mapping(curve(x)), breaks, tolerance)
 
 
 def find_meridian_angle(frame: LocalFrame, plane: Plane, near: float, size: float, tolerance: float) -> float | None:
