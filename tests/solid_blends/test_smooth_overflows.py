@@ -92,6 +92,19 @@ def test_rim_whose_rails_all_run_on_another_rim(radius):
     check_sound(body, blended, rim.fillet(radius))
 
 
+def test_rail_leaves_the_wall_and_comes_back_so_that_it_is_in_two_pieces():
+    outline = cq.Workplane("XZ").moveTo(-10, 0).threePointArc((0, 1.5), (10, 0)).lineTo(10, 5).lineTo(-10, 5)
+    body = outline.close().extrude(12)
+    body = pick_edge(body, (0, -12, 5)).fillet(2.2)
+    edge = pick_edge(body, (0, -12, 1.5))
+    blended = cqblend.blend_edges(body, edge, 1.6)
+    assert len(blended.faces) == 3
+    walls = [face for face in blended.shape.Faces() if face.geomType() == "PLANE" and face.Center().y < -11.9]
+    assert len(walls) == 2
+    assert walls[0].Center().x * walls[1].Center().x < 0
+    check_sound(body, blended, edge.fillet(1.6))
+
+
 def test_rim_of_a_sloped_plate_runs_partly_on_the_rim_above():
     body = cq.Workplane().box(24, 18, 10, centered=(True, True, False)).edges("|Z").fillet(4)
     wedge = cq.Workplane("XZ").polyline([(-13, -1), (13, -1), (13, 3.5), (-13, 8)]).close().extrude(40, both=True)
