@@ -260,8 +260,8 @@ def make_tapered_boss() -> cq.Shape:
     ("make", "rel"),
     [
         (lambda: make_angle(oblique=False), 1e-12),  # a torus around the concave blend
-        (lambda: make_angle(oblique=True), 1e-5),
-        (make_tapered_boss, 1e-5),
+        (lambda: make_angle(oblique=True), 1e-4),
+        (make_tapered_boss, 1e-4),
     ],
 )
 def test_two_edges_go_around_the_blend_of_one_of_the_other_convexity(make, rel):
