@@ -103,6 +103,9 @@ class SolidBlendTolerances:
     fallback_size: float = 1e-2
     """Relative to the solid's size: tried where contacts let no size pass, to get the error that says why."""
 
+    square_cosine: float = 1e-9
+    """1 - |cos| of the angle between an edge and the normal of a plane, below which it is square to that."""
+
     equal_sizes: float = 1e-6
     """Relative: sizes of blends that meet at a corner are taken as equal if they differ by less."""
 

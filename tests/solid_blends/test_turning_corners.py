@@ -193,3 +193,50 @@ def test_all_edges_of_curved_bodies_are_blended(make, angle):
     assert_smooth(result, angle, max(angle, 1e-10))
     assert result.shape.Volume() == pytest.approx(body.fillet(RADIUS, body.Edges()).Volume(), rel=1e-4)
     assert max(rail.bend for rail in result.certificate.rails) < 0.05 * RADIUS
+
+
+def choose_radii(body: cq.Shape, *radii: float) -> dict[cq.Edge, float]:
+    """Return radii of all edges of a body, of those along z, x and y."""
+    tangents = [np.abs(edge.tangentAt(0.5).toTuple()) for edge in body.Edges()]
+    return {
+        edge: radii[0] if tangent[2] > 0.8 else radii[1 + int(tangent[1] > tangent[0])]
+        for edge, tangent in zip(body.Edges(), tangents, strict=True)
+    }
+
+
+@pytest.mark.parametrize(
+    ("make", "radii"),
+    [
+        (lambda: cq.Solid.makeBox(20, 14, 10), (3, 2, 1)),
+        (lambda: cq.Solid.makeBox(20, 14, 10), (2, 1.9, 1.8)),
+        (make_tilted_box, (2, 1, 1.5)),
+        (make_tilted_box, (1.5, 1.4, 1.4)),
+        (make_tilted_box, (1.5, 1.49, 1.45)),
+    ],
+)
+def test_edges_of_different_sizes_meet_around_the_largest(make, radii):
+    body = make()
+    chosen = choose_radii(body, *radii)
+    result = cqblend.blend_edges(body, list(chosen), chosen)
+    assert_smooth(result, 1e-10, 1e-8)
+    # what a ball of the largest and of the smallest of the radii leaves are bounds
+    volumes = [body.fillet(radius, body.Edges()).Volume() for radius in (max(radii), min(radii))]
+    assert volumes[0] < result.shape.Volume() < volumes[1]
+
+
+def test_the_size_changes_along_the_end_of_the_first_blend_and_nowhere_else():
+    box = cq.Workplane().box(20, 14, 10)
+    chosen = choose_radii(box.val(), 3, 2, 1)
+    shape = cqblend.blend_edges(box.val(), list(chosen), chosen).shape
+    for point, radius in [((5, -7, 5), 2), ((-5, 7, -5), 2), ((10, 2, 5), 1), ((10, -2, -5), 1)]:
+        corner = cq.Vector(*point)
+        inwards = cq.Vector(
+            *(
+                -np.sign(x) if abs(x) in (5, 7, 10) and k != (0 if radius == 2 else 1) else 0
+                for k, x in enumerate(point)
+            )
+        )
+        centre = corner + inwards * radius
+        probe = cq.Vertex.makeVertex(*centre.toTuple())
+        assert shape.distance(probe) == 0.0  # inside the solid
+        assert min(face.distance(probe) for face in shape.Faces()) == pytest.approx(radius, rel=5e-4)

@@ -139,7 +139,8 @@ class ArcStrip:
             return np.stack([s, (t - low) / section.opening], axis=-1)
 
         breaks = np.linspace(low, high, NETWORK_TOLERANCES.cut_spans + 1)
-        on_strip = approximate_curve(locate_on_strip, breaks, NETWORK_TOLERANCES.cut_fit * radius)
+        size = max(1.0, abs(height) + radius * longer)  # of s; v is at most 1
+        on_strip = approximate_curve(locate_on_strip, breaks, NETWORK_TOLERANCES.cut_fit * size)
         centre, axes = _project_to_plane(plane, placed)
         return StripCut(Ellipse(placed, radii), (low, high), on_strip, PlanarEllipse(centre, axes, radii))
 
