@@ -119,7 +119,7 @@ class StripPlacement(PlacedStrip):
         """Return a vertex of the solid as one that stays."""
         return PlannedVertex(locate_vertex(vertex), self.index.vertices.find_number(vertex))
 
-    def keep_vertex_at(self, planned: PlannedVertex, near: Iterable[TopoDS_Vertex]) -> PlannedVertex:
+    def keep_vertex_at(self, planned: PlannedVertex, near: Sequence[TopoDS_Vertex]) -> PlannedVertex:
         """Return that of some vertices of the solid at which a new one would be, to its tolerance; else the new one."""
         for vertex in near:
             distance = float(np.linalg.norm(locate_vertex(vertex) - planned.point))
