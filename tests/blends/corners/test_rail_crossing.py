@@ -50,6 +50,6 @@ def test_end_sections_leave_in_the_direction_of_the_other_rails():
 
 
 def test_a_rail_along_the_own_one_is_refused():
-    strip = Surface.bezier(np.array([[(0.0, 0.0, 0.0), (0.0, 1.0, 0.0)], [(4.0, 0.0, 0.0), (4.0, 1.0, 0.0)]]))
+    strip = Surface.from_rows([Curve.bezier([[0.0, y, 0.0], [4.0, y, 0.0]]) for y in (0.0, 1.0)])
     with pytest.raises(GeometryError, match="run in one direction"):
         build_end_section(strip, np.array([0.5, 0.5]), np.array([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]))
