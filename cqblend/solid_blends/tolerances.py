@@ -58,6 +58,9 @@ class SolidBlendTolerances:
     landing_resolution: float = 1e-4
     """In t: how near to where a rail passes to another face stations are halved; Newton's method goes on from there."""
 
+    landing_margin: float = 1e-6
+    """Share of the way from the edge to a contact by which that is lengthened, for contacts on a boundary."""
+
     landing_steps: int = 16
     """Steps in which a blend is grown from none, where its contacts are not found at once."""
 
